@@ -52,7 +52,9 @@ if TYPE_CHECKING:
     from .recordings.readers import read_columns as read
     from .recordings.readers.urdf import read_robot as read_robot
     from .signals.envelope import envelope as envelope
+    from .signals.fatigue import median_frequency_trend as median_frequency_trend
     from .signals.fit_hinge import fit_hinge as fit_hinge
+    from .signals.stride_ensemble import stride_ensemble as stride_ensemble
     from .start_study import init as init
 
 # Module and attribute of each public name; the attribute is None for a module.
@@ -62,6 +64,8 @@ _PUBLIC_SOURCES = {
     "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
     "certify": ("assessment.certify", "certify"),
     "fit_hinge": ("signals.fit_hinge", "fit_hinge"),
+    "median_frequency_trend": ("signals.fatigue", "median_frequency_trend"),
+    "stride_ensemble": ("signals.stride_ensemble", "stride_ensemble"),
     "fit_robot": ("fit.tree.fit_robot", "fit_robot"),
     "fit_strap": ("fit.strap.fit_strap", "fit_strap"),
     "open": ("procedures.registry", "open_study"),
@@ -134,6 +138,7 @@ __all__ = [
     "identify",
     "incident",
     "init",
+    "median_frequency_trend",
     "movement_indices",
     "onset",
     "power_curve",
@@ -143,6 +148,7 @@ __all__ = [
     "report",
     "reproduce",
     "simulate",
+    "stride_ensemble",
     "supervised",
     "synergies",
 ]

@@ -28,6 +28,7 @@ from .procedures.command import (
 from .terminal import (
     Json,
     count_of,
+    is_verbose,
     make_console,
     print_items,
     print_json,
@@ -841,7 +842,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         print_json(result)
     else:
         out = make_console()
-        print_result(out, result)
+        print_result(out, result, brief=not is_verbose())
         print_line(out, f"{result.written(study)}, every figure in {study.results_path}.")
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.

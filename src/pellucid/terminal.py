@@ -49,6 +49,11 @@ def set_verbose(verbose: bool) -> None:
     _is_verbose.set(verbose)
 
 
+def is_verbose() -> bool:
+    """Return whether ``-v`` asked for everything."""
+    return _is_verbose.get()
+
+
 def make_console() -> Console:
     """Return the terminal to print to; nothing on it is coloured because it looks like a number."""
     from rich.console import Console

@@ -85,6 +85,21 @@ def test_channels_that_changed_after_the_fitted_seconds_are_named_and_no_others(
     assert all("emgFilt.sto (recording rest)" in f.message for f in found)
 
 
+def test_a_gain_that_costs_torque_is_named_where_ranges_pass(study, tmp_path):
+    folder = tmp_path / "spoilt"
+    shutil.copytree(study.folder, folder)
+    file = folder / "recordings" / "emgFilt.sto"
+    head, _, body = file.read_text(encoding="utf-8").partition("endheader\n")
+    names, *lines = body.splitlines()
+    rows = np.array([line.split() for line in lines if line.strip()], float)
+    rows[rows[:, 0] > 24.0, names.split().index("soleus_r")] *= 2.0
+    table = "\n".join("\t".join(f"{x:.8g}" for x in row) for row in rows)
+    file.write_text(f"{head}endheader\n{names}\n{table}\n", encoding="utf-8")
+    (found,) = session_faults(open_study(folder))
+    assert (found.kind, found.channel) == ("changed_channel", "emg.soleus")
+    assert "may cost" in found.message
+
+
 def at_pace(trial, pace, gain):
     """The walk played faster, every envelope larger by a gain of its own."""
     at = np.arange(trial.time[0], trial.time[-1], pace / trial.fs)

@@ -39,6 +39,7 @@ NAMES = [
     "identify",
     "incident",
     "init",
+    "median_frequency_trend",
     "movement_indices",
     "onset",
     "open",
@@ -49,6 +50,7 @@ NAMES = [
     "report",
     "reproduce",
     "simulate",
+    "stride_ensemble",
     "supervised",
     "synergies",
 ]

@@ -217,3 +217,34 @@ def test_padding_follows_from_how_long_a_filter_rings():
             impulse = signal.sosfilt(stage.sections(FS), np.eye(1, 40 * stage.settling(FS))[0])
             left = np.sqrt(np.sum(impulse[2 * stage.settling(FS) :] ** 2) / np.sum(impulse**2))
             assert left < 1e-4
+
+
+@pytest.mark.parametrize("name", ["able", "knee", "hill"])
+def test_every_chain_takes_band_notch_lowpass_and_window(name):
+    made = emg_chain(name, 60.0, band=(25.0, 300.0), lowpass=4.0)
+    cutoffs = {stage.kind: stage.cutoff for stage in made.stages if stage.cutoff}
+    assert cutoffs == {"notch": (60.0,), "bandpass": (25.0, 300.0), "lowpass": (4.0,)}
+    assert "rms" in [stage.kind for stage in emg_chain(name, rms_window=0.1).stages]
+    assert emg_chain(name) == EMG_CHAINS[name]
+    with pytest.raises(RecordingError, match="found both lowpass and rms_window"):
+        emg_chain(name, lowpass=4.0, rms_window=0.1)
+
+
+def test_a_window_gives_the_amplitude_s_root_mean_square_and_is_late_by_half_of_it():
+    time = np.arange(0.0, 4.0, 1.0 / FS)
+    raw = np.where(time >= 2.0, np.sqrt(2.0), 0.0) * np.sin(2.0 * np.pi * 100.0 * time)
+    chain = emg_chain("knee", rms_window=0.2)
+    steady, causal = chain.zero_phase(raw, FS), chain.causal(raw, FS)
+    assert steady[round(3.0 * FS)] == pytest.approx(1.0, rel=0.02)
+    assert causal[round(3.0 * FS)] == pytest.approx(1.0, rel=0.02)
+    apart = time[np.searchsorted(causal, 0.7)] - time[np.searchsorted(steady, 0.7)]
+    assert apart == pytest.approx(0.1, abs=0.01)
+    assert chain.delay(FS).filters == pytest.approx(0.1 + emg_chain("knee").delay(FS).carrier, abs=0.01)
+
+
+def test_a_window_sample_by_sample_is_the_causal_chain():
+    raw = np.random.default_rng(3).standard_normal(3000)
+    chain = emg_chain("hill", 60.0, band=(20.0, 200.0), rms_window=0.05)
+    stream = chain.stream(FS, maximum=2.0)
+    parts = [stream.filter(part) for part in np.array_split(raw, 17)]
+    np.testing.assert_allclose(np.concatenate(parts), chain.causal(raw, FS, maximum=2.0), atol=1e-9)

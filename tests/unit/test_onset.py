@@ -133,3 +133,14 @@ def test_a_muscle_that_is_not_there_is_named(tmp_path):
     opened = study(tmp_path / "bursts", more='muscles = ["soleus"]')
     with pytest.raises(RecordingError, match="found EMG of vastus, biceps, expected soleus too"):
         onset(opened)
+
+
+def test_activity_too_short_for_a_burst_is_no_burst():
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 6.0, 1e-3)
+    samples = 1e-5 * rng.standard_normal(len(time))
+    for start in np.arange(1.0, 5.5, 0.5):
+        samples[(time >= start) & (time < start + 0.06)] *= 8.0
+    found = activations(time, samples, shortest=1.0)
+    assert found.bursts == ()
+    assert found.active == 0.0

@@ -6,7 +6,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from pellucid.fit.parameter import Parameter
+from pellucid.fit.parameter import Parameter, Verdict
 from pellucid.procedures.print_result import print_result
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 
@@ -67,3 +67,38 @@ def test_a_long_name_cuts_no_figure():
 
 def test_a_table_without_a_row_is_a_head():
     assert "Method" in printed(80, FigureTable("F", ("Method", "RMS"), ()))
+
+
+def brief(*tables, verdicts=()):
+    result = Result(study="s", headline="It is so.", tables=tables, verdicts=verdicts, rows=(), cards={}, checksums={})
+    text = StringIO()
+    print_result(Console(width=80, highlight=False, no_color=True, file=text), result, brief=True)
+    return text.getvalue()
+
+
+def test_a_long_result_is_one_screen_and_says_what_is_left_out():
+    rows = tuple((f"muscle {i}", float(i)) for i in range(300))
+    parameters = tuple(Parameter(f"strength_{i}", "1", 1.0, 0.1) for i in range(100))
+    verdicts = (
+        *(Verdict("note", f"Remark {i} goes on for a while and says little. " * 6) for i in range(20)),
+        Verdict("warning", "Bands are not known to hold."),
+    )
+    tables = (
+        FigureTable("When", ("Muscle", "Onset (s)"), rows, max_brief_rows=15),
+        FigureTable("Other", ("Muscle", "End (s)"), rows, max_brief_rows=0),
+        ParameterTable("Muscles", parameters, max_brief_rows=0),
+    )
+    text = brief(*tables, verdicts=verdicts)
+    assert len(text.splitlines()) <= 40
+    assert "muscle 14 " in text
+    assert "muscle 15 " not in text
+    assert "Bands are not known to hold." in text
+    said = "-v prints 285 further rows, 2 further tables, 17 further remarks, whole sentences as well."
+    assert said in " ".join(text.split())
+
+
+def test_a_result_without_long_tables_is_printed_whole():
+    verdicts = tuple(Verdict("note", f"Remark {i}.") for i in range(20))
+    text = brief(FigureTable("When", ("Muscle", "Onset (s)"), (("soleus", 1.0),)), verdicts=verdicts)
+    assert "Remark 19." in text
+    assert "-v" not in text

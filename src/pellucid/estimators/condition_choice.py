@@ -48,11 +48,23 @@ Chosen by judgement; no measurement is recorded.
 ERROR_BAND_SHARE = 0.9
 """Share of the test samples that the error band about a prediction holds."""
 
-MIN_ERROR_BAND_CONDITIONS = 9
+MIN_ERROR_BAND_CONDITIONS = 3
 """An error band is known only from at least this many conditions.
 
-The largest error of fewer conditions is exceeded in more than one of ten further conditions like them.
+With two, how errors vary between conditions follows from `ERROR_SCALE_PRIOR_DEVIATION` rather than from recordings.
 """
+
+ERROR_SCALE_PRIOR_DEVIATION = 0.3
+"""Standard deviation of the logarithm of an error's scale between conditions that is expected beforehand.
+
+Chosen by judgement: errors of one estimator then differ by a third from one trial to the next.
+"""
+
+ERROR_SCALE_PRIOR_WEIGHT = 2.0
+"""Number of conditions that this expectation counts for. Chosen by judgement."""
+
+SCALE_QUADRATURE_COUNT = 100
+"""Number of quantiles over which scales and errors are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +82,12 @@ class ConditionTestErrors:
 
     words: tuple[str, ...]  # Description of each test
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
-    half_width: (
-        float  # Half width of the band that holds the share `ERROR_BAND_SHARE` of a test's errors, RMS over tests [N m]
-    )
+    half_width: float  # Half width of the band that should hold the share `ERROR_BAND_SHARE` in other conditions [N m]
     conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
     # RMSE in each test with trials weighed by the noise model, by which estimators are compared [N m]; empty: as `rmse`
     weighted_rmse: tuple[float, ...] = ()
+    # Share of the errors of each test within the band that the other tests give; None with fewer than three tests
+    left_out_coverage: float | None = None
 
     @property
     def mean(self) -> float:
@@ -193,27 +205,87 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
             errors.append(predict(test) - torque[test.judged])
         except IdentificationError:  # The test holds no samples that can be fitted
             errors.append(np.full(max(1, len(test.judged)), np.nan))
+    conditions = len(set(_condition_of_each_trial(trials)))
     return ConditionTestErrors(
         tuple(test.words for test in tests),
         tuple(float(np.sqrt(np.mean(e**2))) for e in errors),
-        _error_band_half_width(errors),
-        len(set(_condition_of_each_trial(trials))),
+        find_error_band(errors, conditions),
+        conditions,
         ()
         if weight is None
         else tuple(
             float(np.sqrt(np.mean(weight[test.judged] * e**2))) if len(test.judged) else float("nan")
             for e, test in zip(errors, tests, strict=True)
         ),
+        find_left_out_coverage(errors, conditions),
     )
 
 
-def _error_band_half_width(errors: Sequence[np.ndarray]) -> float:
-    """Return half the width of the error band, RMS over all tests [N m].
+def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
+    r"""Return half the width of the band that should hold `ERROR_BAND_SHARE` of the errors in another condition.
 
-    The band of a test holds the share `ERROR_BAND_SHARE` of its errors.
+    The errors of condition i are taken as :math:`q_i z`: a scale :math:`q_i`, which is the quantile of their size at
+    the band's share, and a distribution of z that all conditions have in common. Logarithms of scales vary normally
+    between conditions. Their variance is estimated together with a prior, and the scale of another condition is then
+    distributed as Student's t with ``ERROR_SCALE_PRIOR_WEIGHT + K - 1`` degrees of freedom about the mean of K. The
+    band's half width is the one within which the errors of such a condition lie with the band's share in the mean.
+    Few conditions so give a wider band.
+
+    Parts of a single recording are no conditions between which a variance could be known: the half width is the root
+    mean square of their quantiles. These parts are chosen to be harder than the movements that follow.
+
+    Parameters
+    ----------
+    errors : sequence of ndarray, shape (n,)
+        Errors in each test [N m]; tests with missing values are left out.
+    conditions : int
+        Number of recordings, sessions or repetitions that were left out in turn; 1: parts of a single one.
+
+    Returns
+    -------
+    float
+        Half width [N m]; NaN without a test.
     """
-    each = [np.quantile(np.abs(e), ERROR_BAND_SHARE) for e in errors if np.isfinite(e).all()]
-    return float(np.sqrt(np.mean(np.square(each)))) if each else float("nan")
+    from scipy.optimize import brentq
+    from scipy.stats import t as student
+
+    each = [np.abs(e) for e in errors if len(e) and np.isfinite(e).all()]
+    quantiles = np.array([np.quantile(e, ERROR_BAND_SHARE) for e in each])
+    if not len(each):
+        return float("nan")
+    if conditions < 2 or len(each) < 2 or not quantiles.min() > 0.0:
+        return float(np.sqrt(np.mean(quantiles**2)))
+    logs, count = np.log(quantiles), len(each)
+    freedom = ERROR_SCALE_PRIOR_WEIGHT + count - 1.0
+    variance = (
+        ERROR_SCALE_PRIOR_WEIGHT * ERROR_SCALE_PRIOR_DEVIATION**2 + (count - 1.0) * logs.var(ddof=1)
+    ) / freedom
+    places = (np.arange(SCALE_QUADRATURE_COUNT) + 0.5) / SCALE_QUADRATURE_COUNT
+    scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * student.ppf(places, freedom)
+    # Every condition counts the same in the common distribution, however long it lasts.
+    relative = np.concatenate([np.quantile(e / q, places) for e, q in zip(each, quantiles, strict=True)])
+    ranked = np.log(np.maximum(np.sort(relative), 1e-12))
+
+    def missing_share(log_width: float) -> float:
+        return float(np.mean(np.searchsorted(ranked, log_width - scales) / len(ranked))) - ERROR_BAND_SHARE
+
+    low, high = logs.min() + ranked[0] - 50.0, logs.max() + ranked[-1] + 50.0
+    return float(np.exp(brentq(missing_share, low, high, xtol=1e-3)))
+
+
+def find_left_out_coverage(errors: Sequence[np.ndarray], conditions: int) -> float | None:
+    """Return the share of each test's errors within the band that the other tests give, in the mean over tests.
+
+    It judges the band by fitted recordings alone. None with fewer than three tests, or for parts of one recording.
+    """
+    each = [e for e in errors if len(e) and np.isfinite(e).all()]
+    if conditions < 2 or len(each) < 3:
+        return None
+    shares = []
+    for i, own in enumerate(each):
+        width = find_error_band([e for k, e in enumerate(each) if k != i], conditions)
+        shares.append(np.mean(np.abs(own) <= width))
+    return float(np.mean(shares))
 
 
 def _condition_of_each_trial(trials: Sequence[TorqueTrial]) -> list[str]:

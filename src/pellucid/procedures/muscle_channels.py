@@ -10,10 +10,10 @@ import numpy as np
 from .._errors import IdentificationError, PellucidError, RecordingError
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
-from ..signals.emg_chain import EmgChain, emg_chain
+from ..signals.emg_chain import EmgChain
 from ..signals.emg_quality import inspect_emg
 from ..studies.study import Study
-from .muscle_tables import EnvelopeTable, MuscleTable
+from .muscle_tables import EnvelopeTable, MuscleTable, table_chain
 
 MIN_ENVELOPE_RATE_HZ = 100.0
 """Smallest rate to which envelopes are thinned [Hz]. Their low-pass leaves nothing faster."""
@@ -181,9 +181,10 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
 def _stream_envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the times [s] and the envelopes of one file, thinned."""
     every = slice(None, None, max(1, int(stream.fs / MIN_ENVELOPE_RATE_HZ)))
-    if table.chain == "none":
+    asked = table_chain(table)
+    if asked is None:
         return stream.time[every], {m: _recorded_envelope(stream, m)[every] for m in find_used_muscles(stream, table)}
-    chain = _without_normalisation(emg_chain(table.chain, table.mains))
+    chain = _without_normalisation(asked)
     settling = round(FILTER_SETTLING_S * stream.fs)
     kept = slice(None)
     if len(stream) < 4 * settling:

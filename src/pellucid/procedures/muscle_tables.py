@@ -2,9 +2,47 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from ..studies.study_fields import ProcedureTable, Word, quantity
+
+if TYPE_CHECKING:
+    from ..signals.emg_chain import EmgChain
+
+
+class ChainSettings(Protocol):
+    """Keys of a table by which raw EMG becomes an envelope."""
+
+    @property
+    def chain(self) -> str:
+        """Name of a published chain, or ``"none"``."""
+
+    @property
+    def mains(self) -> float | None:
+        """Frequency of a notch [Hz]."""
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """Lowest and highest frequency of raw EMG [Hz]."""
+
+    @property
+    def lowpass(self) -> float | None:
+        """Cut-off of the envelope's low-pass [Hz]."""
+
+    @property
+    def rms_window(self) -> float | None:
+        """Length of the window whose root mean square is the envelope [s]."""
+
+
+def table_chain(table: ChainSettings) -> EmgChain | None:
+    """Return the chain that a table asks for; None where envelopes were recorded."""
+    from ..signals.emg_chain import emg_chain
+
+    if table.chain == "none":
+        return None
+    return emg_chain(
+        table.chain, table.mains, band=table.band, lowpass=table.lowpass, rms_window=table.rms_window
+    )
 
 
 class MuscleTable(ProcedureTable):
@@ -36,8 +74,17 @@ class EnvelopeTable(MuscleTable):
     chain : str
         From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
     mains : float or None
-        Where the notch of the chain ``"hill"`` lies [Hz]; left out: at 50 Hz, as published.
+        Frequency of a notch [Hz]; left out: as published, 50 Hz in the chain ``"hill"`` and none in the others.
+    band : tuple of float or None
+        Lowest and highest frequency of raw EMG [Hz]; left out: as published.
+    lowpass : float or None
+        Cut-off of the envelope's low-pass [Hz]; left out: as published.
+    rms_window : float or None
+        Length of the window whose root mean square is the envelope [s], in place of a low-pass.
     """
 
     chain: Literal["hill", "knee", "none"] = "hill"
     mains: quantity("Hz", gt=0) | None = None
+    band: tuple[quantity("Hz", gt=0), quantity("Hz", gt=0)] | None = None
+    lowpass: quantity("Hz", gt=0) | None = None
+    rms_window: quantity("s", gt=0) | None = None

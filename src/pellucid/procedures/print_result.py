@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from io import StringIO
-from textwrap import wrap
+from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Protocol
 
 from rich import markup
@@ -25,6 +26,15 @@ if TYPE_CHECKING:
 
 VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 """Mark and style of each kind of verdict."""
+
+VERDICT_ORDER = ("wrong", "warning", "note", "good")
+"""Kinds of verdicts, worst first."""
+
+MAX_BRIEF_SENTENCES = 4
+"""Largest number of verdicts on a result that is shortened to one screen."""
+
+MAX_BRIEF_SENTENCE_LENGTH = 150
+"""Largest number of characters of such a verdict."""
 
 DEFAULT_WIDTH = 100
 """Width of a printed result without a terminal, in characters."""
@@ -70,18 +80,68 @@ class PrintableResult(Protocol):
         """Confidence level of the intervals."""
 
 
-def print_result(out: Console, result: PrintableResult) -> None:
-    """Print the headline, every table and every verdict."""
+def print_result(out: Console, result: PrintableResult, *, brief: bool = False) -> None:
+    """Print the headline, every table and every verdict.
+
+    With `brief`, a result whose tables state a `max_brief_rows` is shortened to about one screen, and the last line
+    says what was left out. Other results are printed whole.
+    """
     out.print(f"\n{result.study}: {typeset_units(result.headline)}", markup=False)
-    for title, heads, rows in _tables(result):
+    tables, sentences = result.tables, [(v.kind, typeset_units(v.said)) for v in result.verdicts]
+    left_out: list[str] = []
+    if brief and any(t.max_brief_rows is not None for t in tables):
+        tables, left_out = _shorten_tables(tables)
+        sentences, omitted = _shorten_sentences(sentences)
+        left_out += omitted
+    for title, heads, rows in _tables(tables, result.confidence):
         out.print(f"\n{title}", markup=False)
         for table in fitting_tables(heads, rows, out.width):
             out.print(table)
-    print_sentences(out, [(v.kind, typeset_units(v.said)) for v in result.verdicts])
+    print_sentences(out, sentences)
+    if left_out:
+        out.print(f"  -v prints {', '.join(left_out)} as well.", markup=False)
     out.print()
     if result.prose:
         out.print(result.prose, markup=False)
         out.print()
+
+
+def _shorten_tables(
+    tables: Sequence[ParameterTable | FigureTable],
+) -> tuple[list[ParameterTable | FigureTable], list[str]]:
+    """Return the tables with no more rows than each states for one screen, and in words what was left out."""
+    shown: list[ParameterTable | FigureTable] = []
+    omitted_tables, omitted_rows = 0, 0
+    for table in tables:
+        most = table.max_brief_rows
+        count = len(table.rows if isinstance(table, FigureTable) else table.parameters)
+        if most is None or count <= most:
+            shown.append(table)
+        elif not most:
+            omitted_tables += 1
+        else:
+            omitted_rows += count - most
+            if isinstance(table, FigureTable):
+                shown.append(replace(table, rows=table.rows[:most]))
+            else:
+                shown.append(replace(table, parameters=table.parameters[:most]))
+    return shown, [
+        f"{count} {noun}{'' if count == 1 else 's'}"
+        for count, noun in ((omitted_rows, "further row"), (omitted_tables, "further table"))
+        if count
+    ]
+
+
+def _shorten_sentences(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return the worst sentences, each cut to about a line and a half, and in words how many were left out."""
+    worst_first = sorted(items, key=lambda item: VERDICT_ORDER.index(item[0]) if item[0] in VERDICT_ORDER else 1)
+    kept = worst_first[:MAX_BRIEF_SENTENCES]
+    shown = [(kind, shorten(text, MAX_BRIEF_SENTENCE_LENGTH, placeholder=" …")) for kind, text in kept]
+    omitted = len(items) - len(kept)
+    left_out = [f"{omitted} further remark{'' if omitted == 1 else 's'}"] if omitted else []
+    if any(short != text for (_, short), (_, text) in zip(shown, kept, strict=True)):
+        left_out.append("whole sentences")
+    return shown, left_out
 
 
 def print_to_text(result: PrintableResult) -> str:
@@ -94,7 +154,7 @@ def print_to_text(result: PrintableResult) -> str:
 def html_tables(result: PrintableResult) -> str:
     """Return every table as HTML."""
     made = []
-    for title, heads, rows in _tables(result):
+    for title, heads, rows in _tables(result.tables, result.confidence):
         head = "".join(f"<th>{escape(h.strip('>~'))}</th>" for h in heads)
         body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
         made.append(f"<table><caption>{escape(title)}</caption><tr>{head}</tr>{body}</table>")
@@ -183,13 +243,15 @@ def print_sentences(out: Console, items: Sequence[tuple[str, str]]) -> None:
         out.print(Padding(grid, 0))
 
 
-def _tables(result: PrintableResult) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+def _tables(
+    tables: Sequence[ParameterTable | FigureTable], confidence: float
+) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
     """Return title, heads and cells of each table."""
     made = []
-    for shown in result.tables:
+    for shown in tables:
         if isinstance(shown, ParameterTable):
-            heads = ("parameter", ">value", f">± ({100.0 * result.confidence:.4g} %)", "unit", ">SD %", "")
-            made.append((shown.title, heads, [_parameter(p, result.confidence) for p in shown.parameters]))
+            heads = ("parameter", ">value", f">± ({100.0 * confidence:.4g} %)", "unit", ">SD %", "")
+            made.append((shown.title, heads, [_parameter(p, confidence) for p in shown.parameters]))
             continue
         rows = [tuple(cell_text(cell) for cell in row) for row in shown.rows]
         heads = tuple(_folded(head, [r[i] for r in rows], shown.rows, i) for i, head in enumerate(shown.heads))

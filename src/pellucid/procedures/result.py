@@ -45,8 +45,8 @@ class ProcedureWithInputs(Protocol):
 class Result:
     """Result of a procedure; each procedure adds the data for its figures.
 
-    ``result["inertia"]`` is a parameter with its interval. ``print(result)`` prints the output of the command, and a
-    notebook shows tables.
+    ``result["inertia"]`` is a parameter with its interval. ``print(result)`` prints the output of the command with
+    ``-v``, and a notebook shows tables.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Result:
         return name in self.estimates
 
     def __str__(self) -> str:
-        """Return the output of its command, 100 columns wide."""
+        """Return the output of its command after ``-v``, 100 columns wide."""
         from .print_result import print_to_text
 
         return print_to_text(self)

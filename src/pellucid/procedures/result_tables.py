@@ -13,6 +13,7 @@ class ParameterTable:
 
     title: str
     parameters: tuple[Parameter, ...]
+    max_brief_rows: int | None = None  # Largest number of rows on a terminal without ``-v``; 0: no table; None: all
 
 
 @dataclass(frozen=True)
@@ -22,3 +23,4 @@ class FigureTable:
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str | float | int | None, ...], ...]
+    max_brief_rows: int | None = None  # Largest number of rows on a terminal without ``-v``; 0: no table; None: all

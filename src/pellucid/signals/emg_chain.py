@@ -27,7 +27,7 @@ from .envelope_delay import ChainDelay, group_delay
 FILTER_STAGES = ("notch", "highpass", "lowpass", "bandpass")
 """Stages that are linear filters."""
 
-STAGE_KINDS = (*FILTER_STAGES, "centre", "rectify", "normalise", "advance")
+STAGE_KINDS = (*FILTER_STAGES, "centre", "rectify", "rms", "normalise", "advance")
 
 SETTLED_SHARE = 1e-4
 """Share of a filter's impulse response that is left when the filter counts as settled."""
@@ -38,13 +38,13 @@ class Stage:
     """One step of a chain."""
 
     # ``"notch"``, ``"highpass"``, ``"lowpass"`` or ``"bandpass"`` (Butterworth but for the notch); ``"centre"`` (less
-    # the mean), ``"rectify"`` (full wave), ``"normalise"`` (by the largest value) or ``"advance"`` (each sample is
-    # compared with a motion that comes later)
+    # the mean), ``"rectify"`` (full wave), ``"rms"`` (root mean square of a window), ``"normalise"`` (by the largest
+    # value) or ``"advance"`` (each sample is compared with a motion that comes later)
     kind: str
     cutoff: tuple[float, ...] = ()  # -3 dB frequencies of one pass, or the notch's centre [Hz]
     order: int = 2  # order of one pass, as filter design functions take it: a band-pass then has twice as many poles
     quality: float = 30.0  # quality factor of the notch: centre frequency divided by width
-    seconds: float = 0.0  # time by which EMG is shifted to match the motion that follows it [s]
+    seconds: float = 0.0  # shift to match the motion that follows, or length of the window of ``"rms"`` [s]
 
     def __post_init__(self):
         expected = {"notch": 1, "highpass": 1, "lowpass": 1, "bandpass": 2}.get(self.kind, 0)
@@ -86,24 +86,39 @@ class EmgChain:
     source: str = ""  # Where it was published, and what had to be decided where that is silent
 
     def with_mains(self, mains: float) -> EmgChain:
-        """Return the same chain with its notch at the frequency of the `mains` [Hz]."""
-        if not any(stage.kind == "notch" for stage in self.stages):
-            raise RecordingError(
-                f"EMG chain {self.name}: found no notch, expected one to put at the mains' {mains:g} Hz: use the chain "
-                f'"hill", or leave mains out'
-            )
-        stages = tuple(replace(s, cutoff=(float(mains),)) if s.kind == "notch" else s for s in self.stages)
-        return replace(self, stages=stages)
+        """Return the same chain with a notch at the frequency of the `mains` [Hz], at its beginning."""
+        notch = next((s for s in self.stages if s.kind == "notch"), Stage("notch", (float(mains),)))
+        others = tuple(s for s in self.stages if s.kind != "notch")
+        return replace(self, stages=(replace(notch, cutoff=(float(mains),)), *others))
+
+    def with_band(self, low: float, high: float) -> EmgChain:
+        """Return the same chain with another band of raw EMG, from `low` to `high` [Hz].
+
+        It takes the place of the chain's band-pass or high-pass, and keeps its order.
+        """
+        place = next(i for i, stage in enumerate(self.stages) if stage.kind in ("bandpass", "highpass"))
+        band = Stage("bandpass", (float(low), float(high)), order=self.stages[place].order)
+        return replace(self, stages=(*self.stages[:place], band, *self.stages[place + 1 :]))
 
     def with_lowpass(self, cutoff: float | None = None, order: int | None = None) -> EmgChain:
-        """The same chain with another last low-pass. `cutoff` [Hz]."""
-        places = [i for i, stage in enumerate(self.stages) if stage.kind == "lowpass"]
-        if not places:
+        """Return the same chain with another low-pass, `cutoff` [Hz]; a chain without one needs the `cutoff`."""
+        old = next((stage for stage in self.stages if stage.kind == "lowpass"), None)
+        if old is None and cutoff is None:
             raise RecordingError(f"EMG chain {self.name}: found no low-pass, expected one to change")
-        old = self.stages[places[-1]]
-        new = replace(old, cutoff=old.cutoff if cutoff is None else (float(cutoff),), order=order or old.order)
-        stages = (*self.stages[: places[-1]], new, *self.stages[places[-1] + 1 :])
-        return replace(self, stages=stages)
+        cutoffs = old.cutoff if old is not None and cutoff is None else (float(cutoff or 0.0),)
+        return self._with_smoothing(Stage("lowpass", cutoffs, order=order or (old.order if old is not None else 2)))
+
+    def with_rms_window(self, seconds: float) -> EmgChain:
+        """Return the same chain with the root mean square of a window of `seconds` [s] in place of its low-pass."""
+        if not seconds > 0.0:
+            raise RecordingError(f"EMG chain {self.name}: found an RMS window of {seconds:g} s, expected more than 0")
+        return self._with_smoothing(Stage("rms", seconds=float(seconds)))
+
+    def _with_smoothing(self, smoothing: Stage) -> EmgChain:
+        """Return the same chain with one stage between rectification and scale."""
+        stages = [stage for stage in self.stages if stage.kind not in ("lowpass", "rms")]
+        place = [stage.kind for stage in stages].index("rectify") + 1
+        return replace(self, stages=(*stages[:place], smoothing, *stages[place:]))
 
     def settling(self, fs: float) -> int:
         """Samples at `fs` [Hz] by which the whole chain remembers or waits."""
@@ -187,7 +202,8 @@ class EmgChain:
         rectified = self._rectified_at()
         before = sum(group_delay(s.sections(fs), carrier, fs) for s in self.stages[:rectified])
         after = sum(group_delay(s.sections(fs), 0.0, fs) for s in self.stages[rectified:])
-        return ChainDelay(before, after, sum(s.seconds for s in self.stages))
+        after += sum(0.5 * s.seconds for s in self.stages if s.kind == "rms")
+        return ChainDelay(before, after, sum(s.seconds for s in self.stages if s.kind == "advance"))
 
     def require_rate(self, fs: float, where: str = "") -> None:
         """Do nothing for a rate that the chain's filters fit into. `fs` [Hz]."""
@@ -230,6 +246,8 @@ class EmgChain:
         if stage.kind == "centre":
             # A causal chain's band-pass has left no mean; that of samples still to come is not known.
             return x if causal else x - x.mean()
+        if stage.kind == "rms":
+            return _window_rms(x, max(1, round(stage.seconds * fs)), causal=causal)
         if stage.kind == "advance":
             late = min(round(stage.seconds * fs), len(x))
             return np.concatenate((np.zeros(late), x[: len(x) - late]))
@@ -253,6 +271,8 @@ class EmgStream:
                 self._steps.append(_core.Biquads(stage.sections(fs)))
                 if any(earlier.kind == "rectify" for earlier in chain.stages[:i]):
                     self._steps.append(_not_below_zero)
+            elif stage.kind == "rms":
+                self._steps.append(_WindowRms(max(1, round(stage.seconds * fs))))
             elif stage.kind == "advance":
                 self._steps.append(_Wait(round(stage.seconds * fs)))
             elif stage.kind == "rectify":
@@ -298,6 +318,34 @@ def with_surroundings(samples: np.ndarray, inside: slice, reach: int, *, later: 
 def _not_below_zero(x: np.ndarray) -> np.ndarray:
     """An envelope (n,) without the undershoot of a low-pass; NaN stays."""
     return np.maximum(x, 0.0)
+
+
+def _window_rms(x: np.ndarray, count: int, *, causal: bool) -> np.ndarray:
+    """Return the root mean square of a window of `count` samples about each, or of the last ones, shape (n,).
+
+    The window is shorter at the ends of `x`; a causal one sees zeros before the first sample.
+    """
+    total = np.concatenate(([0.0], np.cumsum(x * x)))
+    at = np.arange(len(x))
+    last = np.minimum(at + 1 + (0 if causal else count // 2), len(x))
+    first = np.maximum(last - count, 0) if causal else np.maximum(at + 1 + count // 2 - count, 0)
+    width = count if causal else last - first
+    return np.sqrt(np.maximum(total[last] - total[first], 0.0) / width)
+
+
+class _WindowRms:
+    """The root mean square of the last samples, zeros at first."""
+
+    def __init__(self, count: int):
+        self._kept = np.zeros(count)
+
+    def filter(self, x: np.ndarray) -> np.ndarray:
+        both = np.concatenate((self._kept, x))
+        self._kept = both[len(x) :]
+        return _window_rms(both, len(self._kept), causal=True)[len(self._kept) :]
+
+    def reset(self) -> None:
+        self._kept = np.zeros(len(self._kept))
 
 
 class _Wait:
@@ -361,8 +409,52 @@ EMG_CHAINS = {
 """The three papers' chains, as published; what a paper leaves open is in `source`."""
 
 
-def emg_chain(name: str, mains: float | None = None) -> EmgChain:
-    """One of the published chains, its notch at the frequency of the `mains` [Hz]; None: where the paper has it."""
+def emg_chain(
+    name: str,
+    mains: float | None = None,
+    *,
+    band: tuple[float, float] | None = None,
+    lowpass: float | None = None,
+    rms_window: float | None = None,
+) -> EmgChain:
+    """Return one of the published chains, changed where a study says so.
+
+    Parameters
+    ----------
+    name : str
+        One of `EMG_CHAINS`.
+    mains : float, optional
+        Frequency of the notch [Hz]. By default it is the published one, or there is none.
+    band : tuple of float, optional
+        Lowest and highest frequency of raw EMG [Hz], in place of the published band.
+    lowpass : float, optional
+        Cut-off of the envelope's low-pass [Hz].
+    rms_window : float, optional
+        Length of a window whose root mean square is the envelope [s], in place of a low-pass.
+
+    Returns
+    -------
+    EmgChain
+
+    Raises
+    ------
+    RecordingError
+        If there is no such chain, if cut-offs do not rise, or if both a low-pass and a window are given.
+
+    Examples
+    --------
+    >>> [stage.kind for stage in emg_chain("knee", 60.0, band=(20.0, 400.0), rms_window=0.1).stages]
+    ['notch', 'bandpass', 'rectify', 'rms']
+    """
     if name not in EMG_CHAINS:
         raise RecordingError(f"EMG chain: found {name!r}, expected one of {', '.join(EMG_CHAINS)}")
-    return EMG_CHAINS[name] if mains is None else EMG_CHAINS[name].with_mains(mains)
+    if lowpass is not None and rms_window is not None:
+        raise RecordingError(f"EMG chain {name}: found both lowpass and rms_window, expected one of them")
+    chain = EMG_CHAINS[name]
+    if band is not None:
+        chain = chain.with_band(*band)
+    if lowpass is not None:
+        chain = chain.with_lowpass(lowpass)
+    if rms_window is not None:
+        chain = chain.with_rms_window(rms_window)
+    return chain if mains is None else chain.with_mains(mains)

@@ -170,7 +170,7 @@ def activations(
     edges = [0, *(round(0.5 * (a[1] + b[0])) for a, b in pairwise(crossed)), len(time) - 1]
     found = [
         _burst(time, passed, both, each, around, fs, level)
-        for each, around in zip(crossed, pairwise(edges), strict=True)
+        for each, around in zip(crossed, pairwise(edges), strict=False)  # without a burst a pair is left over
     ]
     return Activations(tuple(found), (float(time[still][0]), float(time[still][-1])), rest_rms, energy, passes)
 

@@ -37,6 +37,9 @@ from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .activations_table import ActivationsTable
 
+MAX_BRIEF_ROWS = 8
+"""Largest number of rows of each table on a terminal without ``-v``."""
+
 JOINTS_TOGETHER_ID = "together"
 """Part of row ids and file names for the muscles of several joints."""
 
@@ -304,7 +307,7 @@ def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
         for e in recordings
         for joint in e.torque
     )
-    return FigureTable("Torque by EMG, and by activations that are told it", heads, rows)
+    return FigureTable("Torque by EMG, and by activations that are told it", heads, rows, MAX_BRIEF_ROWS)
 
 
 def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[FigureTable]:
@@ -315,7 +318,8 @@ def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[Figur
         rows = tuple(
             (FILLING_METHODS[way], *median_scores(left_out, joint, way)) for way in find_scored_methods(left_out, joint)
         )
-        made.append(FigureTable(f"Electrode taken away, {joint}: median over electrodes and recordings", heads, rows))
+        title = f"Electrode taken away, {joint}: median over electrodes and recordings"
+        made.append(FigureTable(title, heads, rows, MAX_BRIEF_ROWS))
     return made
 
 

@@ -23,9 +23,9 @@ from ...estimators.torque_trial import TorqueTrial
 from ...estimators.useful_repairs import apply_useful_repairs
 from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
-from ...signals.emg_chain import emg_chain
 from ...studies.study import Study
 from ..loaded_swing.loaded_swing_table import LoadedSwingTable
+from ..muscle_tables import table_chain
 from ..result import FigureTable, Result
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .calibration_rows import calibration_rows
@@ -75,6 +75,12 @@ from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_ta
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
+
+MIN_LEFT_OUT_COVERAGE = 0.8
+"""Smallest share of a left-out fitted trial within the 90 % band of the others, below which a band is not trusted."""
+
+MAX_BRIEF_NAMED_ROWS = 6
+"""Largest number of rows of the table of recommended estimators on a terminal without ``-v``."""
 
 CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
@@ -379,34 +385,29 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
             )
             if rows:
                 unit = f"{heads[0]} ({own[0].unit})"
-                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows))
+                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows, max_brief_rows=0))
     return (*made, *told)
 
 
 def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable, ...]:
-    """Return tables of the recommended estimator by condition or trial, beside angles alone."""
+    """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit."""
     made = []
-    for each in chosen:
-        heads = (
-            "Judged on",
-            "By",
-            f"RMSE ({each.judged[0].unit})",
-            "R²",
-            "RMSE without EMG",
-            f"{100 * ERROR_BAND_SHARE:g} % band",
-        )
+    for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
+        heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND_SHARE:g} % band")
         rows = tuple(
             (
-                one.name.replace("_", " "),
+                f"{each.what}, {one.name.replace('_', ' ')}",
                 ESTIMATOR_FAMILIES[one.estimator].description,
                 one.score.rmse,
                 one.score.r2,
                 None if one.bare is None else one.bare.rmse,
                 None if one.held is None else f"{100.0 * one.held:.0f} %",
             )
+            for each in chosen
+            if each.judged[0].unit == unit
             for one in each.by_condition()
         )
-        made.append(FigureTable(f"Named first: {each.what}", heads, rows))
+        made.append(FigureTable("Named first", heads, rows, MAX_BRIEF_NAMED_ROWS))
     return tuple(made)
 
 
@@ -426,7 +427,8 @@ def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTabl
             for e in own
             if (e.what, e.recording) == (what, recording)
         )
-        made.append(FigureTable(f"Before and after rescale: {what}, {recording.replace('_', ' ')}", heads, rows))
+        title = f"Before and after rescale: {what}, {recording.replace('_', ' ')}"
+        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
 
 
@@ -443,7 +445,7 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
         rows = tuple((ESTIMATOR_FAMILIES[n].description, e.examined.mean, *e.examined.rmse) for n, e in own.items())
         unit = next(iter(own.values())).torque_unit
         title = f"What chose: {what}, RMSE ({unit}) on what was fitted, away from what each was fitted to for the test"
-        made.append(FigureTable(title, heads, rows))
+        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
 
 
@@ -473,7 +475,16 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     ]
     if few:
         sentences.append(
-            f"Bands are not known to hold, chosen by fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+            f"Bands are not known to hold, made of fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+        )
+    narrow = [
+        f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"
+        for each in found.chosen.values()
+        if each.fitted_coverage is not None and each.fitted_coverage < MIN_LEFT_OUT_COVERAGE
+    ]
+    if narrow:
+        sentences.append(
+            f"Bands for {100 * ERROR_BAND_SHARE:g} % hold less of fitted trials left out in turn: {', '.join(narrow)}."
         )
     return sentences
 
@@ -571,8 +582,8 @@ def calibration_verdicts(
             )
         )
     late = smoothing_delay(0.05, trials[0].fs)
-    chain = study.table(EmgTorqueTable).chain
-    if chain == "none":
+    chain = table_chain(study.table(EmgTorqueTable))
+    if chain is None:
         verdicts.append(
             Verdict(
                 "note",
@@ -584,12 +595,12 @@ def calibration_verdicts(
         emg = study.table(EmgTorqueTable).emg
         stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
-            delay = emg_chain(chain, study.table(EmgTorqueTable).mains).delay(stream.fs)
+            delay = chain.delay(stream.fs)
             verdicts.append(
                 Verdict(
                     "note",
-                    f'The chain "{chain}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes trees '
-                    f"{1e3 * late:.0f} ms later.",
+                    f'The chain "{chain.name}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes '
+                    f"trees {1e3 * late:.0f} ms later.",
                 )
             )
     return tuple(verdicts)

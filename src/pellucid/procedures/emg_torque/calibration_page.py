@@ -308,7 +308,9 @@ def _method_section(study: Study) -> Section:
     if spec.chain == "none":
         paragraphs.append("Envelopes are used as they were recorded.")
     else:
-        paragraphs.append(f"Envelopes by the chain “{spec.chain}”. {emg_chain(spec.chain).source}")
+        changed = [key for key in ("mains", "band", "lowpass", "rms_window") if getattr(spec, key) is not None]
+        own = f" The study changes its {', '.join(changed)}." if changed else ""
+        paragraphs.append(f"Envelopes by the chain “{spec.chain}”. {emg_chain(spec.chain).source}{own}")
     if spec.reference_lowpass is not None:
         paragraphs.append(
             f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4)."

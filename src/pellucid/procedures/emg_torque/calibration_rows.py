@@ -83,6 +83,9 @@ def calibration_rows(
             unit = "1" if judged.kind == "normalised" else judged.torque_unit
             add(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, recording=judged.recording)
             add(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, recording=judged.recording)
+        if named.fitted_coverage is not None:
+            words = "smallest share of fitted trials, left out in turn, within the 90 % band that the others give"
+            add(f"{named.what}.chosen.coverage90.fitted", named.fitted_coverage, "1", words, split="fitted")
         for one in named.by_condition():
             tail = f".{one.name}" if named.by or one.name != first else ""
             if named.by:

@@ -42,6 +42,7 @@ class RecommendedEstimator:
     ]  # Evaluations of angles alone, in the same order; empty if these were not fitted
 
     conditions: int = 1  # Smallest number of conditions left out in turn to choose it; 1: parts of one recording
+    fitted_coverage: float | None = None  # Share of left-out fitted trials within the band of the others, the smallest
     by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, if trials are left out in turn
     half_width: Mapping[str, float] = field(default_factory=dict)  # Half width of the error band by such trial [N m]
     held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within the band, by such trial
@@ -79,7 +80,10 @@ def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> 
     judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
     bare = {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
     bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
-    return RecommendedEstimator(what, (best,), tuple(judged), bare, judged[0].examined.conditions)
+    tests = judged[0].examined
+    return RecommendedEstimator(
+        what, (best,), tuple(judged), bare, tests.conditions, fitted_coverage=tests.left_out_coverage
+    )
 
 
 def recommend_by_fold(
@@ -116,7 +120,8 @@ def recommend_by_fold(
         (one,),
         tuple(e for e in evaluated if e.estimator == BASELINE_ESTIMATOR),
         min(each.conditions for each in within.values()),
-        {t.name: of[t.group] for t in trials},
-        width,
-        held,
+        min((e.left_out_coverage for e in within.values() if e.left_out_coverage is not None), default=None),
+        by={t.name: of[t.group] for t in trials},
+        half_width=width,
+        held=held,
     )

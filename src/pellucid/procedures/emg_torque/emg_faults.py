@@ -9,9 +9,10 @@ import numpy as np
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain, emg_chain
+from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
 from ...studies.study import Study
+from ..muscle_tables import table_chain
 from .emg_torque_table import EmgTorqueTable
 
 ENVELOPE_SETTLING_S = 0.5
@@ -38,7 +39,7 @@ def emg_faults(study: Study) -> list[Fault]:
         if not any(name.startswith("emg.") for name in stream.channels):
             continue
         whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
-        chain = None if asked.chain == "none" else emg_chain(asked.chain, asked.mains)
+        chain = table_chain(asked)
         own = trial_faults(recording, stream, chain, whole=whole)
         found += own
         if not any(fault.severity == "refuse" for fault in own):

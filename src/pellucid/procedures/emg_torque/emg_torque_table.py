@@ -35,7 +35,13 @@ class EmgTorqueTable(ProcedureTable):
         Filter chain from raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` for recorded
         envelopes.
     mains : float or None
-        Frequency of the notch in the chain ``"hill"`` [Hz]; by default 50 Hz, as published.
+        Frequency of a notch [Hz]; by default as published, 50 Hz in the chain ``"hill"`` and none in the others.
+    band : tuple of float or None
+        Lowest and highest frequency of raw EMG [Hz]; by default as published.
+    lowpass : float or None
+        Cut-off of the envelope's low-pass [Hz]; by default as published.
+    rms_window : float or None
+        Length of the window whose root mean square is the envelope [s], in place of a low-pass.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
     largest_moment : dict of str to float
@@ -68,6 +74,9 @@ class EmgTorqueTable(ProcedureTable):
     moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
     mains: quantity("Hz", gt=0) | None = None
+    band: tuple[quantity("Hz", gt=0), quantity("Hz", gt=0)] | None = None
+    lowpass: quantity("Hz", gt=0) | None = None
+    rms_window: quantity("s", gt=0) | None = None
     reference_lowpass: quantity("Hz", gt=0) | None = None
     largest_moment: dict[Word, quantity("N*m", gt=0)] = Field(default_factory=dict)
     normalise: Literal["mvc", "largest", "none"] | None = None

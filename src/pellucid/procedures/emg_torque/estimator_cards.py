@@ -24,8 +24,9 @@ from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle_card import CalibratedMuscles
 from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
-from ...signals.emg_chain import FILTER_STAGES, emg_chain
+from ...signals.emg_chain import FILTER_STAGES, EmgChain
 from ...studies.study import Study
+from ..muscle_tables import table_chain
 from .calibration_findings import CalibrationFindings
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import find_maxima, find_stream
@@ -72,7 +73,9 @@ def estimator_cards(
     """
     cards: dict[str, EmgEstimatorCard] = {}
     chain = study.table(EmgTorqueTable).chain
-    if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
+    asked = table_chain(study.table(EmgTorqueTable))
+    # The core delays no EMG, and its chains are made of second-order sections.
+    if asked is not None and any(stage.kind in ("advance", "rms") for stage in asked.stages):
         return cards
     for (joint, estimator), fit in list(found.causal.items()):
         trials = [t for t in moment_trials(study, joint, causal=True) if not t.heldout]
@@ -162,10 +165,11 @@ def _make_card(
     spec, notes, raw = study.table(EmgTorqueTable), list(notes), {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
     top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
-    if spec.chain != "none":
+    chain = table_chain(spec)
+    if chain is not None:
         rate = find_stream(fitted[0], spec.emg).fs
-        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(spec.chain, rate, spec.mains)}
-        late = emg_chain(spec.chain, spec.mains).delay(rate).filters
+        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}
+        late = chain.delay(rate).filters
         notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
     channels = []
     for channel in trials[0].envelopes:
@@ -235,14 +239,11 @@ def _torque_limit(trials: Sequence[TorqueTrial]) -> float:
     return TORQUE_LIMIT_RATIO * max(float(np.max(np.abs(t.torque))) for t in trials)
 
 
-def chain_sections(chain: str, rate: float, mains: float | None = None) -> dict[str, tuple[tuple[float, ...], ...]]:
-    """Return a chain's second-order sections before and after rectification.
-
-    `mains` is the frequency of its notch [Hz]; None: the published one.
-    """
+def chain_sections(chain: EmgChain, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:
+    """Return a chain's second-order sections at a `rate` [Hz], before and after rectification."""
     parts: dict[str, list] = {"before": [], "after": []}
     where = "before"
-    for stage in emg_chain(chain, mains).stages:
+    for stage in chain.stages:
         if stage.kind == "rectify":
             where = "after"
         if stage.kind in FILTER_STAGES:

@@ -11,6 +11,7 @@ import numpy as np
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
+from ...fit.muscles.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S
 from ...fit.muscles.muscle_information import (
     covariance,
     muscle_parameters,
@@ -26,6 +27,10 @@ from .calibration_findings import CalibrationFindings
 
 DRAWN_STRETCH_S = 3.0
 """Duration of the stretch of a trial in figures of muscles [s]."""
+
+DELAY_TOLERANCE_S = 5e-3
+"""An electromechanical delay counts as longer than a person's only if it exceeds the longest by more than this [s]."""
+
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,10 @@ def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float,
 
 def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
     """Return a table of the muscles' parameters for each joint or person."""
-    return tuple(ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit)) for what, found in muscles.items())
+    return tuple(
+        ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit), max_brief_rows=0)
+        for what, found in muscles.items()
+    )
 
 
 def muscle_cards(
@@ -124,19 +132,33 @@ def activation_delays(found: HillMap) -> np.ndarray:
     return np.asarray(estimator.delays)
 
 
+def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
+    """Return what the electromechanical delays of a calibration mean.
+
+    A person's lie between 10 and 100 ms. A longer one is not the person's: the EMG's stream runs ahead of the torque.
+    `delays` has shape (m,) [s]: from each envelope to its activation, with all lags.
+    """
+    found = (
+        f"{what}, muscles: the electromechanical delay, from envelope to activation with all lags, is "
+        f"{1e3 * delays.min():.0f} to {1e3 * delays.max():.0f} ms"
+    )
+    if delays.max() <= MAX_TOTAL_DELAY_S + DELAY_TOLERANCE_S:
+        return Verdict("note", f"{found}; run causally, the angles' rates come 19 ms late on top.")
+    return Verdict(
+        "warning",
+        f"{found}, more than the {1e3 * MIN_TOTAL_DELAY_S:.0f} to {1e3 * MAX_TOTAL_DELAY_S:.0f} ms of people: the "
+        "EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
+        "Look for a torque that was filtered one way, and for clocks that were joined. Several joints in "
+        "[emg_torque] give muscles whose delay is a person's, and the offset beside it.",
+    )
+
+
 def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...]:
     """Return verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
     verdicts: list[Verdict] = list(found.verdicts)
     for what, fitted in found.muscles.items():
         verdicts += muscle_verdicts(fitted.fit, what)
-        late = 1e3 * activation_delays(fitted)
-        verdicts.append(
-            Verdict(
-                "note",
-                f"{what}, muscles: activation follows its envelope by {late.min():.0f} to {late.max():.0f} ms, delay "
-                "and lags together; run causally, the angles' rates come 19 ms late on top.",
-            )
-        )
+        verdicts.append(electromechanical_delay_verdict(what, activation_delays(fitted)))
         verdicts += _compare_with_regression(found, what)
     for each in found.evaluated:
         if each.coverage is not None and not each.causal:

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain, emg_chain
+from ...signals.emg_chain import EmgChain
 from ...studies.study import Study
+from ..muscle_tables import table_chain
 from .emg_faults import trial_faults
 from .emg_torque_table import EmgTorqueTable
 
@@ -154,5 +155,4 @@ def _has_normalisation(chain: EmgChain | None) -> bool:
 
 def _study_chain(study: Study) -> EmgChain | None:
     """Return the study's filter chain; None for recorded envelopes."""
-    name = study.table(EmgTorqueTable).chain
-    return None if name == "none" else emg_chain(name, study.table(EmgTorqueTable).mains)
+    return table_chain(study.table(EmgTorqueTable))

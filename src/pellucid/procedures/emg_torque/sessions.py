@@ -19,6 +19,7 @@ from ..result import FigureTable
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import MAXIMAL_PROTOCOL, find_stream, find_used_muscles, find_window
 from .trial_sources import moment_trials
+from .watched_channels import CONSEQUENCE_KIND, find_watched_changes
 
 RESCALE_KEY = '[emg_torque] rescale = "3 s"'
 """Key of study.toml that repairs changed channels, as advice names it."""
@@ -40,6 +41,7 @@ ADVICE_BY_CHANGE = {
     "crosstalk": FOREIGN_SIGNAL_ADVICE,
     "pattern": FOREIGN_SIGNAL_ADVICE,
     **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE_ADVICE),
+    CONSEQUENCE_KIND: ("Look at electrode and amplifier; no scaling follows from that by itself.",) * 2,
     "floor": (
         f"{RESCALE_KEY} scales floor and range of a changed channel to the fitted ones.",
         "Its floor and range were scaled to the fitted ones, for estimators whose torque it changes.",
@@ -51,13 +53,21 @@ ADVICE_BY_CHANGE = {
 def compare_sessions(
     study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
 ) -> tuple[FittedSession, dict[str, ChannelComparison]]:
-    """Return the channels of the fitted trials, and the comparison of each held-out trial with them, raw EMG included.
+    """Return the channels of the fitted trials, and the comparison of each held-out trial with them.
+
+    It includes raw EMG, and channels that the watch of an estimator names by what they cost in torque.
 
     `study` [emg_torque].
     """
     session, raw = FittedSession.from_trials(fitted), find_raw_changes(study)
-    found = {trial.name: session.compare(trial) for trial in held}
-    return session, {name: replace(c, changes=(*c.changes, *raw.get(name, ()))) for name, c in found.items()}
+    watched = find_watched_changes(study)
+    found: dict[str, ChannelComparison] = {}
+    for trial in held:
+        compared = session.compare(trial)
+        # Where no estimate is valid, the watch would name whatever differs.
+        costly = [c for c in watched.get(trial.name, ()) if compared.is_valid and c.muscle not in compared.changed]
+        found[trial.name] = replace(compared, changes=(*compared.changes, *raw.get(trial.name, ()), *costly))
+    return session, found
 
 
 def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
@@ -171,6 +181,7 @@ def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTab
                 )
                 for m in c.floor_shift
             ),
+            max_brief_rows=0,
         )
         for name, c in sessions.items()
     )

@@ -54,6 +54,7 @@ def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, 
                 )
                 for p in (*s.postures, s.whole)
             ),
+            max_brief_rows=0,
         )
         for s in stiffness
     )

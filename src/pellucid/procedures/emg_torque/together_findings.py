@@ -95,8 +95,8 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
         f"Within the {100.0 * ERROR_BAND_SHARE:g} % band (%)",
     )
     return (
-        FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows)),
-        ParameterTable(f"Muscles together: {found.what}", found.fit.parameters),
+        FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows), 0),
+        ParameterTable(f"Muscles together: {found.what}", found.fit.parameters, max_brief_rows=0),
         *_posterior_tables(found),
     )
 

@@ -12,6 +12,9 @@ from ..result import FigureTable
 from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
 from .evaluated import TorqueTrace
 
+MAX_BRIEF_WORTH_ROWS = 6
+"""Largest number of joints and recordings in the table on a terminal without ``-v``."""
+
 
 @dataclass(frozen=True)
 class RecordingWorth:
@@ -98,4 +101,4 @@ def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
         for each in worth
     )
     heads = ("Judged on", "Gain in R²", "95 % interval", f"EMG, by a margin of {worth[0].worth.margin:g}")
-    return (FigureTable("What EMG is worth over angles alone", heads, rows),)
+    return (FigureTable("What EMG is worth over angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)

@@ -35,6 +35,10 @@ MAX_DRAWN_RECORDINGS = 6
 """Largest number of recordings that a page draws."""
 
 
+MAX_BRIEF_ROWS = 8
+"""Largest number of muscles and recordings in the table on a terminal without ``-v``."""
+
+
 @dataclass(frozen=True, eq=False)
 class MuscleBursts:
     """Bursts of one muscle in one recording."""
@@ -201,4 +205,4 @@ def _table(found: list[MuscleBursts]) -> FigureTable:
         else:
             numbers = None, None, None
         rows.append((each.recording, each.muscle, len(each.bursts), *numbers, 100.0 * each.active))
-    return FigureTable("When muscles become active", heads, tuple(rows))
+    return FigureTable("When muscles become active", heads, tuple(rows), MAX_BRIEF_ROWS)
