@@ -1252,6 +1252,14 @@ class EmgEstimator:
         From one step to the next [s], > 0.
     patience : int
         Periods that what is silent keeps its last value.
+    watch : (c, 5)
+        Consequence, usual error, square, product and square of the pattern of each channel; None: none is watched.
+    patterns : sequence of (k, 3)
+        Weight and features of each channel's pattern, of angles alone; -1 is no feature.
+    ranges : (a, 4)
+        Smallest and largest of each angle [rad] and of its rate [rad/s] in the calibration, with margins.
+    forgetting, max_loss : float
+        Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.
     """
 
     def __init__(
@@ -1273,6 +1281,11 @@ class EmgEstimator:
         tendon_strain: float = 0.033,
         period: float,
         patience: int,
+        watch: ArrayLike | None = None,
+        patterns: Sequence[ArrayLike] = (),
+        ranges: ArrayLike | None = None,
+        forgetting: float = 0.0,
+        max_loss: float = 0.0,
     ) -> None: ...
     def listen(self, samples: ArrayLike) -> None:
         """
@@ -1345,11 +1358,15 @@ class EmgEstimator:
 
     @property
     def changed(self) -> int:
-        """Channels that changed since the calibration, at the last step, a bit each."""
+        """
+        Channels that changed since the calibration, at the last step, a bit each.
+        """
 
     @property
     def losses(self) -> NDArray[float64]:
-        """Share of the torque's variance that each channel may cost at the last step, (c,)."""
+        """
+        Share of the torque's variance that each channel may cost at the last step, (c,).
+        """
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -1388,6 +1405,14 @@ class EmgEstimatorFloat:
         From one step to the next [s], > 0.
     patience : int
         Periods that what is silent keeps its last value.
+    watch : (c, 5)
+        Consequence, usual error, square, product and square of the pattern of each channel; None: none is watched.
+    patterns : sequence of (k, 3)
+        Weight and features of each channel's pattern, of angles alone; -1 is no feature.
+    ranges : (a, 4)
+        Smallest and largest of each angle [rad] and of its rate [rad/s] in the calibration, with margins.
+    forgetting, max_loss : float
+        Share of a mean that a step replaces; share of the torque's variance at which a channel has changed.
     """
 
     def __init__(
@@ -1409,6 +1434,11 @@ class EmgEstimatorFloat:
         tendon_strain: float = 0.033,
         period: float,
         patience: int,
+        watch: ArrayLike | None = None,
+        patterns: Sequence[ArrayLike] = (),
+        ranges: ArrayLike | None = None,
+        forgetting: float = 0.0,
+        max_loss: float = 0.0,
     ) -> None: ...
     def listen(self, samples: ArrayLike) -> None:
         """
@@ -1481,11 +1511,15 @@ class EmgEstimatorFloat:
 
     @property
     def changed(self) -> int:
-        """Channels that changed since the calibration, at the last step, a bit each."""
+        """
+        Channels that changed since the calibration, at the last step, a bit each.
+        """
 
     @property
     def losses(self) -> NDArray[float64]:
-        """Share of the torque's variance that each channel may cost at the last step, (c,)."""
+        """
+        Share of the torque's variance that each channel may cost at the last step, (c,).
+        """
 
     def reset(self) -> None:
         """Forget every sample."""
