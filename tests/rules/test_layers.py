@@ -46,7 +46,7 @@ ALLOWED = {
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment", "live", "session"},
-    "ranking": EVERYTHING | {"papers"},
+    "ranking": EVERYTHING | {"papers", "deployment.microcontroller"},
     "proposals": BASE | {"drawing", "inference", "pages", "recordings", "studies"},  # of a lab's own files
     "session": UP_TO_SIGNALS | {"control", "live", "estimators", "assessment", "procedures", "pages", "drawing"},
     # Rigs come as plug-ins.

@@ -52,6 +52,12 @@ use = "{use}"
 """
 
 
+def drawings_of(page):
+    """Return every drawing of a page by name: that of its answer and those of its sections."""
+    found = [drawing for section in page.sections for drawing in section.drawings]
+    return {drawing.name: drawing for drawing in (page.answer.figure, *found)}
+
+
 def grouped(seconds, *, seed=0, muscles=made_muscles.MUSCLES):
     """Envelopes of two synergies: extensors, flexors."""
     rng, time = np.random.default_rng(seed), np.arange(round(seconds * made_muscles.FS)) / made_muscles.FS
@@ -179,8 +185,8 @@ def test_a_study_has_activations_tables_and_a_page(tmp_path, leg):
     found.save(opened)
     table = np.loadtxt(opened.folder / "tables" / "activations_knee_second.csv", delimiter=",", skiprows=1)
     assert table.shape[0] == len(leg[2]["knee"])
-    drawn = {drawing.name for section in page(opened, found).sections for drawing in section.drawings}
-    assert drawn == {"ways_1", "taken_away_1", "activations_1"}
+    drawn = drawings_of(page(opened, found))
+    assert set(drawn) == {"ways_1", "taken_away_1", "activations_1"}
 
 
 def test_a_lost_electrode_is_filled_in(tmp_path, leg):
@@ -247,5 +253,5 @@ def test_muscles_of_two_joints_are_one_calibration(tmp_path):
     found.save(opened)
     heads = (opened.folder / "tables" / "activations_together_second.csv").read_text().partition("\n")[0].split(",")
     assert heads[1:7] == [f"{x}_{j}_Nm" for j in ("knee", "ankle") for x in ("torque", "emg_driven", "assisted")]
-    drawn = {drawing.name: drawing for section in page(opened, found).sections for drawing in section.drawings}
+    drawn = drawings_of(page(opened, found))
     assert set(drawn) == {"ways_1", "taken_away_1", "activations_1"}

@@ -170,7 +170,7 @@ def test_the_report_shows_every_participant(whole):
     page = write_report(whole.study, whole.found).read_text(encoding="utf-8")
     for heading in ("What was found, and what was not", "Every participant", "Movements", "Isochrony", "Other filters"):
         assert heading in page
-    assert page.count("<svg") == 4
+    assert page.count("<svg") == 5
     assert (whole.study.report_dir / "isochrony.pdf").is_file()
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
+from pellucid.pages.values import plain_text
 from pellucid.procedures.assessment.assessment_page import page
 from pellucid.procedures.assessment.assessment_tables import description_table, range_table
 from pellucid.procedures.assessment.certified_rows import (
@@ -243,7 +244,8 @@ def test_one_change_is_one_number_everywhere(of_twelve):
         told = change_text(change)
         certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
         assert certified[2] == told
-        assert next(t.figure for t in shown.tiles if t.what == tile) == told.removesuffix(" %")
+        figure = plain_text(next(t.figure for t in shown.tiles if t.what == tile))
+        assert figure.replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
         assert f"({told}, 95 % CI" in found.paragraph
         assert rows[f"pointing.transparency.{name}.fc"].value == pytest.approx(change.value, rel=1e-12)
         assert rows[f"pointing.certificate.fc.{name}.change"].value == pytest.approx(change.value, rel=1e-12)

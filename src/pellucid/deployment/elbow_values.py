@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from hashlib import sha256
+from typing import Any
 
 from .._errors import PellucidError
 from ..control.control_law import LAWS, ControlLaw
@@ -81,7 +82,7 @@ def elbow_values(
     except PellucidError as error:
         raise PellucidError(f"{path.name}: {error}") from None
     limits, notes = limits_of(study, ELBOW_LIMITS)
-    settings: dict[str, object] = {"limits": limits, "period": DEFAULT_PERIOD_S if period is None else period}
+    settings: dict[str, Any] = {"limits": limits, "period": DEFAULT_PERIOD_S if period is None else period}
     if named.wearer or participant is not None:
         settings |= _limb(study, controller, named, participant)
     if exponents is not None:
@@ -89,7 +90,7 @@ def elbow_values(
     stiff = named.build_stiff(card, place, **settings)
     carried_loads = {"load": _load(study, "load", load), "held": _load(study, "held", held)}
     law = named.build(card, place, lowest_resonance=lowest_resonance(study), **carried_loads, **settings)
-    remarks = _remarks(study, law, named.card)
+    remarks = dict(_remarks(study, law, named.card))
     if LAWS[law.kind].carries_body:
         remarks |= {name: remark for name, remark in identified_remarks(card).items() if name in law.values}
     if law.emg:

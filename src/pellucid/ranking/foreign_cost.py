@@ -33,7 +33,7 @@ TARGET_FLAGS = (
 LINKER_FLAGS = ("-nostartfiles", "-Wl,--gc-sections", "-Wl,--no-warn-rwx-segments", "-lm", "-lc", "-lgcc")
 """Flags for a program without an operating system."""
 
-BOARD = (
+BOARD_COMMAND = (
     "qemu-system-arm", "-machine", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none",
     "-chardev", "stdio,id=said", "-semihosting-config", "enable=on,target=native,chardev=said", "-icount", "shift=0",
 )  # fmt: skip
@@ -42,7 +42,7 @@ BOARD = (
 TEMPLATES = Path(__file__).parent.parent / "deployment" / "templates"
 """Folder with what a Cortex-M4F needs before its main function."""
 
-COUNTER = """
+COUNTER_PROGRAM = """
 #include <stdint.h>
 #include "say.h"
 #define SYSTICK ((volatile uint32_t*)0xE000E010u)
@@ -95,14 +95,14 @@ def count_instructions(law: ForeignLaw, robot: str) -> float | None:
         for name in ("m4.c", "m4.ld", "say.h"):
             shutil.copy(TEMPLATES / f"{name}.j2", folder / name)
         rows = ",".join(f"{{{time!r},{position!r},{torque!r}}}" for time, position, torque in _samples())
-        text = COUNTER.replace("FUNCTION", C_FUNCTIONS[robot]).replace("SAMPLES", rows)
+        text = COUNTER_PROGRAM.replace("FUNCTION", C_FUNCTIONS[robot]).replace("SAMPLES", rows)
         (folder / "count.c").write_text(text.replace("STEPS", str(COUNTED_STEPS)), encoding="utf-8")
         exact = [flag for flag in COMPILER_FLAGS if flag not in ("-fPIC", "-shared", "-lm")]
         sources = [str(law.path), "count.c", "m4.c"]
         words = ["arm-none-eabi-gcc", *exact, *TARGET_FLAGS, *sources, "-T", "m4.ld", *LINKER_FLAGS, "-o", "count.elf"]
         subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=MAX_COUNT_S)
         run = subprocess.run(
-            [*BOARD, "-kernel", "count.elf"], cwd=folder, check=True, capture_output=True, text=True,
+            [*BOARD_COMMAND, "-kernel", "count.elf"], cwd=folder, check=True, capture_output=True, text=True,
             timeout=MAX_COUNT_S, stdin=subprocess.DEVNULL,
         )  # fmt: skip
         return int(run.stdout.split()[1]) / COUNTED_STEPS

@@ -81,6 +81,8 @@ def estimate_payload(
     if len(columns) < 4 * columns.shape[1] or not norms.all() or np.linalg.cond(columns / norms) > 1e6:
         return None
     missed = data.target - effort
+    if not (np.isfinite(missed).all() and np.isfinite(covariance).all() and np.isfinite(statistical).all()):
+        return None
     solver = np.linalg.pinv(columns / norms) / norms[:, None]
     found = solver @ missed
     left = missed - columns @ found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -92,9 +93,9 @@ class WornRobot:
             law: ControlLaw = compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS)
         else:
             named = ELBOW_CONTROLLERS[name]
-            limb = {"limb": self.person.forearm} if named.wearer else {}
-            exponents = {"exponents": COMMON_EXPONENTS} if named.exponents else {}
-            law = named.build(self.cards[named.method], place, **limb, **exponents)
+            own: dict[str, Any] = {"limb": self.person.forearm} if named.wearer else {}
+            own |= {"exponents": COMMON_EXPONENTS} if named.exponents else {}
+            law = named.build(self.cards[named.method], place, **own)
         return self.watched(law, start_up=start_up, **supervision)
 
     def watched(self, law: ControlLaw, *, start_up: bool = True, **supervision: float) -> SupervisedLaw:

@@ -81,6 +81,7 @@ def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> 
     bare = {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
     bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
     tests = judged[0].examined
+    assert tests is not None  # only an estimator with tests is chosen
     return RecommendedEstimator(
         what, (best,), tuple(judged), bare, tests.conditions, fitted_coverage=tests.left_out_coverage
     )

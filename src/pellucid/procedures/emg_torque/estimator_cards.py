@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -162,7 +163,8 @@ def _make_card(
     notes: Sequence[str],
 ) -> EmgEstimatorCard:
     """Return an estimator's card with the channels `used` and the angles `needed`."""
-    spec, notes, raw = study.table(EmgTorqueTable), list(notes), {}
+    spec, notes = study.table(EmgTorqueTable), list(notes)
+    raw: dict[str, Any] = {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
     top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     chain = table_chain(spec)

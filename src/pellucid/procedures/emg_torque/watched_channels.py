@@ -41,7 +41,9 @@ def find_watched_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
         trials = moment_trials(study, joint)
         fitted, held = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
         card = _watched_card(study, joint, fitted) if fitted and fitted[0].unit == "N*m" else None
-        for trial in held if card is not None and card.watch is not None else ():
+        if card is None or card.watch is None:
+            continue
+        for trial in held:
             for change in _find_changes(card, trial):
                 found.setdefault(trial.name, {}).setdefault(change.muscle, change)
     return {name: tuple(changes.values()) for name, changes in found.items()}
