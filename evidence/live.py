@@ -230,7 +230,7 @@ def live_run(folder: Path, cards: Path, seconds: float) -> LiveRun:
             rest(engine, min(1.0, max(0.01, begun + seconds - time.monotonic())))
             samples = engine.read_since(cursor)
             cursor = samples.cursor
-            late.append(samples.channels["lateness"])
+            late.append(samples.channels["lateness"].copy())  # not a view, which keeps whole records
             if settled == 0.0 and time.monotonic() - begun > 0.25 * seconds:
                 settled = used_mb(children)
             if engine.status().state in ("stopped", "idle"):

@@ -91,7 +91,9 @@ class StreamRing:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         with self.path.open("r+b") as file:
-            self._memory = mmap.mmap(file.fileno(), 0)
+            # All of it at once where the system can: what is written later then needs no memory that may be missing.
+            flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
+            self._memory = mmap.mmap(file.fileno(), 0, flags=flags)
         self._head = np.frombuffer(self._memory, HEAD_TYPE, 1)
         if self._head["magic"][0] != RING_MAGIC or int(self._head["version"][0]) != RING_VERSION:
             raise PellucidError(f"{path}: found no ring of a stream")
