@@ -49,6 +49,13 @@ def test_bam_load_dependence_shows_on_held_out_trajectories(tmp_path, data_folde
     assert np.isfinite(found["bam_xl330.load.heldout.angle_mae_deg"])
 
 
+def test_the_servo_that_ships_is_told_from_its_fitted_recordings_alone(tmp_path):
+    """A weak spring that is not believed must not leave its share of the misfit to friction."""
+    found = identify(init(tmp_path / "servo", dataset="bam_servo"))
+    assert found.headlined.family == "load"
+    assert found.headlined.heldout_effort_error < 15.0
+
+
 def test_names_of_files_and_columns_do_not_matter(tmp_path, data_folder):
     """The same recording under another study name, file name and column names gives the same figures."""
     original = init(tmp_path / "a", dataset="emps")

@@ -10,11 +10,12 @@ mean square of the least-squares residual, and
 
 says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
 one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. Marginal
-likelihood chooses every s between 0.001 and 1. That of a spring, a rotor or an angle zero stays at 0.001 unless its
-column also predicts the effort of blocks of time from which it was not fitted: what differentiation and the friction's
-turning leave in the residual looks like a weak spring in any recording, and changes from block to block. Samples into
-which the filters carry standstill are excluded, because stiction can take any value there. The posterior gives, with b
-the least-squares estimate,
+likelihood chooses every s between 0.001 and 1, those of all causes together, so that none answers for what another
+shows. That of a spring, a rotor or an angle zero is then put back to 0.001 unless its column also predicts the effort
+of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the residual
+looks like a weak spring in any recording, and changes from block to block. Samples into which the filters carry
+standstill are excluded, because stiction can take any value there. The posterior gives, with b the least-squares
+estimate,
 
 .. math::
    E[(b - \beta)(b - \beta)^T] = (b - \hat\beta)(b - \hat\beta)^T + V_\beta
@@ -319,8 +320,11 @@ def estimate_discrepancy(
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
     groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in CAUSE_GROUPS]
-    groups = [group for group in groups if len(group) != 1 or is_cause_validated(lacks, int(group[0]))]
-    spread = fit_discrepancy_shares(gram, moment, count, groups) ** 2 + lacks.tied
+    shares = fit_discrepancy_shares(gram, moment, count, groups)
+    for group in groups:
+        if len(group) == 1 and not is_cause_validated(lacks, int(group[0])):
+            shares[group] = DISCREPANCY_SHARE_GRID[0]
+    spread = shares**2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
     try:
         posterior = np.linalg.inv(gram + np.diag(prior))
