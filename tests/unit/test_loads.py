@@ -10,7 +10,7 @@ from pellucid.control.control_law import JOINT_LAW, LAWS, TRANSPARENT_LAW, Contr
 from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.control.elbow_laws import position_control
 from pellucid.control.supervised import body_of, supervised
-from pellucid.control.transparent_laws import expecting_load, transparent, with_load, with_support
+from pellucid.control.transparent_laws import expecting_load, transparent, with_load, with_rules, with_support
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.fit.joint.lifted_load import Lift, estimate_load
 from pellucid.lab.pointing.people import draw_people
@@ -32,6 +32,12 @@ def test_a_load_on_the_robot_is_carried_and_expected():
     for name in ("body_inertia", "body_gravity_sine"):
         assert stated[name] == pytest.approx(own[name])
         assert own[name] > supervised(plain).supervision[name]
+
+
+def test_rules_learnt_beyond_the_body_leave_a_law_its_load():
+    law = with_support(with_load(transparent(COHERENT, PLACE), KILOGRAM_LOAD), LIMB, 0.3)
+    ruled = with_rules(law, {})
+    assert (ruled.load, ruled.supported, ruled.uses) == (law.load, law.supported, law.uses)
 
 
 def test_a_known_load_leaves_the_force_sensor_little_to_contradict_and_an_unknown_one_more():

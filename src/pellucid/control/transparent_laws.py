@@ -237,8 +237,7 @@ def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.
 def with_rules(law: ControlLaw, rules: Mapping[str, float]) -> ControlLaw:
     """A transparent law that also carries what rules learnt beyond its body; `rules` are the core's numbers by name,
     SI, as `LearntRules.numbers` gives them."""
-    return ControlLaw(RULES_LAW.name, {**RULES_LAW.defaults, **law.values, **rules}, law.uses)
-
+    return replace(law, kind=RULES_LAW.name, values={**RULES_LAW.defaults, **law.values, **rules})
 
 
 def with_load(law: ControlLaw, load: Segment) -> ControlLaw:
