@@ -45,8 +45,9 @@ def built_laws() -> set[str]:
     found = set()
     for path in (*(PACKAGE / "control").glob("*.py"), *(PACKAGE / "deployment").glob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "ControlLaw" and node.args:
-                kind = node.args[0]
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("ControlLaw", "replace"):
+                named = [word.value for word in node.keywords if word.arg == "kind"]
+                kind = named[0] if named else node.args[0]
                 if isinstance(kind, ast.Constant):
                     found.add(kind.value)
                 elif isinstance(kind, ast.Attribute) and hasattr(control_law, ast.unparse(kind.value)):

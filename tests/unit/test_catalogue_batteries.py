@@ -9,7 +9,7 @@ from copied_package import copied_package, run_copied
 TESTS = Path(__file__).parents[1]
 HALF_ADDED = {
     "a law that nobody builds": (
-        "laws", "control/transparent_laws.py", "ControlLaw(RULES_LAW.name", "ControlLaw(TRANSPARENT_LAW.name",
+        "laws", "control/transparent_laws.py", "kind=RULES_LAW.name", "kind=TRANSPARENT_LAW.name",
         "rules: no builder makes it",
     ),
     "an estimator without words": (
