@@ -93,5 +93,5 @@ def run() -> list[dict]:
     together = sum(medians[f"pellucid {name}"] for name in COMMANDS)
     rows.append({"name": f"pellucid {', '.join(COMMANDS)}", "value": together, "unit": "s", "note": "sum of the three"})
     ratio = together / medians["plain NumPy and SciPy: least squares"]
-    rows.append({"name": "the three over plain least squares", "value": ratio, "unit": "1", "note": "medians"})
+    rows.append({"name": f"{study.name.upper()} three over plain", "value": ratio, "unit": "1", "note": "medians"})
     return rows

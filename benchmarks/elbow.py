@@ -110,7 +110,7 @@ def run() -> list[dict]:
         _row("elbow: friction by load, plain", theirs, "s", "SciPy least_squares, forward differences, NumPy model"),
         _row("elbow: friction by load, plain over Pellucid", ratio, "1", "pair by pair"),
         {
-            "name": "elbow: friction by load, ratio of medians",
+            "name": "friction by load, SciPy over ours",
             "value": statistics.median(theirs) / statistics.median(ours),
             "unit": "1",
             "note": "plain over Pellucid",

@@ -69,7 +69,7 @@ def test_without_noise_coefficients_are_found_to_the_last_digits(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("memory", [0.0, 0.8])
+@pytest.mark.parametrize("memory", [pytest.param(0.0, marks=pytest.mark.nightly), 0.8])
 def test_intervals_hold_the_truth_as_often_as_they_say(memory):
     """Of 120 seeds by 3 coefficients, each interval should hold the truth in 114 of 120 on average (SD 2.4)."""
     system = TransferFunction([20.0], [1.0, 2.0, 25.0])

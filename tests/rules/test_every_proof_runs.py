@@ -17,15 +17,15 @@ PEERS = ("casadi", "jax", "mujoco", "numba", "pinocchio")
 COMPARED = [name for folder, name in NAMES if "_peers import peer" in (ROOT / folder / f"{name}.py").read_text("utf-8")]
 """Benchmarks that compare with a peer."""
 
-LONG_BENCHMARKS = ("arm", "calibration", "commands", "elbow")
-"""Benchmarks that take half a minute or more at their smallest size."""
+QUICK_BENCHMARKS = ("hill", "kinematic_tree", "plant")
+"""Benchmarks that every run tries; all others run with the nightly tests."""
 
 RUN = [
     pytest.param(folder, name, id=f"{folder}.{name}",
-                 marks=[pytest.mark.nightly] if folder == "evidence" or name in LONG_BENCHMARKS else [])
+                 marks=[] if folder == "benchmarks" and name in QUICK_BENCHMARKS else [pytest.mark.nightly])
     for folder, name in NAMES
 ]  # fmt: skip
-"""What is run: short benchmarks always; long ones and proofs, which take many minutes, with the nightly tests."""
+"""What is run: a few benchmarks always; the others and proofs, which take many minutes, with the nightly tests."""
 
 LIMIT_S = 900.0
 """A run that takes longer hangs; the smallest sizes take about a minute at most on an idle machine."""
@@ -65,7 +65,7 @@ def test_the_smallest_size_runs(folder, name, tmp_path, data_folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.nightly] if name in LONG_BENCHMARKS else [])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in QUICK_BENCHMARKS else [pytest.mark.nightly])
                                   for name in COMPARED])  # fmt: skip
 def test_a_peer_that_is_not_installed_is_said_by_name(name, tmp_path, data_folder):
     run = f"import runpy; sys.argv[1:] = [{name!r}, '--smallest', '--out', {str(tmp_path / 'out.json')!r}]; "

@@ -149,7 +149,7 @@ def changed(before: Path, after: Path) -> list[str]:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is not installed")
 def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     nanobind = pytest.importorskip("nanobind")

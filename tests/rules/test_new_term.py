@@ -104,7 +104,7 @@ def replaced(path: Path, by: dict[str, str]) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is not installed")
 def test_a_friction_term_is_its_header_and_its_catalogue(tmp_path):
     nanobind = pytest.importorskip("nanobind")

@@ -45,7 +45,7 @@ def folder(tmp_path_factory) -> Path:
     return write_c_folder("bench", values_of("joint"), tmp_path_factory.mktemp("joint") / "c")
 
 
-@pytest.mark.parametrize("law", RECORDED_LAWS)
+@pytest.mark.parametrize("law", ["joint", *(pytest.param(law, marks=pytest.mark.nightly) for law in RECORDED_LAWS[1:])])
 def test_no_bit_of_any_answer_depends_on_the_recorder(tmp_path, law):
     """`make incident` compares every answer with those that were written down without a recorder."""
     made = write_c_folder("bench", values_of(law), tmp_path / "c")

@@ -179,7 +179,7 @@ def test_the_density_is_that_of_the_normal_distribution_it_stands_for():
     assert np.allclose(found - found[0], expected - expected[0], rtol=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ranks_of_the_truth_among_draws_are_even():
     """Talts et al. 2018: over truths from the prior each rank is as likely. `evidence/posterior.py` has many more."""
     rng = np.random.default_rng(12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -29,6 +30,18 @@ class Alignment:
     at: float  # Middle of the stretch compared, on the first clock [s]
 
 
+class _Centred(NamedTuple):
+    """A signal without its mean, (n,), and the root of its sum of squares."""
+
+    values: np.ndarray
+    norm: float
+
+    @classmethod
+    def of(cls, signal: np.ndarray) -> _Centred:
+        values = signal - signal.mean() if len(signal) else signal
+        return cls(values, float(np.sqrt(values @ values)))
+
+
 def best_delay(
     time: np.ndarray,
     signal: np.ndarray,
@@ -43,16 +56,19 @@ def best_delay(
     and so much later; of either sense or of one; the other is known within `span` [s]. None without an overlap of
     `fewest` samples."""
     best: tuple[float, float | None] = (-np.inf, None)
+    whole = _Centred.of(signal)
     for delay in delays:
         at = time + delay
         inside = (at > span[0]) & (at < span[1])
-        if inside.sum() < fewest:
+        shared = int(np.count_nonzero(inside))
+        if shared < fewest:
             continue
-        a, b = signal[inside], other(at[inside])
-        if a.std() > 0.0 and b.std() > 0.0:
-            found = float(np.corrcoef(a, b)[0, 1])
+        overlaps = shared == len(at)
+        a, b = whole if overlaps else _Centred.of(signal[inside]), _Centred.of(other(at if overlaps else at[inside]))
+        if a.norm > 0.0 and b.norm > 0.0:
+            found = float(a.values @ b.values) / (a.norm * b.norm)
             # A short overlap correlates too easily.
-            score = (abs(found) if either_sense else found) * np.sqrt(inside.mean())
+            score = (abs(found) if either_sense else found) * np.sqrt(shared / len(at))
             best = (score, float(delay)) if score > best[0] else best
     return best[1]
 

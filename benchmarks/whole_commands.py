@@ -1,0 +1,211 @@
+"""What whole commands cost beside what a user would otherwise run: processor seconds of fresh processes, by turns.
+
+- `version` beside an empty program; `report` of a study in which nothing changed beside the same.
+- `identify` of one long recording of a virtual joint beside pandas, which reads the same file, and a least squares fit
+  in NumPy and SciPy.
+- `simulate` of six people who point beside the same movements in memory, without a file; `assess` of them beside
+  PyArrow, which reads the same files.
+- `fit_joint` called a second time beside a filter and NumPy's least squares on the same arrays.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy import signal
+
+import pellucid as pl
+
+from ._size import sized
+from .commands import COMMAND_LINE, processor_seconds
+from .identification import study_at
+from .people import COMMON_EXPONENTS
+
+REPEAT_COUNT = sized(3, smallest=1)
+"""Number of runs of each pair of programs."""
+
+LONG_SAMPLE_COUNTS = sized((100_000, 7_200_000), smallest=(20_000,))
+"""Samples of the long recordings, at 1 kHz."""
+
+SAMPLING_RATE_HZ = 1000.0
+"""Sampling rate of the long recordings [Hz]."""
+
+LONG_STUDY = """
+name = "long"
+[rig]
+motion = "rotary"
+drive = { kind = "torque" }
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "tau", unit = "N*m" }
+[processing]
+lowpass = "20 Hz"
+decimate = 10
+[[recordings]]
+name = "long"
+file = "recordings/long.csv"
+use = "fit"
+"""
+"""The study of a long recording."""
+
+PANDAS_FIT = f"""
+import sys
+import numpy as np
+import pandas
+from scipy import signal
+table = pandas.read_csv(sys.argv[1])
+b, a = signal.butter(4, 20.0, fs={SAMPLING_RATE_HZ})
+q, effort = signal.filtfilt(b, a, table["q"]), signal.filtfilt(b, a, table["tau"])
+v = np.gradient(q, 1.0 / {SAMPLING_RATE_HZ})
+block = np.column_stack([np.gradient(v, 1.0 / {SAMPLING_RATE_HZ}), v, np.sign(v), np.ones_like(v), np.sin(q), effort])
+block = signal.decimate(block, 10, axis=0, zero_phase=True)
+print(np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)[0])
+"""
+"""Python code that reads a recording with pandas and fits a joint."""
+
+IN_MEMORY = f"""
+import numpy as np
+from pellucid.lab.pointing.conditions import identify_cards, published_conditions
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_people
+from pellucid.lab.pointing.session import simulate_session
+rig = elbow_people()
+conditions = published_conditions(identify_cards(rig.robot), {COMMON_EXPONENTS})
+for i, person in enumerate(draw_people(rig, np.random.default_rng(1))):
+    for j, (name, make) in enumerate(conditions.items()):
+        law = None if make is None else make(person, person.slider(rig))
+        simulate_session(rig, person, name, law, np.random.default_rng([1, i, j]))
+"""
+"""Python code that plays the movements of a study of people in memory."""
+
+READ_FILES = """
+import sys
+from pathlib import Path
+from pyarrow import csv
+for path in sorted(Path(sys.argv[1]).rglob("*")):
+    if path.name.endswith((".csv", ".csv.gz")):
+        csv.read_csv(path)
+"""
+"""Python code that reads every file of a study."""
+
+
+def run() -> Iterator[dict]:
+    """Rows of name, value, unit, note."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        for rows in (short_commands, long_recordings, studies_of_people):
+            yield from rows(folder)
+        yield from second_fits()
+
+
+def short_commands(folder: Path) -> list[dict]:
+    """Rows of `version`, and of a report that is drawn again."""
+    study = study_at(folder).folder
+    for name in ("check", "identify", "report"):
+        processor_seconds("-c", COMMAND_LINE, name, str(study))
+    python = ("-c", "pass")
+    return [
+        *ratio_rows("version over python", ("-c", COMMAND_LINE, "version"), python),
+        *ratio_rows("report again over python", ("-c", COMMAND_LINE, "report", str(study)), python),
+    ]
+
+
+def long_recordings(folder: Path) -> list[dict]:
+    """Rows of the identification of long recordings."""
+    rows = []
+    for count in LONG_SAMPLE_COUNTS:
+        study = folder / f"long-{count}"
+        (study / "recordings").mkdir(parents=True)
+        (study / "study.toml").write_text(LONG_STUDY, encoding="utf-8")
+        path = study / "recordings" / "long.csv"
+        write_recording(path, count)
+        rival = ("-c", PANDAS_FIT, str(path))
+        name = f"identify {count:.3g} over pandas".replace("e+05", "e5").replace("e+06", "e6").replace("e+04", "e4")
+        rows += ratio_rows(name, ("-c", COMMAND_LINE, "identify", str(study)), rival)
+        path.unlink()
+    return rows
+
+
+def write_recording(path: Path, count: int) -> None:
+    """Write a joint's recording with gravity, dry and viscous friction, and noise."""
+    t = np.arange(count) / SAMPLING_RATE_HZ
+    rng = np.random.default_rng(1)
+    q, v, a = np.zeros(count), np.zeros(count), np.zeros(count)
+    for amplitude, frequency, phase in ((0.5, 0.131, 0.0), (0.3, 0.471, 1.0), (0.15, 1.113, 2.0)):
+        w = 2.0 * np.pi * frequency
+        q += amplitude * np.sin(w * t + phase)
+        v += amplitude * w * np.cos(w * t + phase)
+        a -= amplitude * w**2 * np.sin(w * t + phase)
+    effort = 0.05 * a + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v + 0.01 * rng.standard_normal(count)
+    with path.open("w", encoding="utf-8") as file:
+        file.write("t,q,tau\n")
+        for begin in range(0, count, 200_000):
+            part = slice(begin, begin + 200_000)
+            np.savetxt(file, np.column_stack([t[part], q[part], effort[part]]), fmt="%.6g", delimiter=",")
+
+
+def studies_of_people(folder: Path) -> list[dict]:
+    """Rows of a study of six people, simulated and assessed."""
+    study = folder / "people"
+    processor_seconds("-c", COMMAND_LINE, "init", str(study), "--rig", "elbow-people")
+    simulate = ("-c", COMMAND_LINE, "simulate", str(study))
+    rows = ratio_rows("simulate over in memory", simulate, ("-c", IN_MEMORY), repeats=1)
+    return rows + ratio_rows(
+        "assess over reading", ("-c", COMMAND_LINE, "assess", str(study)), ("-c", READ_FILES, str(study)), repeats=1
+    )
+
+
+def second_fits() -> list[dict]:
+    """Rows of the second call of `fit_joint` on twenty seconds at 1 kHz."""
+    t = np.arange(20_000) / SAMPLING_RATE_HZ
+    q = 0.5 * np.sin(2.0 * np.pi * 0.13 * t) + 0.3 * np.sin(2.0 * np.pi * 0.47 * t + 1.0)
+    v = np.gradient(q, t)
+    effort = 0.05 * np.gradient(v, t) + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v
+    effort += 0.01 * np.random.default_rng(1).standard_normal(len(t))
+    b, a = signal.butter(4, 20.0, fs=SAMPLING_RATE_HZ)
+
+    def plain() -> np.ndarray:
+        position, torque = signal.filtfilt(b, a, q), signal.filtfilt(b, a, effort)
+        velocity = np.gradient(position, t)
+        columns = [np.gradient(velocity, t), velocity, np.sign(velocity), np.ones_like(t), np.sin(position)]
+        return np.linalg.lstsq(np.column_stack(columns)[::10], torque[::10], rcond=None)[0]
+
+    def ours() -> object:
+        return pl.fit_joint(t, q, effort, lowpass=20.0, decimate=10)
+
+    ours()
+    pairs = [(call_seconds(ours), call_seconds(plain)) for _ in range(4 * REPEAT_COUNT)]
+    return told("fit_joint second over lstsq", pairs)
+
+
+def call_seconds(call: Callable[[], object]) -> float:
+    """Processor seconds of one call."""
+    begin = time.process_time()
+    call()
+    return time.process_time() - begin
+
+
+def ratio_rows(
+    name: str, ours: tuple[str, ...], rival: tuple[str, ...], *, repeats: int = REPEAT_COUNT
+) -> list[dict]:
+    """Run two programs by turns, and return rows of what both took and of their ratio."""
+    return told(name, [(processor_seconds(*ours), processor_seconds(*rival)) for _ in range(repeats)])
+
+
+def told(name: str, pairs: list[tuple[float, float]]) -> list[dict]:
+    """Return rows of the medians of pairs of seconds and of the median ratio."""
+    mine, rival = name.split(" over ")
+    note = f"processor, {len(pairs)} pairs by turns on {os.cpu_count()} cores, Python {sys.version_info.minor}"
+    return [
+        {"name": f"{name}: {mine}", "value": statistics.median(a for a, _ in pairs), "unit": "s", "note": note},
+        {"name": f"{name}: {rival}", "value": statistics.median(b for _, b in pairs), "unit": "s", "note": note},
+        {"name": name, "value": statistics.median(a / b for a, b in pairs), "unit": "1", "note": "median of pairs"},
+    ]
