@@ -119,9 +119,9 @@ def test_the_target_of_torque_maps_goes_through_the_strap(made, value):
 
 
 def test_seeds_are_other_noise_on_the_same_protocol(made):
-    first, second = (take(made[1].rig, seed, ["S1"], protocols=("free_swing",)).recordings for seed in (1, 2))
+    first, second = (take(made[1].rig, seed, ["S1"], protocols=("free_swing",)).of("free_swing") for seed in (1, 2))
     assert [one.name for one in first] == [one.name for one in second]
-    assert not any(np.array_equal(a["position"], b["position"]) for a, b in zip(first, second, strict=True))
+    assert not any(np.array_equal(a["torque"], b["torque"]) for a, b in zip(first, second, strict=True))
 
 
 def test_leaving_trials_out_does_not_change_the_others(made):
