@@ -30,7 +30,9 @@ def sliding_mean(samples: np.ndarray, count: int) -> np.ndarray:
     """Centred mean over `count` samples along axis 0, over fewer at the borders. `samples` (n,) or (n, k); an even
     `count` gives both outermost samples half their weight, so that nothing is delayed."""
     if not 1 <= count <= len(samples):
-        raise ValueError(f"a sliding mean of {count} samples; expected at least 1 and at most the {len(samples)} there are")
+        raise ValueError(
+            f"a sliding mean of {count} samples; expected at least 1 and at most the {len(samples)} there are"
+        )
     weights = np.ones(count) if count % 2 else np.concatenate([[0.5], np.ones(count - 1), [0.5]])
     half = len(weights) // 2
     columns = np.reshape(np.asarray(samples, float), (len(samples), -1))

@@ -100,11 +100,9 @@ def slider_motion(
     `effort` (n,) is the joint's [N m]; `slider` the carriage's place [m]; `lowpass` a cut-off [Hz]; `dead_band` a speed
     below which samples are not scored [rad/s]; `trim` samples at either end are not scored either.
 
-    With `sliding_means`, numbers of samples, effort goes through a centred mean of the first and position (and a recorded
-    velocity) through one of the second instead, as a published identification did [1]_. Two filters on one equation delay
-    nothing, but take more of the effort than of the motion: the comparison with one filter is the user's to make.
-
-    .. [1] An Identification-Based Method Improving the Transparency of a Robotic Upper Limb Exoskeleton, 2021, section 3.3.
+    With `sliding_means`, numbers of samples, effort goes through a centred mean of the first and position (and a
+    recorded velocity) through one of the second instead. Two filters on one equation delay nothing, but one side loses
+    more than the other.
     """
     fs = recording.fs
     cutoff = lowpass if sliding_means is None else SLIDING_MEAN_CUTOFF * fs / max(sliding_means)

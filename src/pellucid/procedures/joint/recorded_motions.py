@@ -35,8 +35,8 @@ def filtering_of(processing: Processing) -> Filtering:
     p = processing
     if p.sliding_means is not None:
         raise RecordingError(
-            f"study.toml: [processing] found sliding_means = {list(p.sliding_means)}, expected a lowpass: sliding means are "
-            "for a joint with a carriage"
+            f"study.toml: [processing] found sliding_means = {list(p.sliding_means)}, expected a lowpass: sliding "
+            "means are for a joint with a carriage"
         )
     return Filtering(p.lowpass, p.order, p.decimate, p.dead_band, p.trim)
 
