@@ -26,6 +26,31 @@ def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float
     return low_pass(samples)
 
 
+def sliding_mean(samples: np.ndarray, count: int) -> np.ndarray:
+    """Centred mean over `count` samples along axis 0, over fewer at the borders. `samples` (n,) or (n, k); an even
+    `count` gives both outermost samples half their weight, so that nothing is delayed."""
+    if not 1 <= count <= len(samples):
+        raise ValueError(
+            f"a sliding mean of {count} samples; expected at least 1 and at most the {len(samples)} there are"
+        )
+    weights = np.ones(count) if count % 2 else np.concatenate([[0.5], np.ones(count - 1), [0.5]])
+    half = len(weights) // 2
+    columns = np.reshape(np.asarray(samples, float), (len(samples), -1))
+    # Without their mean the samples' sum does not grow, and differences of it stay exact.
+    centre = columns.mean(axis=0)
+    total = _windowed(np.pad(columns - centre, ((half, half), (0, 0))), weights)
+    weight = _windowed(np.pad(np.ones((len(samples), 1)), ((half, half), (0, 0))), weights)
+    return (total / weight + centre).reshape(np.shape(samples))
+
+
+def _windowed(padded: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted sums of (n + len(weights) - 1, k) samples, (n, k), where all weights but the outermost are equal."""
+    sums = np.concatenate([np.zeros((1, padded.shape[1])), np.cumsum(padded, axis=0)])
+    many, n = len(weights), len(padded) - len(weights) + 1
+    whole = sums[many : many + n] - sums[:n]
+    return whole - (1.0 - weights[0]) * (padded[:n] + padded[many - 1 : many - 1 + n])
+
+
 @dataclass(frozen=True)
 class _BothWays:
     """A cascade of `sections` (k, 6), its `settled` states (k, 2), and how many samples it adds at each border."""

@@ -8,11 +8,14 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from .filters import runs, zero_phase_lowpass
+from .filters import runs, sliding_mean, zero_phase_lowpass
 from .judged import JudgedData
 
 SAMPLES_PER_LOWPASS_PERIOD = 20.0
 """Samples kept per period of the low-pass's cut-off. The signal between them is interpolated to 1e-4."""
+
+SLIDING_MEAN_CUTOFF = 0.443
+"""Frequency at which a sliding mean of n samples passes -3 dB, times n, over the sampling rate [1]."""
 
 REGRESSION_STRIDE = 5
 """One kept sample in this many enters a regression, because the filter makes neighbours nearly equal."""
@@ -45,6 +48,8 @@ class SliderMotion:
     order: int
     # (n,) Samples faster than the dead band, the borders left out: those a model of a moving joint speaks of
     scored: np.ndarray
+    # Kept samples of the sliding mean that effort went through; None: the low-pass
+    effort_mean: int | None = None
 
     @property
     def time(self) -> np.ndarray:
@@ -58,8 +63,10 @@ class SliderMotion:
     def smooth(self, samples: np.ndarray, share: float = 1.0) -> np.ndarray:
         """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k).
 
-        The cut-off is `share` times that of the motion.
+        The cut-off is `share` times that of the motion; a sliding mean is over 1 / `share` times as many samples.
         """
+        if self.effort_mean is not None:
+            return sliding_mean(samples, round(self.effort_mean / share))
         return zero_phase_lowpass(samples, share * self.lowpass, self.order, self.fs)
 
     def holds(self) -> list[slice]:
@@ -86,15 +93,23 @@ def slider_motion(
     dead_band: float,
     trim: int,
     recorded_velocity: bool = False,
+    sliding_means: tuple[int, int] | None = None,
 ) -> SliderMotion:
     """Return a recording low-passed at full rate with one zero-phase filter, thinned, and differentiated.
 
     `effort` (n,) is the joint's [N m]; `slider` the carriage's place [m]; `lowpass` a cut-off [Hz]; `dead_band` a speed
     below which samples are not scored [rad/s]; `trim` samples at either end are not scored either.
+
+    With `sliding_means`, numbers of samples, effort goes through a centred mean of the first and position (and a
+    recorded velocity) through one of the second instead. Two filters on one equation delay nothing, but one side loses
+    more than the other.
     """
-    cutoff, fs = lowpass, recording.fs
+    fs = recording.fs
+    cutoff = lowpass if sliding_means is None else SLIDING_MEAN_CUTOFF * fs / max(sliding_means)
     recorded = (recording["velocity"],) if recorded_velocity else ()
     thin = max(int(fs / (SAMPLES_PER_LOWPASS_PERIOD * cutoff)), 1)
+    if sliding_means is not None:
+        thin = max(min(thin, int(min(sliding_means) / SAMPLES_PER_LOWPASS_PERIOD)), 1)
     samples, rate = np.column_stack([recording["position"], effort, *recorded]), fs / thin
     spans = [span for span in recording.spans if span.stop - span.start >= 60 * thin]
     if not spans:
@@ -102,8 +117,17 @@ def slider_motion(
             f"{recording.path}: {len(recording)} samples ({len(recording) / fs:.3g} s); expected at least "
             f"{60 * thin / fs:.3g} s without a cut with a low-pass of {cutoff:g} Hz"
         )
+
+    def filtered_span(part: np.ndarray) -> np.ndarray:
+        if sliding_means is None:
+            return zero_phase_lowpass(part, cutoff, order, fs)
+        of_effort, of_motion = sliding_means
+        made = sliding_mean(part, of_motion)
+        made[:, 1] = sliding_mean(part[:, 1], of_effort)
+        return made
+
     try:
-        filtered = [zero_phase_lowpass(samples[span], cutoff, order, fs)[::thin] for span in spans]
+        filtered = [filtered_span(samples[span])[::thin] for span in spans]
     except ValueError as error:
         raise RecordingError(f"{recording.path}: {error}") from None
     both = np.concatenate(filtered)
@@ -131,6 +155,7 @@ def slider_motion(
         lowpass=cutoff,
         order=order,
         scored=scored,
+        effort_mean=None if sliding_means is None else max(round(sliding_means[0] / thin), 1),
     )
 
 

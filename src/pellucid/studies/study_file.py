@@ -750,6 +750,9 @@ class Processing(StudyTable):
         Cut-off of the zero-phase low-pass on both sides of the regression [Hz]; identification requires it.
     order : int
         Order of the Butterworth filter, which runs forwards and backwards.
+    sliding_means : tuple of int or None
+        Numbers of samples of sliding means, of effort and of position, that take the place of the low-pass for a joint
+        with a carriage. Both means are centred.
     decimate : int
         Factor of decimation after filtering: one of so many samples is kept.
     resample : float or None
@@ -769,6 +772,7 @@ class Processing(StudyTable):
 
     lowpass: quantity("Hz", gt=0) | None = None
     order: int = Field(4, ge=1, le=12)
+    sliding_means: tuple[int, int] | None = None
     decimate: int = Field(1, ge=1)
     resample: quantity("Hz", gt=0) | None = None
     dead_band: quantity("<velocity>", ge=0) = 0.0
@@ -776,6 +780,13 @@ class Processing(StudyTable):
     velocity: Literal["differentiated", "recorded"] = "differentiated"
     cut: Literal["automatic", "none"] = "automatic"
     cut_share: float = Field(0.1, ge=0, lt=1)
+
+    @field_validator("sliding_means")
+    @classmethod
+    def _counts_samples(cls, means: tuple[int, int] | None) -> tuple[int, int] | None:
+        if means is not None and min(means) < 1:
+            raise ValueError(f"found {list(means)}, expected two numbers of samples, such as [100, 40]")
+        return means
 
 
 class Model(StudyTable):

@@ -33,6 +33,11 @@ MIN_ROWS_PER_PART = 100
 def filtering_of(processing: Processing) -> Filtering:
     """Return the filtering of a study's [processing], without its resampling."""
     p = processing
+    if p.sliding_means is not None:
+        raise RecordingError(
+            f"study.toml: [processing] found sliding_means = {list(p.sliding_means)}, expected a lowpass: sliding "
+            "means are for a joint with a carriage"
+        )
     return Filtering(p.lowpass, p.order, p.decimate, p.dead_band, p.trim)
 
 

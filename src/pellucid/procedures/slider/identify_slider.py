@@ -157,7 +157,10 @@ def trial_errors(estimate: SliderEstimate, motions: Sequence[SliderMotion], gain
 def filter_note(config: StudyFile) -> str:
     """The processing in one line."""
     p = config.processing
-    parts = [f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz, on position and current alike"]
+    if p.sliding_means is not None:
+        parts = ["centred means over {} samples of current and {} of position".format(*p.sliding_means)]
+    else:
+        parts = [f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz, on position and current alike"]
     parts.append("derivatives by central differences; friction low-passed as current is")
     if p.dead_band:
         parts.append(f"samples slower than {p.dead_band:g} rad/s left out")

@@ -19,18 +19,19 @@ def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry:
     made = []
     for recording in recordings:
         processing = config.processing_of(recording.name)
-        if processing.lowpass is None:
+        if processing.lowpass is None and processing.sliding_means is None:
             raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
         made.append(
             slider_motion(
                 recording,
                 gain * command_of(recording, config.rig),
                 places[recording.name],
-                lowpass=processing.lowpass,
+                lowpass=processing.lowpass or 0.0,
                 order=processing.order,
                 dead_band=processing.dead_band,
                 trim=processing.trim,
                 recorded_velocity=processing.velocity == "recorded",
+                sliding_means=processing.sliding_means,
             )
         )
     return tuple(made)
