@@ -233,4 +233,5 @@ def write_page(folder: Path, page: Page, *, with_pdf: bool = True) -> Path:
     remove_leftovers(folder)
     for drawing in drawings:
         drawing.save(folder, with_pdf=with_pdf)
-    return write_text_atomically(folder / PAGE_FILE, render("page.html.j2", title=page.title, page=page, with_pdf=with_pdf))
+    text = render("page.html.j2", title=page.title, page=page, with_pdf=with_pdf)
+    return write_text_atomically(folder / PAGE_FILE, text)
