@@ -30,7 +30,7 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
         kicker="pellucid predict",
         headline=_headline(found, leading, share),
         answer=Answer(
-            f"Do these controllers change the {leading.words.lower()} of movements, against no robot?",
+            f"Do these controllers change how people move ({leading.words}), against no robot?",
             _verdict(found, leading),
             _figure(found, leading, share),
             ("Record people of your own: `pellucid init DIR --session elbow`.",),
@@ -71,7 +71,7 @@ def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
         ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
         told = " to ".join(map(str, ends))
         parts.append(f"{law} {Value(row, middle, number(middle, digits=3))} % ({told})")
-    return f"Change of the {index.words.lower()} from no robot, with what {share} find: {', '.join(parts)}."
+    return f"Change from no robot ({index.words}), with what {share} find: {', '.join(parts)}."
 
 
 def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
@@ -84,7 +84,7 @@ def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
             estimates.append(Estimate(law.replace("_", " "), middle, low, high, text=text, id=row))
     return draw(
         forest, estimates, f"predicted-{index.name.replace('_', '-')}", f"{index.words}: change from no robot (%)",
-        caption=f"{index.words}: median change from no robot, and the interval that holds {share}. Simulated.",
+        caption=f"Median change from no robot ({index.words}), and the interval that holds {share}. Simulated.",
     )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ def page(study: Study, findings: AssessmentResult) -> Page:
         headline=_answer_sentence(findings),
         tiles=_tiles(findings),
         sections=without_drawing(sections, "certificate"),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every "
         "number in results.json.",
         verdicts=_verdicts(findings),
         answer=_answer(study, findings),
