@@ -53,7 +53,8 @@ app = typer.Typer(
 )
 datasets_app = typer.Typer(
     name="datasets", help="List or fetch public recordings of real machines.", rich_markup_mode=None,
-    no_args_is_help=True,
+    no_args_is_help=True, epilog=example("pellucid datasets list"),
+    context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 app.add_typer(datasets_app, rich_help_panel=LEARN_GROUP)
 

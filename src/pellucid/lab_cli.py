@@ -64,18 +64,20 @@ def predict(
     from .lab.predict import PREDICTION_FILE
     from .lab.predict import predict as run
     from .procedures.print_result import print_result
+    from .ranking.prediction_page import write_prediction_page
 
     with cluster(scheduler) as executor, show_progress() as tell:
         found = run(
             *folders, people=people, robots=robots, movements=movements, participants=participants,
             controllers=controller, seed=seed, executor=executor, on_progress=tell,
         )  # fmt: skip
+        page = write_prediction_page(folders[0], found)
     if json:
         print_json(found)
         return
     out = make_console()
     print_result(out, found)
-    print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}.")
+    print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}. Page: {page}")
 
 
 def demo(

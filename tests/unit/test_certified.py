@@ -266,6 +266,9 @@ def test_a_reviewer_gets_all_that_was_stated_and_left_out(of_twelve):
     for part in ("Less than people differ between days.", "none stated", "Nobody and nothing was left out",
                  "mean of people", "at least 78 %", "pellucid certificate", "SHA-256", "Sensitivity"):  # fmt: skip
         assert part in text
+    badge = text.index('class="badge"')
+    assert badge < text.index('id="fig-certificate"') < text.index("<main>")
+    assert text.count('id="fig-certificate"') == 1
     assert write_certificate(of_twelve).read_bytes() == path.read_bytes()
 
 

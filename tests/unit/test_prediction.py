@@ -1,5 +1,6 @@
 """An experiment predicted: robots as they are drawn, studies of pairs, what is written, and what a screening finds."""
 
+import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -135,6 +136,11 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
         init(tmp_path / name, rig="elbow-participants")
     these, those = str(tmp_path / "these"), str(tmp_path / "those")
     told = CliRunner().invoke(app, ["predict", these, those, "--people", "7", "--robots", "5", "--controller", "fc"])
+    text = (tmp_path / "these" / "lab" / "prediction" / "index.html").read_text(encoding="utf-8")
+    assert text.index('class="badge"') < text.index("<svg") < text.index("<main>")
+    named = set(re.findall(r'data-id="([^"]+)"', text))
+    assert named
+    assert named <= {row.id for row in read_rows(tmp_path / "these" / PREDICTION_FILE)}
     assert told.exit_code == 0, told.output
     assert "80 % of studies of 6 people" in told.output
     assert (asked["people"], asked["robots"], len(asked["rigs"])) == (7, 5, 2)

@@ -16,14 +16,12 @@ from .._given import require_folder
 from .._processes import processes
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
-from ..datasets import init
 from ..datasets.registry import names, shipped
 from ..deployment.c_folder import check_on_host
 from ..deployment.elbow_values import lowest_resonance
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
 from ..fit.slider.slider_fit import SliderFit
-from ..lab.bench.rig import bench_joint
 from ..lab.elbow.protocol import ElbowTrial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
 from ..lab.pointing.conditions import controller_builder
@@ -36,11 +34,11 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint.joint_result import JointResult
 from ..procedures.registry import asked, open_study
 from ..procedures.run import assess, identify
-from ..procedures.run import report as write_report
-from ..session.run_session import RUN_FOLDER
 from ..studies.results import ResultRow, read_rows, write_rows
+from ..studies.session_table import RUN_FOLDER
 from ..studies.study import RESULTS_FILE, STUDY_FILE, Study
-from .coverage import Coverage, coverage
+from .beside import count_coverage, identify_machine, write_kept_report
+from .coverage import Coverage
 from .demonstration import Demonstration
 from .replayed_session import ReplayedSession, record_and_replay
 from .story import write_story
@@ -120,12 +118,12 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     # the virtual robot and its people: two cores are busy all the time. Results go by what every command keeps.
     with processes(1) as helper:
         tell(f"a real machine, {real_name}, is identified beside all that follows", 0.0)
-        machine = helper.submit(_identify_machine, folders[real_name], real_name)
-        counted = helper.submit(_coverages, COVERAGE_REPETITIONS)
+        machine = helper.submit(identify_machine, folders[real_name], real_name)
+        counted = helper.submit(count_coverage, COVERAGE_REPETITIONS)
         elbow, fit = _identified_elbow(folders[ELBOW_STUDY], robot, _progress_part(tell, 0.02, 0.35))
-        reports = [helper.submit(_write_kept_report, elbow.folder)]
+        reports = [helper.submit(write_kept_report, elbow.folder)]
         people, findings = _assessed_people(folders[PEOPLE_STUDY], robot, elbow, _progress_part(tell, 0.35, 0.75))
-        reports.append(helper.submit(_write_kept_report, people.folder))
+        reports.append(helper.submit(write_kept_report, people.folder))
         tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC", 0.75)
         controller = export(elbow, controller=BEST_SENSED_CONTROLLER)
         played, absent = check_on_host(controller), missing_tools()
@@ -167,28 +165,11 @@ def few_people(robot: ElbowRig) -> PointingRig:
     return elbow_participants(robot).changed({"people.count": PEOPLE_COUNT, "pointing.repetitions": REPETITION_COUNT})
 
 
-def _identify_machine(folder: Path, name: str) -> None:
-    """Identify a real machine from the recordings that come with the package, keep the result, write its report."""
-    study = init(folder, dataset=name)
-    fit = identify(study)
-    fit.save(study)
-    write_report(study, fit)
-
-
 def _kept_machine(folder: Path) -> tuple[Study, JointResult]:
     """Return the real machine's study, and what was kept of its identification; it is found again if nothing was."""
     study = open_study(folder)
     kept = next((found for each in asked(study) if (found := JointResult.kept(study, each)) is not None), None)
     return study, identify(study) if kept is None else kept
-
-
-def _write_kept_report(folder: Path) -> None:
-    write_report(open_study(folder))
-
-
-def _coverages(repetitions: int) -> tuple[Coverage, ...]:
-    """Return the coverage of intervals for white and for coloured noise."""
-    return tuple(coverage(bench_joint(), colour, repetitions=repetitions) for colour in ("white", "coloured"))
 
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:

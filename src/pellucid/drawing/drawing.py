@@ -76,10 +76,12 @@ class Drawing:
         text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS_SERIF_FONTS}".replace('"', "'"), text)
         return text.strip()
 
-    def save(self, folder: Path) -> tuple[Path, Path]:
-        """Write ``<name>.svg`` and ``<name>.pdf`` into `folder`."""
+    def save(self, folder: Path, *, with_pdf: bool = True) -> tuple[Path, ...]:
+        """Write ``<name>.svg`` and, `with_pdf`, ``<name>.pdf`` into `folder`; return their paths."""
         folder = Path(folder)
         drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)
+        if not with_pdf:
+            return (drawn,)
         printed = io.BytesIO()
         with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)), _outlines_alone():
             self.figure.savefig(

@@ -218,8 +218,11 @@ def answer_from_verdicts(
     return Answer(question, verdict, first), kept
 
 
-def write_page(folder: Path, page: Page) -> Path:
-    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and PDF."""
+def write_page(folder: Path, page: Page, *, with_pdf: bool = True) -> Path:
+    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and, `with_pdf`, PDF.
+
+    A PDF takes longer than the SVG, because the letters of its fonts are cut out.
+    """
     folder = Path(folder)
     drawings = page.drawings
     anchors = [section.id for section in page.sections] + [f"fig-{drawing.name}" for drawing in drawings]
@@ -229,5 +232,6 @@ def write_page(folder: Path, page: Page) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     remove_leftovers(folder)
     for drawing in drawings:
-        drawing.save(folder)
-    return write_text_atomically(folder / PAGE_FILE, render("page.html.j2", title=page.title, page=page))
+        drawing.save(folder, with_pdf=with_pdf)
+    text = render("page.html.j2", title=page.title, page=page, with_pdf=with_pdf)
+    return write_text_atomically(folder / PAGE_FILE, text)

@@ -463,6 +463,7 @@ def report(
     result: Result | None = None,
     *,
     only_kept: bool = False,
+    with_pdf: bool = True,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
     """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
@@ -475,6 +476,8 @@ def report(
     only_kept : bool
         Whether only what is given or kept is drawn, as the command does; nothing is then computed, and the page says
         which command makes what is missing.
+    with_pdf : bool
+        Whether every figure is also written as PDF, which takes longer than the page.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -512,12 +515,13 @@ def report(
         text = f"Not all that study.toml asks for is drawn. Make the rest with: {commands}"
         page = replace(page, verdicts=(("warning", text), *page.verdicts))
     try:
-        return write_page(Path(study.report_dir), page)
+        return write_page(Path(study.report_dir), page, with_pdf=with_pdf)
     except OSError:
         # Computing it again may have taken minutes, so the report is written elsewhere if the folder is not writable.
         for parent in (Path.cwd(), Path(gettempdir()), Path.home()):
             with suppress(OSError):
-                return write_page(Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent)), page)
+                elsewhere = Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent))
+                return write_page(elsewhere, page, with_pdf=with_pdf)
         raise
 
 

@@ -45,7 +45,7 @@ def study_page(
         headline,
         tuple(tiles),
         sections,
-        f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
+        f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every number in "
         "results.json.",
         shown,
         answer,

@@ -20,16 +20,13 @@ from .._plugins import load_plugins
 from ..pages.page import PAGE_FILE
 from ..procedures.registry import asked, open_study
 from ..recordings.readers._apart import start_reading_process
-from ..studies.session_table import SessionTable
+from ..studies.session_table import RUN_FOLDER, SessionTable
 from ..studies.study import Study
 from .live_session import LiveSession
 from .page_server import PageServer
 from .recorded_trial import recorded_names
 from .session_engine import SessionEngine
 from .trial_plan import PlannedTrial, plan_trials
-
-RUN_FOLDER = ".live"
-"""Folder of a study for the files of a session that runs."""
 
 COMMAND_LIMIT_S = 3600.0
 """Longest time that one command may take at the end of a session [s]."""

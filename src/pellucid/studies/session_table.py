@@ -30,6 +30,9 @@ else:
     TorqueSize = quantity("N*m", ge=0)
     PositiveTorqueRate = quantity("N*m/s", gt=0)
 
+RUN_FOLDER = ".live"
+"""Folder of a study for the files of a session that runs."""
+
 MAX_TEXT_PARAGRAPHS = 40
 """Largest number of paragraphs of a consent or an instruction."""
 

@@ -44,7 +44,7 @@ def page(study: Study, findings: AssessmentResult) -> Page:
         headline=_answer_sentence(findings),
         tiles=_tiles(findings),
         sections=without_drawing(sections, "certificate"),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every "
         "number in results.json.",
         verdicts=_verdicts(findings),
         answer=_answer(study, findings),
@@ -60,10 +60,7 @@ def _verdicts(findings: AssessmentResult) -> tuple[tuple[str, str], ...]:
 def _answer(study: Study, findings: AssessmentResult) -> Answer:
     """Return whether a condition is transparent, or without a certificate whether conditions change movement."""
     if findings.certified:
-        said = {each.certificate.verdict for each in findings.certified}
-        verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
-        question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
-        return Answer(question, verdict, draw(figures.certificate_figure, findings.certified))
+        return certificate_answer(findings)
     name = leading_index().name
     each = findings.assessed.get(name) or next(iter(findings.assessed.values()))
     told = is_told_apart(findings, each, 1.0 - findings.confidence)
@@ -71,6 +68,14 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
     plan = f"State margins in `[assessment.margins]`, and plan how many people they take: `pellucid plan {study.name}`."
     question = f"Do these conditions change how people move, against {findings.control}?"
     return Answer(question, "yes" if told else "unsure", figure, (plan,))
+
+
+def certificate_answer(findings: AssessmentResult, following: tuple[str, ...] = ()) -> Answer:
+    """Return whether a condition is shown to be transparent, with the certificate's figure and what is `following`."""
+    said = {each.certificate.verdict for each in findings.certified}
+    verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
+    question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
+    return Answer(question, verdict, draw(figures.certificate_figure, findings.certified), following)
 
 
 def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryChange]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from ..._errors import StudyError
 from ...assessment.equivalence import FAR_MARGIN_COUNT
 from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
-from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile, write_page
 from ...pages.quantities import cell_text, typeset_sentence
 from ...pages.tables import Row, Table
@@ -17,8 +16,8 @@ from ...studies.study import checksum
 from ..procedure import quiet
 from ..result import Result
 from ..study_page import provenance, study_page
-from . import assessment_figures as figures
 from . import assessment_tables as tables
+from .assessment_page import certificate_answer
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
 from .pointing_faults import REASON_WORDS
@@ -64,13 +63,15 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
 def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) -> Page:
     """Build the page: verdicts, protocol, margins, assumptions, results, sensitivity, exclusions, provenance."""
     verdicts = [(each.condition, each.certificate.verdict) for each in found.certified]
+    following = (f"Make this page again: `pellucid certificate {study.folder.name}`.",)
     return study_page(
         f"{found.study}: certificate",
-        "; ".join(f"{condition}: {verdict}" for condition, verdict in verdicts) + ".",
+        " ".join(map(typeset_sentence, certificate_sentences(found))),
         [Tile(condition, verdict, "", f"p = {each.certificate.p_value:.2g}")
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found), _sensitivity(found),
          _exclusions(found), provenance(study, _recipe(study), _checksums(study, found))],
+        answer=certificate_answer(found, following),
     )  # fmt: skip
 
 
@@ -84,10 +85,8 @@ def _result(found: AssessmentResult) -> Section:
     return Section(
         "verdict",
         "Verdict",
-        tuple(map(typeset_sentence, certificate_sentences(found))),
-        (_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2),),
-        (draw(figures.certificate_figure, found.certified),),
-        tuple(map(typeset_sentence, certificate_remarks(found))),
+        tables=(_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2),),
+        notes=tuple(map(typeset_sentence, certificate_remarks(found))),
     )
 
 

@@ -9,6 +9,7 @@ from ...pages.page import Answer, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, typeset_sentence, unit_text
 from ...pages.tables import number_table
 from ...studies.study import Study
+from ..badge_bounds import MIN_EXPLAINED_PERCENT
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page
@@ -19,9 +20,6 @@ from .coupling_table import CouplingTable
 ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Names of the orientation filters."""
 
-
-MIN_EXPLAINED_PERCENT = 50.0
-"""A strap explains the angle between limb and orthosis if it explains at least this share of it held out."""
 
 
 def page(study: Study, findings: CouplingResult) -> Page:
@@ -47,7 +45,8 @@ def page(study: Study, findings: CouplingResult) -> Page:
         tiles=_tiles(findings),
         sections=without_drawing(sections, shown),
         answer=Answer(
-            "Do the straps explain the angle between limb and orthosis in swings that were not fitted?",
+            f"Do the straps explain at least {MIN_EXPLAINED_PERCENT:.0f} % of the angle between limb and orthosis in "
+            "swings that were not fitted?",
             "no" if wrong or (known and not explained) else "yes" if explained else "unsure",
             figure,
         ),

@@ -32,11 +32,11 @@ from ...pages.series import by_recording, pooled_error, whole_recordings
 from ...pages.tables import Row, Table
 from ...pages.values import Value
 from ...studies.study import Study
+from ..badge_bounds import MAX_GOOD_ERROR, SOUND_R2
 from ..posterior_beside import pair_with_posterior
 from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
-from .findings.prediction import MAX_GOOD_ERROR, SOUND_R2
 from .joint_result import JointResult, Trace
 from .moving_joint_figures import moving_joint
 
@@ -124,7 +124,10 @@ def page(study: Study, result: JointResult) -> Page:
 
 
 def joint_answer(study: Study, fit: JointResult) -> Answer:
-    """Return whether the model predicts what it has not seen, drawn along a recording."""
+    """Return whether the model predicts what it has not seen, drawn along a recording.
+
+    Without recordings held out nobody can say; a larger error than a good prediction's is a no.
+    """
     best, error = fit.headlined, headline_error(fit)
     held = [p for p in best.predictions if p.split == "heldout"]
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
@@ -145,8 +148,8 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
         else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
     )
     return Answer(
-        "Does the model predict recordings that it has not seen?",
-        "no" if wrong else "yes" if good else "unsure",
+        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} %?",
+        "no" if wrong or (held and not good) else "yes" if good else "unsure",
         figure,
         () if wrong else (following,),
     )

@@ -16,6 +16,7 @@ from ...pages.quantities import number, parameter_interval, parameter_note, rela
 from ...pages.tables import Row, Table
 from ...pages.values import Value
 from ...studies.study import Study
+from ..badge_bounds import MAX_BODY_ERROR_RATIO
 from ..study_page import provenance, study_page
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
@@ -75,10 +76,6 @@ PARAMETER_WORDS: Mapping[str, str] = {
 ERRORS_FIGURE_NAME = "paired-errors"
 """Name of the figure that stands beside the answer."""
 
-MAX_BODY_ERROR_RATIO = 1.1
-"""One body predicts as well as two directions if its error is at most this many times theirs: it has ten parameters in
-place of sixteen."""
-
 TRACED_METHODS = ("dissociated", "load")
 """Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
 
@@ -104,7 +101,8 @@ def _answer(study: Study, fit: SliderFit, sections: tuple[Section, ...]) -> Answ
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
     return Answer(
-        "Does one body, with friction that follows its load, predict the current?",
+        "Does one body, with friction that follows its load, predict the current within "
+        f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} % as well as a set of parameters for each direction?",
         "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
         figure,
         (f"Make a controller of its card: `pellucid export {study.name} --controller transparent`.",),

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from ....fit.joint.family_choice import added_terms
 from ....fit.parameter import Verdict
+from ...badge_bounds import MAX_GOOD_ERROR
 from ..joint_case import JointCase
-from .prediction import MAX_GOOD_ERROR
 
 WHERE_TEXT = "on blocks of the fitted recordings, each predicted from the others"
 """Data that families are chosen by, in words."""

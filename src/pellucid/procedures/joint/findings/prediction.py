@@ -6,16 +6,11 @@ from collections.abc import Iterator
 
 from ....fit.block_test import count_independent_samples
 from ....fit.parameter import Verdict
+from ...badge_bounds import MAX_GOOD_ERROR, SOUND_R2
 from ..joint_case import JointCase
 
 FAILED_R2 = 0.5
 """A model does not explain the effort if its R2 is below this."""
-
-SOUND_R2 = 0.8
-"""A model explains the effort if its R2 is above this."""
-
-MAX_GOOD_ERROR = 20.0
-"""Largest held-out error of a good prediction [% of the RMS effort]."""
 
 MIN_INDEPENDENT_SAMPLES = 20.0
 """Below this number of independent samples the error is stated with a reservation."""

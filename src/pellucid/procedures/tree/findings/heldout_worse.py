@@ -3,14 +3,12 @@
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
+from ...badge_bounds import MAX_GOOD_ERROR
 from ..tree_result import ROW_KIND_DESCRIPTIONS, TreeResult
 
 MAX_ERROR_RATIO = 1.5
 """A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
 measurement is recorded."""
-
-MAX_GOOD_ERROR = 20.0
-"""Largest error of a good prediction of a joint [% of the RMS effort]."""
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:

@@ -1,0 +1,33 @@
+"""What the demo's second process does; it loads no more than that, because to load a library takes seconds.
+
+Figures are written as SVG alone: `pellucid report` on a chapter's folder writes them as PDF too.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..datasets import init
+from ..lab.bench.rig import bench_joint
+from ..procedures.registry import open_study
+from ..procedures.run import identify
+from ..procedures.run import report as write_report
+from .coverage import Coverage, coverage
+
+
+def identify_machine(folder: Path, name: str) -> None:
+    """Identify a real machine from the recordings that come with the package, keep the result, write its report."""
+    study = init(folder, dataset=name)
+    fit = identify(study)
+    fit.save(study)
+    write_report(study, fit, with_pdf=False)
+
+
+def write_kept_report(folder: Path) -> None:
+    """Write the report of what a study's commands kept."""
+    write_report(open_study(folder), with_pdf=False)
+
+
+def count_coverage(repetitions: int) -> tuple[Coverage, ...]:
+    """Return the coverage of intervals for white and for coloured noise."""
+    return tuple(coverage(bench_joint(), colour, repetitions=repetitions) for colour in ("white", "coloured"))

@@ -1,0 +1,93 @@
+"""Page of `predict`: how controllers change movement in drawn studies, answered first for the leading index."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from math import isfinite
+from pathlib import Path
+
+from ..drawing.drawing import Drawing, draw
+from ..lab.pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
+from ..lab.predict import Predicted
+from ..pages.forest import Estimate, forest
+from ..pages.page import Answer, AnswerVerdict, Page, Section, write_page
+from ..pages.quantities import cell_text, number
+from ..pages.tables import Row, Table
+from ..pages.values import Value
+
+PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
+"""Folder of the page, relative to the study's folder."""
+
+
+def write_prediction_page(folder: Path, found: Predicted) -> Path:
+    """Write the page of a prediction into a study's `folder` and return its path."""
+    leading, *others = PREDICTED_INDICES
+    share = f"{100.0 * found.confidence:.0f} % of drawn studies"
+    table = found.tables[0]
+    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    page = Page(
+        title=f"{found.study}: predicted effects",
+        kicker="pellucid predict",
+        headline=_headline(found, leading, share),
+        answer=Answer(
+            f"Do these controllers change how people move ({leading.words}), against no robot?",
+            _verdict(found, leading),
+            _figure(found, leading, share),
+            ("Record people of your own: `pellucid init DIR --session elbow`.",),
+        ),
+        sections=(
+            Section(
+                "indices", "Other indices", drawings=tuple(_figure(found, index, share) for index in others[:3]),
+                tables=(Table(table.heads, rows, frozenset(range(2, len(table.heads))), f"{table.title}.", True),),
+            ),
+            Section(
+                "method",
+                "What was drawn",
+                (
+                    f"{found.headline.replace(' x ', ' × ')}.",
+                    "Every drawn robot is identified, makes controllers of its identification, and is worn by every "
+                    "drawn person. Studies are drawn from these pairs as a lab would run them. All of it is simulated: "
+                    "a prediction is no measurement of people.",
+                ),
+            ),
+        ),
+        footer=f"Written by pellucid {version('pellucid')}. Every number is in lab/prediction.json.",
+    )  # fmt: skip
+    return write_page(Path(folder) / PREDICTION_PAGE_FOLDER, page)
+
+
+def _verdict(found: Predicted, index: PredictedIndex) -> AnswerVerdict:
+    """Return yes if the interval of any controller leaves out zero; otherwise the studies are too few to say."""
+    ends = [found.studies.interval(index.name, law) for law in found.prediction.laws]
+    return "yes" if any(low > 0.0 or high < 0.0 for low, _, high in ends) else "unsure"
+
+
+def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
+    """Return the change of an index under each controller with its interval."""
+    parts = []
+    for law in found.prediction.laws:
+        low, middle, high = found.studies.interval(index.name, law)
+        row = _row_id(found, index, law)
+        ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
+        told = " to ".join(map(str, ends))
+        parts.append(f"{law} {Value(row, middle, number(middle, digits=3))} % ({told})")
+    return f"Change from no robot ({index.words}), with what {share} find: {', '.join(parts)}."
+
+
+def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
+    """Return the changes of an index under each controller with their intervals."""
+    estimates = []
+    for law in found.prediction.laws:
+        low, middle, high = found.studies.interval(index.name, law)
+        if isfinite(middle):
+            row, text = _row_id(found, index, law), number(middle, digits=3)
+            estimates.append(Estimate(law.replace("_", " "), middle, low, high, text=text, id=row))
+    return draw(
+        forest, estimates, f"predicted-{index.name.replace('_', '-')}", f"{index.words}: change from no robot (%)",
+        caption=f"Median change from no robot ({index.words}), and the interval that holds {share}. Simulated.",
+    )  # fmt: skip
+
+
+def _row_id(found: Predicted, index: PredictedIndex, law: str) -> str:
+    """Return the id of a change's row in lab/prediction.json."""
+    return f"{found.study}.predicted.{index.name}.{law.lower()}"
