@@ -51,9 +51,11 @@ if TYPE_CHECKING:
     from .procedures.run import synergies as synergies
     from .recordings.readers import read_columns as read
     from .recordings.readers.urdf import read_robot as read_robot
+    from .signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
     from .signals.envelope import envelope as envelope
     from .signals.fatigue import median_frequency_trend as median_frequency_trend
     from .signals.fit_hinge import fit_hinge as fit_hinge
+    from .signals.maximal_envelope import maximal_envelope as maximal_envelope
     from .signals.stride_ensemble import stride_ensemble as stride_ensemble
     from .start_study import init as init
 
@@ -63,7 +65,9 @@ _PUBLIC_SOURCES = {
     "PellucidError": ("_errors", "PellucidError"),
     "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
     "certify": ("assessment.certify", "certify"),
+    "electromechanical_delay": ("signals.electromechanical_delay", "electromechanical_delay"),
     "fit_hinge": ("signals.fit_hinge", "fit_hinge"),
+    "maximal_envelope": ("signals.maximal_envelope", "maximal_envelope"),
     "median_frequency_trend": ("signals.fatigue", "median_frequency_trend"),
     "stride_ensemble": ("signals.stride_ensemble", "stride_ensemble"),
     "fit_robot": ("fit.tree.fit_robot", "fit_robot"),
@@ -128,6 +132,7 @@ __all__ = [
     "controllers",
     "datasets",
     "demo",
+    "electromechanical_delay",
     "envelope",
     "export",
     "fit_hinge",
@@ -138,6 +143,7 @@ __all__ = [
     "identify",
     "incident",
     "init",
+    "maximal_envelope",
     "median_frequency_trend",
     "movement_indices",
     "onset",

@@ -345,7 +345,8 @@ def cocontraction(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level.
+        For arrays: ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level, and ``moments``,
+        whether the arrays are moments of two muscle groups [N m] of opposite signs.
 
     Returns
     -------

@@ -14,11 +14,15 @@ slowly 3.
 Samples of EMG are alike for :math:`\kappa = \sum_k \rho_k^2` of them, so that many count as one:
 
 .. math::
-   \log p(t_0, r, p, \sigma_1 \mid x) = -\frac{1}{\kappa} \sum_n \Big(\log\sigma_n + \frac{x_n^2}{2\sigma_n^2}\Big),
+   \ell(t_0, r, p, \sigma_0, \sigma_1) = -\frac{1}{\kappa} \sum_n \Big(\log\sigma_n + \frac{x_n^2}{2\sigma_n^2}\Big),
    \qquad \sigma_n^2 = \sigma_0^2 + (\sigma_1^2 - \sigma_0^2)\,\mathrm{clip}\Big(\frac{t_n - t_0}{r}, 0, 1\Big)^p.
 
-Summed over r, p and both deviations this is what is known of :math:`t_0`: its median is the onset, its quantiles the
-interval. The end of a burst is the onset of the same samples backwards.
+The profile of this likelihood over r, p and both deviations is largest at the onset. The interval holds every
+:math:`t_0` whose profile lies within half the quantile of :math:`\chi^2_2` of the largest: the region that holds onset
+and rise together. A sum over r and p would favour slow rises, which many :math:`t_0` fit a little. :math:`\kappa` is
+also at least what energies over 50 ms say: the burst's own, which varies more than Gaussian samples where few motor
+units fire, and that of all samples about the likeliest rise, which shows where no tried shape fits.
+The end of a burst is the onset of the same samples backwards.
 
 .. [1] S. Solnik, P. Rider, K. Steinweg, P. DeVita, T. Hortobagyi, "Teager-Kaiser energy operator signal conditioning
    improves EMG onset detection", European Journal of Applied Physiology 110, 2010.
@@ -33,7 +37,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise, product
 
 import numpy as np
-from scipy import signal
+from scipy import signal, stats
 from scipy.fft import irfft, next_fast_len, rfft
 
 from .._errors import RecordingError
@@ -64,31 +68,46 @@ REST_LENGTH_S = 0.5
 MIN_ACTIVITY_CONTRAST = 2.0
 """Smallest ratio of the RMS of activity to that of rest; below it a recording has no rest, or no activity."""
 
-ONSET_SEARCH_REACH_S = 0.3
-"""The change point is searched within this distance of the threshold crossing."""
+ONSET_SEARCH_REACH_S = 0.6
+"""The change point is searched up to this time before the threshold crossing."""
 
-RISE_TIMES_S = (0.0, 0.02, 0.04, 0.07, 0.1, 0.13, 0.16, 0.2, 0.25, 0.32)
-"""Rise times over which the change point's posterior is summed."""
+ONSET_SEARCH_AFTER_S = 0.3
+"""The change point is searched up to this time after the threshold crossing."""
+
+BURST_FIT_LENGTH_S = 1.2
+"""Samples up to this time after the threshold crossing are fitted."""
+
+MAX_BLOCK_S = 0.002
+"""Squares are summed over blocks of about this length: an onset is found no finer."""
+
+RISE_TIMES_S = (0.0, *(float(rise) for rise in np.geomspace(0.02, 0.8, 15)))
+"""Rise times that an onset is tried with. Neighbours are 30 % apart: a coarser grid moves the onset between them."""
 
 RISE_EXPONENTS = (2.0, 3.0)
-"""Powers of time with which the variance rises, over which the posterior is summed.
+"""Powers of time with which the variance rises that an onset is tried with.
 
 At 2 the amplitude rises evenly. At 3 it begins slowly, as where the first motor units are small.
 """
 
 PLATEAU_FACTORS = np.geomspace(0.7, 1.4, 4)
-"""Levels after the rise over which the posterior is summed, relative to the burst's RMS."""
+"""Levels after the rise that an onset is tried with, relative to the burst's RMS."""
 
 FLOOR_COUNT = 4
-"""Number of levels before the rise over which the posterior is summed, from that of rest to half the burst's. A muscle
-may be more active between two bursts than at rest."""
+"""Number of levels before the rise that an onset is tried with, from that of rest to half the burst's. A muscle may be
+more active between two bursts than at rest."""
+
+DISPERSION_BLOCK_S = 0.05
+"""Length of the blocks whose energies show how much a burst varies."""
+
+MIN_DISPERSION_BLOCKS = 6
+"""With fewer blocks in a burst their energies say nothing."""
 
 
 @dataclass(frozen=True)
 class ChangePoint:
     """The time of an onset or end, with its interval."""
 
-    time: float  # median of the posterior [s]
+    time: float  # most likely time [s]
     low: float  # lower end of the interval [s]
     high: float  # upper end of the interval [s]
 
@@ -277,40 +296,81 @@ def _burst(
 
 
 def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level: float) -> np.ndarray:
-    """Lower quantile, median and upper one of where `x`, in RMS of rest, changes, in samples: near `first`, not ahead
-    of `before`."""
-    reach = round(ONSET_SEARCH_REACH_S * fs)
-    low = max(before, first - reach)
-    end = min(len(x), max(min(last + 1, first + 2 * reach), first + round(MIN_BURST_S * fs)))
-    places = np.arange(min(first + reach, end - 1) - low)
-    squares, n = x[low:end] ** 2, end - low
+    """Return the lower end, the estimate and the upper end of the sample at which `x`, in RMS of rest, begins to rise.
+
+    The search lies around `first`, the sample that crossed the threshold, and not ahead of `before`.
+    """
+    low = max(before, first - round(ONSET_SEARCH_REACH_S * fs))
+    after = first + round(BURST_FIT_LENGTH_S * fs)
+    end = min(len(x), max(min(last + 1, after), first + round(MIN_BURST_S * fs)))
+    block = max(1, round(MAX_BLOCK_S * fs))
+    count = (end - low) // block
+    squares = (x[low : low + count * block] ** 2).reshape(count, block).sum(axis=1)
+    places = np.arange(min((first - low + round(ONSET_SEARCH_AFTER_S * fs)) // block, count - 1))
     burst = float(np.sqrt(np.mean(x[first:end] ** 2)))
     floors = np.geomspace(1.0, max(0.5 * burst, 1.0), FLOOR_COUNT)
-    size = next_fast_len(2 * n, real=True)
+    size = next_fast_len(2 * count, real=True)
     spectrum = rfft(squares, size)
-    logs = []
+    since = (np.arange(count) + 0.5) * block / fs  # Time since the onset at the middle of each block [s]
+    profile, likeliest = np.full(len(places), -np.inf), np.full(count, burst)
     for rise in RISE_TIMES_S:
-        ramp = np.clip(np.arange(1, n + 1) / max(rise * fs, 1.0), 0.0, 1.0)
-        for floor, shape in product(floors, RISE_EXPONENTS):
+        ramp = np.clip(since / max(rise, 0.5 * block / fs), 0.0, 1.0)
+        for floor, shape in product(floors, RISE_EXPONENTS if rise > 0.0 else RISE_EXPONENTS[:1]):
             plateaus = np.maximum(PLATEAU_FACTORS * burst, floor)[:, None]
             sigma = np.sqrt(floor**2 + (plateaus**2 - floor**2) * ramp**shape)
             # Less what the floor would have said of the same samples: of all places at once.
-            gain, cost = 0.5 * (1.0 / floor**2 - 1.0 / sigma**2), np.log(sigma / floor)
+            gain, cost = 0.5 * (1.0 / floor**2 - 1.0 / sigma**2), block * np.log(sigma / floor)
             told = irfft(spectrum * np.conj(rfft(gain, size, axis=1)), size, axis=1)[:, places]
-            all_floor = -n * np.log(floor) - 0.5 * squares.sum() / floor**2
-            logs.append(all_floor + told - np.cumsum(cost, axis=1)[:, n - 1 - places])
-    log_likelihood = np.concatenate(logs) / _alike(x[first:end])
-    weight = np.exp(log_likelihood - log_likelihood.max()).sum(axis=0)
-    total = np.concatenate(([0.0], np.cumsum(weight))) / weight.sum()
-    tails = 0.5 * (1.0 - level)
-    return low + np.interp((tails, 0.5, 1.0 - tails), total, np.arange(len(total)) - 0.5)
+            all_floor = -count * block * np.log(floor) - 0.5 * squares.sum() / floor**2
+            logs = all_floor + told - np.cumsum(cost, axis=1)[:, count - 1 - places]
+            if logs.max() > profile.max():
+                k, place = np.unravel_index(np.argmax(logs), logs.shape)
+                likeliest = np.concatenate((np.full(place, floor), sigma[k, : count - place]))
+            profile = np.maximum(profile, logs.max(axis=0))
+    best = int(np.argmax(profile))
+    alike = max(
+        _alike(x[first:end]),
+        _energy_dispersion(x[first : last + 1], fs),
+        _fit_dispersion(squares, block * likeliest**2, block, fs),
+    )
+    # The joint region of onset and rise, projected on the onset: two parameters.
+    inside = np.flatnonzero(profile >= profile[best] - 0.5 * alike * float(stats.chi2.isf(1.0 - level, 2)))
+    return low + block * np.array([inside[0] - 0.5, best, inside[-1] + 0.5])
 
 
 def _alike(x: np.ndarray) -> float:
-    """How many neighbours count as one where squares are summed, at least 1."""
+    """Return how many neighbours count as one where squares are summed, at least 1."""
     x = x - x.mean()
     most = min(len(x) - 1, 40)
     if most < 2 or not np.any(x):
         return 1.0
     rho = np.array([x[: len(x) - k] @ x[k:] for k in range(1, most)]) / (x @ x)
     return float(1.0 + 2.0 * np.sum(rho**2))
+
+
+def _energy_dispersion(x: np.ndarray, fs: float) -> float:
+    """Return how many samples count as one by how much the energy of a burst varies from block to block.
+
+    Independent Gaussian samples vary by their number alone. Motor units that fire a few times in a block vary more.
+    Fewer than `MIN_DISPERSION_BLOCKS` blocks tell nothing: 1.
+    """
+    length = round(DISPERSION_BLOCK_S * fs)
+    count = len(x) // length
+    if count < MIN_DISPERSION_BLOCKS:
+        return 1.0
+    energy = (x[: count * length] ** 2).reshape(count, length).mean(axis=1)
+    return float(0.25 * length * np.mean(np.diff(np.log(np.maximum(energy, 1e-12))) ** 2))
+
+
+def _fit_dispersion(squares: np.ndarray, expected: np.ndarray, block: int, fs: float) -> float:
+    """Return how many samples count as one by how far energies lie from the likeliest rise.
+
+    A rise that no tried shape follows leaves larger differences than Gaussian samples do, so that the interval widens.
+    `squares`, (n,), are sums over blocks of `block` samples; `expected`, (n,), is what the rise says of them.
+    """
+    length = max(1, round(DISPERSION_BLOCK_S * fs / block))
+    count = len(squares) // length
+    if count < MIN_DISPERSION_BLOCKS:
+        return 1.0
+    found, said = (each[: count * length].reshape(count, length).sum(axis=1) for each in (squares, expected))
+    return float(0.5 * length * block * np.mean((found / said - 1.0) ** 2))

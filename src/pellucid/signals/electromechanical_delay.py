@@ -1,0 +1,149 @@
+r"""Electromechanical delay: by how much a muscle's torque follows its EMG.
+
+The delay is the lag at which the correlation of an envelope with the torque is largest. Blocks of time that are left
+out in turn give its interval. The envelope must not be late itself: use one whose filters ran both ways.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from .._errors import RecordingError
+
+MAX_SEARCHED_DELAY_S = 0.5
+"""Delays are searched from minus to plus this time."""
+
+MIN_DELAY_CORRELATION = 0.5
+"""Smallest correlation between envelope and torque at which a delay counts as found. Chosen by judgement."""
+
+PEAK_SHARE = 0.95
+"""Lags whose correlation is at least this share of the largest belong to its peak."""
+
+DELAY_BLOCK_COUNT = 10
+"""Number of blocks of time that are left out in turn."""
+
+MIN_DELAY_BLOCK_S = 1.0
+"""Smallest length of such a block."""
+
+
+@dataclass(frozen=True)
+class ElectromechanicalDelay:
+    """Time by which a torque follows an envelope of EMG."""
+
+    value: float  # Delay [s]; positive where EMG comes first
+    interval: tuple[float, float]  # Confidence interval [s]
+    correlation: float  # Correlation of envelope and torque at this delay
+
+
+def electromechanical_delay(
+    envelope: ArrayLike, torque: ArrayLike, *, fs: float, level: float = 0.95
+) -> ElectromechanicalDelay:
+    """Return the time by which a torque follows an envelope of EMG, with its interval.
+
+    Parameters
+    ----------
+    envelope : array_like, shape (n,)
+        Envelope of one muscle, in any unit, by filters that ran both ways.
+    torque : array_like, shape (n,)
+        Torque or force that the muscle makes, in any unit; its sign does not matter.
+    fs : float
+        Sampling rate of both [Hz].
+    level : float
+        Confidence level of the interval.
+
+    Returns
+    -------
+    ElectromechanicalDelay
+
+    Raises
+    ------
+    RecordingError
+        If the shapes differ, a sample is missing, the recording is shorter than ten seconds, or no delay is found: the
+        correlation is below 0.5, or largest at an end of the search.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> effort = lambda t: np.clip(np.sin(2.0 * np.pi * 0.7 * t) + 0.3 * np.sin(2.0 * np.pi * 0.31 * t), 0.0, None)
+    >>> found = pl.electromechanical_delay(effort(t), 30.0 * effort(t - 0.08), fs=100.0)
+    >>> round(found.value, 3)
+    0.08
+    """
+    x, y = np.asarray(envelope, float), np.asarray(torque, float)
+    if x.ndim != 1 or x.shape != y.shape:
+        raise RecordingError(
+            f"electromechanical_delay: found shapes {x.shape} and {y.shape} of envelope and torque, expected both (n,)"
+        )
+    if not fs > 0.0:
+        raise RecordingError(f"electromechanical_delay: found a sampling rate of {fs:g} Hz, expected one above 0")
+    for name, samples in (("envelope", x), ("torque", y)):
+        missing = np.flatnonzero(~np.isfinite(samples))
+        if missing.size:
+            raise RecordingError(
+                f"electromechanical_delay: found {missing.size} missing samples (NaN) in the {name}, the first at "
+                f"{missing[0] / fs:.6g} s, expected none"
+            )
+    reach = round(MAX_SEARCHED_DELAY_S * fs)
+    if len(x) < DELAY_BLOCK_COUNT * MIN_DELAY_BLOCK_S * fs:
+        raise RecordingError(
+            f"electromechanical_delay: found {len(x) / fs:.3g} s, expected at least "
+            f"{DELAY_BLOCK_COUNT * MIN_DELAY_BLOCK_S:g} s"
+        )
+    sums = _block_sums(x, y, reach)
+    correlation = _correlations(sums.sum(axis=0))
+    best = int(np.argmax(np.abs(correlation)))
+    largest = float(abs(correlation[best]))
+    if largest < MIN_DELAY_CORRELATION or best in (0, 2 * reach):
+        where = ", at the end of the search" if best in (0, 2 * reach) else ""
+        raise RecordingError(
+            f"electromechanical_delay: found a largest correlation of {largest:.2g} at {(best - reach) / fs:.3g} s"
+            f"{where}, expected one of at least {MIN_DELAY_CORRELATION:g} within {MAX_SEARCHED_DELAY_S:g} s: no delay "
+            "can be told"
+        )
+    sign = np.sign(correlation[best])
+    value = _peak(sign * correlation, reach, fs)
+    without = np.array([_peak(sign * _correlations(sums.sum(axis=0) - one), reach, fs) for one in sums])
+    error = np.sqrt((len(sums) - 1) / len(sums) * np.sum((without - without.mean()) ** 2))
+    half = float(stats.t.isf(0.5 * (1.0 - level), len(sums) - 1) * error)
+    return ElectromechanicalDelay(value, (value - half, value + half), largest)
+
+
+def _block_sums(x: np.ndarray, y: np.ndarray, reach: int) -> np.ndarray:
+    """Return sums of 1, x, y, x^2, y^2 and xy at every lag of each block, shape (blocks, 6, lags)."""
+    x, y = x - x.mean(), y - y.mean()
+    middle = np.arange(reach, len(x) - reach)
+    made = np.empty((DELAY_BLOCK_COUNT, 6, 2 * reach + 1))
+    for i, at in enumerate(np.array_split(middle, DELAY_BLOCK_COUNT)):
+        for j, lag in enumerate(range(-reach, reach + 1)):
+            a, b = x[at], y[at + lag]
+            made[i, :, j] = len(at), a.sum(), b.sum(), a @ a, b @ b, a @ b
+    return made
+
+
+def _correlations(sums: np.ndarray) -> np.ndarray:
+    """Return the correlation at every lag from sums of shape (6, lags)."""
+    count, x, y, xx, yy, xy = sums
+    below = np.sqrt(np.maximum(xx - x**2 / count, 0.0) * np.maximum(yy - y**2 / count, 0.0))
+    return np.where(below > 0.0, (xy - x * y / count) / np.where(below > 0.0, below, 1.0), 0.0)
+
+
+def _peak(correlation: np.ndarray, reach: int, fs: float) -> float:
+    """Return the lag of the largest correlation [s], by a parabola through the lags beside it that reach almost as far.
+
+    A parabola through three samples alone follows their noise.
+    """
+    top = int(np.clip(np.argmax(correlation), 1, len(correlation) - 2))
+    below = np.flatnonzero(correlation < PEAK_SHARE * correlation[top])
+    first = int(max(below[below < top].max(initial=-1) + 1, 0))
+    last = int(min(below[below > top].min(initial=len(correlation)) - 1, len(correlation) - 1))
+    half = max(min(top - first, last - top), 1)
+    lags = np.arange(-half, half + 1)
+    bend, slope, _ = np.polyfit(lags, correlation[top - half : top + half + 1], 2)
+    between = float(np.clip(-0.5 * slope / bend, -half, half)) if bend < 0.0 else 0.0
+    return (top - reach + between) / fs
