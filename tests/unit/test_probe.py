@@ -191,4 +191,4 @@ def test_a_healthy_robot_may_answer_otherwise_than_at_its_commissioning(right, r
 def test_waves_and_answers_are_as_stated():
     """Waves of 42, 75 and 108 Hz; a healthy robot answers otherwise by a tenth in the mean square."""
     assert [round(cycles / PROBE_WINDOW_S) for cycles in PROBE_CYCLES] == [42, 75, 108]
-    assert PROBE_ANSWER_ERROR == pytest.approx(0.1)
+    assert pytest.approx(0.1) == PROBE_ANSWER_ERROR
