@@ -310,6 +310,8 @@ void numbers_that_are_none() {
   const std::uint32_t stop = life.recorder.stop_slot;
   check(stop < 6 && !(p::detail::word_float(life.head(stop, 6)) == p::detail::word_float(life.head(stop, 6))), "NaN stays");
   check(p::detail::word_float(p::detail::float_word(1e300)) == std::numeric_limits<float>::max(), "larger than a float");
+  const double just_above = 1.5 * static_cast<double>(std::numeric_limits<float>::max());
+  check(p::detail::word_float(p::detail::float_word(just_above)) == std::numeric_limits<float>::max(), "just above a float");
   check(p::detail::word_float(p::detail::float_word(-1e300)) == -std::numeric_limits<float>::max(), "smaller");
   check(p::detail::word_float(p::detail::float_word(-never)) == -std::numeric_limits<float>::infinity(), "infinite");
   const float nothing = p::detail::word_float(p::detail::float_word(nan));
@@ -317,6 +319,7 @@ void numbers_that_are_none() {
   using B = p::WatchBound;
   const float none = std::numeric_limits<float>::quiet_NaN(), far = std::numeric_limits<float>::infinity();
   check(p::detail::is_nearer(-3, 4, 1, 4, B::size) && !p::detail::is_nearer(-3, 4, 1, 4, B::above), "size");
+  check(!p::detail::is_nearer(1, 4, -3, 4, B::size) && p::detail::is_nearer(1, 4, -3, 4, B::above), "size of the other");
   check(p::detail::is_nearer(1, 2, 3, 8, B::above) && !p::detail::is_nearer(3, 8, 1, 2, B::above), "by share");
   check(p::detail::is_nearer(1, 2, 3, 2, B::below) && !p::detail::is_nearer(3, 2, 1, 2, B::below), "below");
   check(p::detail::is_nearer(none, 1, 5, 1, B::above) && !p::detail::is_nearer(5, 1, none, 1, B::above), "NaN is beyond");
@@ -325,6 +328,73 @@ void numbers_that_are_none() {
   const std::int64_t first = std::numeric_limits<std::int64_t>::min(), last = std::numeric_limits<std::int64_t>::max();
   check(p::age_of(last, 0) == 0x7fffffff && p::age_of(0, last) == -0x7fffffff, "as far as 32 bits");
   check(p::age_of(last, first) == -1 && p::age_of(0, 0) == 0, "around");
+}
+
+/// The push that is shown: effort beyond the weight that a law carries, and beyond friction.
+void a_push_is_beyond_weight_and_friction() {
+  Life<Joint, double> life(2);
+  life.run(10);
+  auto& s = life.law.state;
+  s.steps = 1;
+  s.body.weight = 1;
+  s.body.drag = 0.25;
+  p::WatchedState<double> before = life.recorder.before, next = before;
+  const auto pushed = [&](M mode, double effort) {
+    before.mode = static_cast<decltype(before.mode)>(mode);
+    before.drive.asked = before.drive.asked_before = effort;
+    p::note_before(p::WatchedPeriod<double>{life.law.supervisor, life.law.controller.law.gate, s, before, {}, {}, 0}, next);
+    return next.pushed;
+  };
+  check_close(pushed(M::running, 3), 1.75, 1e-12, "with the weight");
+  check_close(pushed(M::degraded, -3), 3.75, 1e-12, "against the weight");
+  check_close(pushed(M::zero, 3), 2.75, 1e-12, "a stop carries no weight");
+}
+
+/// A sample that comes again lends the speed's threshold no more than a new one does.
+void a_repeated_sample_keeps_the_threshold() {
+  Life<Joint, double> life(8);
+  life.run(20);
+  std::size_t at;
+  watch_named(life, "raw_speed", &at);
+  const auto threshold = [&] {
+    const std::uint32_t place = life.recorder.slot == 0 ? 7 : life.recorder.slot - 1;
+    const std::size_t word = p::record_head_words + p::sample_words * p::record_samples<Joint<double>> + 2 * at;
+    return p::detail::word_float(life.head(place, word + 1));
+  };
+  const float usual = threshold();
+  check(p::is_finite(usual) && usual > 0, "it watches");
+  p::Sample<double> last;
+  life.step([&](auto& read, auto&) { last = read.position; });
+  life.step([&](auto& read, auto&) { read.position = last; });
+  check_close(threshold(), usual, 1e-6f, "as of any other sample");
+}
+
+/// A place of the stop that damage put just beyond the memory is no stop in the file.
+void a_stop_beyond_the_memory() {
+  Life<Joint, double> life(4);
+  life.run(3);
+  life.recorder.stop_slot = 4;
+  std::vector<std::uint32_t> file;
+  p::write(life.recorder, life.words(), life.law, false, [&](std::uint32_t word) {
+    file.push_back(word);
+    return true;
+  });
+  check(file[8] == p::no_slot, "no stop");
+}
+
+/// What damage left just beyond its bound is found, and the recording begins anew.
+void damage_at_each_bound() {
+  for (int field = 0; field < 4; ++field) {
+    Life<Joint, double> life(4, 3);
+    life.run(30);
+    auto& r = life.recorder;
+    if (field == 0) r.slot = 4;
+    if (field == 1) r.whole = 5;
+    if (field == 2) r.filled = 3;
+    if (field == 3) r.left = 5;
+    life.step();
+    check(r.damages == 1, "found");
+  }
 }
 
 // --- memory that is damaged --------------------------------------------------------------------------------------------
@@ -455,6 +525,10 @@ int main() {
   }
   check(stops > 100, "faults enough");
   numbers_that_are_none();
+  a_push_is_beyond_weight_and_friction();
+  a_repeated_sample_keeps_the_threshold();
+  a_stop_beyond_the_memory();
+  damage_at_each_bound();
   damaged_memory();
   a_file();
   return failures();

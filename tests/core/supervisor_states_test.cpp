@@ -66,6 +66,9 @@ void parameters() {
   bad = r;
   bad.test.samples = 7;
   check(p::coefficients(bad, gate()).valid == 0, "half a wave that is too short");
+  bad = r;
+  bad.shaking.recent = 600;
+  check(p::coefficients(bad, gate()).valid == 0, "a mean that is too fast");
   // A delay beyond a million periods is a million.
   auto fast = law_params().gate;
   fast.period = 0x1p-17;

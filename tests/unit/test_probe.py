@@ -16,6 +16,8 @@ from pellucid.control.probe import (
     PROBE_ANSWER_ERROR,
     PROBE_ANSWER_NAMES,
     PROBE_CREST,
+    PROBE_CYCLES,
+    PROBE_WINDOW_S,
     probe_numbers,
     probe_samples,
     probe_signal_to_noise,
@@ -184,3 +186,9 @@ def test_a_commissioned_robot_finds_what_is_wrong_from_the_start(right, gain, fa
 def test_a_healthy_robot_may_answer_otherwise_than_at_its_commissioning(right, ratio):
     answer = [ratio * part for part in right]
     assert moving_joint(1.0, 0.0, seconds=3.0, answer=answer)[0] == "none"
+
+
+def test_waves_and_answers_are_as_stated():
+    """Waves of 42, 75 and 108 Hz; a healthy robot answers otherwise by a tenth in the mean square."""
+    assert [round(cycles / PROBE_WINDOW_S) for cycles in PROBE_CYCLES] == [42, 75, 108]
+    assert pytest.approx(0.1) == PROBE_ANSWER_ERROR

@@ -215,6 +215,13 @@ def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
     assert changes(instruments=Instruments(**ACCURATE | worse)) == pytest.approx(expected)
 
 
+def test_weight_of_the_wearer_widens_the_push():
+    """A law that carries weight of the wearer may push by as much more."""
+    usual = thresholds()
+    held = thresholds(replace(joint(), supported=1.5, unstated=0.25))
+    assert held["push_limit"] == pytest.approx(usual["push_limit"] + 1.75)
+
+
 def test_a_worse_force_sensor_widens_its_watch():
     usual = thresholds()
     found = changes(instruments=Instruments(force_offset=0.05 * EFFORT))
@@ -651,6 +658,9 @@ def test_thresholds_of_force_sensors(robot):
     np.testing.assert_allclose(reach.resting, 0.3 + 0.05 * reach.weight)
     np.testing.assert_allclose(reach.coupled, COUPLED, rtol=1e-9)
     felt = tree_laws.with_force_sensor(law)
+    for share in felt.shares:
+        assert (share["proportional"], share["sensor_lowpass"], share["sensor_drift"]) == (2.0, 15.0, 0.1)
+        assert share["feedback_limit"] == pytest.approx(0.2 * share["effort_limit"])
     for k, watch in enumerate(felt.watches):
         effort = law.shares[k]["effort_limit"]
         assert (watch["force_expected"], watch["force_range"], watch["force_quiet_samples"]) == (1.0, 25.0, 50.0)
