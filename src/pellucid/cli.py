@@ -416,8 +416,11 @@ def live(
 
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid report my-elbow"))
-def report(folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False) -> None:
-    """Write the report: one HTML page, figures as SVG and PDF.
+def report(
+    folder: Folder, out: Out = None, allow_outside: Outside = False, accept_stale: Stale = False,
+    with_pdf: Annotated[bool, typer.Option("--pdf", help="Write each figure as PDF too.")] = False,
+) -> None:  # fmt: skip
+    """Write the report: one HTML page, and its figures as SVG.
 
     It draws what other commands have found and kept, and says how to make what is missing.
     """
@@ -425,7 +428,7 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False, acce
 
     study = _opened(folder, out, allow_outside, accept_stale)
     with show_progress() as tell:
-        page = run(study, only_kept=True, on_progress=tell)
+        page = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
     print_line(make_console(), f"Report: {page}")
     if page.parent != study.report_dir:
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)

@@ -171,7 +171,7 @@ def test_the_report_shows_every_participant(whole):
     for heading in ("What was found, and what was not", "Every participant", "Movements", "Isochrony", "Other filters"):
         assert heading in page
     assert page.count("<svg") == 5
-    assert (whole.study.report_dir / "isochrony.pdf").is_file()
+    assert (whole.study.report_dir / "isochrony.svg").is_file()
 
 
 def test_a_study_that_only_assesses_is_checked_and_says_what_to_do(whole):

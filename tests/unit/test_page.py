@@ -166,7 +166,7 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    return write_page(tmp_path_factory.mktemp("page") / "new" / "folder", page())
+    return write_page(tmp_path_factory.mktemp("page") / "new" / "folder", page(), with_pdf=True)
 
 
 @pytest.fixture(scope="module")

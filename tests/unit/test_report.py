@@ -112,11 +112,10 @@ def test_the_page_says_what_was_found(page, fit):
 
 def test_figures_are_files_too(written):
     names = {p.stem for p in written.parent.glob("*.svg")}
-    assert names == {p.stem for p in written.parent.glob("*.pdf")}
+    assert not list(written.parent.glob("*.pdf"))  # only `with_pdf` asks for them
     assert {"friction", "effort", "residuals", "whiteness", "recordings", "estimators", "heldout"} <= names
     for path in written.parent.glob("*.svg"):
         ElementTree.parse(path)
-    assert all(path.read_bytes().startswith(b"%PDF") for path in written.parent.glob("*.pdf"))
 
 
 def test_the_same_fit_gives_the_same_bytes(fit, written, tmp_path):

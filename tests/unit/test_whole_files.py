@@ -44,7 +44,7 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
     def page(word):
         return Page("A", "B", "C", sections=(Section("s", "S", drawings=(drawn(word),)),))
 
-    write_page(tmp_path, page("before"))
+    write_page(tmp_path, page("before"), with_pdf=True)
     before = content(tmp_path)
     assert {"index.html", "word.svg", "word.pdf"} == set(before)
     assert before["word.pdf"].rstrip().endswith(b"%%EOF")
@@ -52,7 +52,7 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
     assert sizes == sorted(sizes)
     full_disk(len(before[last]) * 9 // 10)
     with pytest.raises(OSError, match="File too large"):
-        write_page(tmp_path, page("after "))
+        write_page(tmp_path, page("after "), with_pdf=True)
     after = content(tmp_path)
     assert set(after) == set(before)  # nothing half-written beside them either
     whole = {"word.svg": drawn("after ").svg.encode()}

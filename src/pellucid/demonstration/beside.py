@@ -1,7 +1,4 @@
-"""What the demo's second process does; it loads no more than that, because to load a library takes seconds.
-
-Figures are written as SVG alone: `pellucid report` on a chapter's folder writes them as PDF too.
-"""
+"""What the demo's second process does; it loads no more than that, because to load a library takes seconds."""
 
 from __future__ import annotations
 
@@ -20,12 +17,12 @@ def identify_machine(folder: Path, name: str) -> None:
     study = init(folder, dataset=name)
     fit = identify(study)
     fit.save(study)
-    write_report(study, fit, with_pdf=False)
+    write_report(study, fit)
 
 
 def write_kept_report(folder: Path) -> None:
     """Write the report of what a study's commands kept."""
-    write_report(open_study(folder), with_pdf=False)
+    write_report(open_study(folder))
 
 
 def count_coverage(repetitions: int) -> tuple[Coverage, ...]:

@@ -63,7 +63,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
         footer=f"Written by pellucid {version('pellucid')}; every random draw is seeded. Each chapter is a folder "
         "beside this page, with its recordings, study.toml, model cards, results.json and report.",
     )
-    return write_page(out, page, with_pdf=False)
+    return write_page(out, page)
 
 
 def _headline(made: Demonstration) -> str:

@@ -76,7 +76,7 @@ class Drawing:
         text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS_SERIF_FONTS}".replace('"', "'"), text)
         return text.strip()
 
-    def save(self, folder: Path, *, with_pdf: bool = True) -> tuple[Path, ...]:
+    def save(self, folder: Path, *, with_pdf: bool = False) -> tuple[Path, ...]:
         """Write ``<name>.svg`` and, `with_pdf`, ``<name>.pdf`` into `folder`; return their paths."""
         folder = Path(folder)
         drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)

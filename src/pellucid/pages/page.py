@@ -218,7 +218,7 @@ def answer_from_verdicts(
     return Answer(question, verdict, first), kept
 
 
-def write_page(folder: Path, page: Page, *, with_pdf: bool = True) -> Path:
+def write_page(folder: Path, page: Page, *, with_pdf: bool = False) -> Path:
     """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and, `with_pdf`, PDF.
 
     A PDF takes longer than the SVG, because the letters of its fonts are cut out.

@@ -73,7 +73,7 @@ def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | Non
         remove_leftovers(folder / part)
     drawings = [drawing for _, page in found for section in page.sections for drawing in section.drawings]
     for drawing in drawings:
-        drawing.save(folder / "figures")
+        drawing.save(folder / "figures", with_pdf=True)
     tables = paper_tables([result for result, _ in found])
     for name, table in tables.items():
         write_text_atomically(folder / "tables" / f"{name}.tex", latex(table))

@@ -464,7 +464,7 @@ def report(
     result: Result | None = None,
     *,
     only_kept: bool = False,
-    with_pdf: bool = True,
+    with_pdf: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
     """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
