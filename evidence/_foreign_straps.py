@@ -113,7 +113,9 @@ def record_straps(straps: list[ForeignStrap], rng: np.random.Generator) -> list[
     """Return two swings and two trials with held torques of each strap; all are integrated side by side."""
     count = len(straps)
     wide = {
-        name: np.repeat([getattr(s, name) for s in straps], 4) for name in ForeignStrap.__annotations__ if name != "kind"
+        name: np.repeat([getattr(s, name) for s in straps], 4)
+        for name in ForeignStrap.__annotations__
+        if name != "kind"
     }
     swings = np.tile([True, True, False, False], count)
     held_at = np.tile([0.0, 0.0, *HELD_ANGLES_RAD], count)
@@ -205,5 +207,7 @@ def _imu_error(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     for i, push in enumerate(rng.standard_normal(len(time))):
         noise[i] = now
         now = keep * now + np.sqrt(1.0 - keep**2) * push
-    sway = sum(rng.normal(0.0, 0.006) * np.sin(2.0 * np.pi * f * time + rng.uniform(0.0, 6.28)) for f in (0.03, 0.08, 0.15))
+    sway = sum(
+        rng.normal(0.0, 0.006) * np.sin(2.0 * np.pi * f * time + rng.uniform(0.0, 6.28)) for f in (0.03, 0.08, 0.15)
+    )
     return 0.3 * rng.standard_normal() + 0.004 * noise + sway

@@ -69,7 +69,7 @@ def test_the_limb_is_found_again_from_the_torque(option):
 
 def test_friction_beside_the_spring_and_tissue_in_series_are_solved():
     values = parameters()
-    robot, limb, torque, _, against = worked(values)
+    robot, limb, torque, *_ = worked(values)
     rate = np.gradient(limb - robot, PERIOD)
     level, depth, firm = 0.6, 0.03, 0.8
     given = torque + level * np.sign(rate)

@@ -61,7 +61,9 @@ def begun(count):
     return CouplingFit("orthosis", k, b, zero, None, np.eye(2), (Instrument(SHIFT + 0.02, 0.3),) * count, ())
 
 
-@pytest.mark.parametrize("features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), WITHOUT_FRICTION_AND_TISSUE])
+@pytest.mark.parametrize(
+    "features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), WITHOUT_FRICTION_AND_TISSUE]
+)
 def test_a_strap_is_named_for_what_it_does(features):
     swings, torques = straps(features)
     found = identify_strap(swings, torques, begun(len(swings)))

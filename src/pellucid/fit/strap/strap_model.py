@@ -1,10 +1,11 @@
 r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up to six additional features.
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
-parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. The
-strap rubs if dry friction acts beside the spring. Soft tissue in series is compressed less and less by a growing torque;
-tissue that is a linear spring or a linear Kelvin-Voigt element cannot be told from a standard linear solid, which has
-the same response. The strap's misalignment with the joint's axis is no property of the strap, but the other parameters are biased without it.
+parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A
+strap rubs if dry friction acts beside the spring. Soft tissue in series is compressed less and less by a growing
+torque. Tissue that is a linear spring, with or without a damper, cannot be told from a standard linear solid, which has
+the same response. The strap's misalignment with the joint's axis is no property of the strap, but the other parameters
+are biased without it.
 """
 
 from __future__ import annotations
@@ -77,9 +78,7 @@ STRAP_FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
     "friction": (Coefficient("friction", "strap_friction", "N*m", 0.02, 1e-5, 50.0),),
     "tissue": (
         Coefficient("tissue_depth", "strap_tissue_depth", "rad", 2e-3, 1e-6, 0.5),
-        Coefficient(
-            "tissue_torque", "strap_tissue_torque", "N*m", 0.5, 0.01, 50.0, searched="logarithm", spread=1.2
-        ),
+        Coefficient("tissue_torque", "strap_tissue_torque", "N*m", 0.5, 0.01, 50.0, searched="logarithm", spread=1.2),
     ),
 }
 """The features that a strap may have, each with the parameters that it frees."""
