@@ -11,15 +11,13 @@ swing.
   instead, and `among_all` that of straps with everything in which it is named.
 - false alarms: straps that are a spring and a damper, of which any feature is named.
 - none holds: straps that creep as no model does, beside straps that are one of the models.
-
 - foreign: straps of six kinds with equations of their own (`_foreign_straps.py`), of which the right features are
   named.
 
 Plant and models of all but the last share the strap's equation (``strap.hpp``): what is proven is that noise, sway,
 clocks, mountings, an orthosis that was itself identified, and creep do not mislead, not that a strap of cloth is one of
-these. The method was chosen on straps drawn with other seeds (orthoses 9000 to 9003, 79001 to 79006 and 89001 to 89006, wearers 20000 to
-50500, 70001 to 70030 and 80001 to 80200). Beside it
-stands the spring and damper by least squares.
+these. The method was chosen on straps drawn with other seeds (orthoses 9000 to 9003, 79001 to 79006 and 89001 to 89006,
+wearers 20000 to 50500, 70001 to 70030 and 80001 to 80200). Beside it stands the spring and damper by least squares.
 """
 
 from collections.abc import Iterator

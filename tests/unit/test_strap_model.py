@@ -84,6 +84,7 @@ def test_a_strap_is_named_for_what_it_does(features):
         assert found.ends[1].value > 1.5 * found.stiffness.value
 
 
+@pytest.mark.nightly
 def test_a_strap_that_rubs_or_pulls_through_soft_tissue_is_named():
     """Friction was no feature: it was flagged as nothing, or imitated by others."""
     swings, torques = straps(())
