@@ -24,7 +24,7 @@ import numpy as np
 
 from pellucid.fit.strap.strap_torque import Orthosis, StrappedSwing
 
-KINDS = {
+FEATURES_BY_KIND = {
     "plain": (),
     "hardening": ("hardening",),
     "slack": ("slack",),
@@ -46,14 +46,29 @@ TRIAL_S = 40.0
 IMU_PERIOD_S = 0.02
 """Time between two samples of the IMU [s]."""
 
-INERTIA, VISCOUS, GRAVITY, COULOMB = 0.075, 0.02, 1.56, 0.03
-"""Constants of the orthosis [kg*m^2, N*m*s/rad, N*m, N*m]."""
+ORTHOSIS_INERTIA = 0.075
+"""Inertia of the orthosis [kg*m^2]."""
+
+ORTHOSIS_VISCOUS = 0.02
+"""Viscous friction of the orthosis [N*m*s/rad]."""
+
+ORTHOSIS_GRAVITY = 1.56
+"""Gravity torque of the orthosis at 90 degrees [N*m]."""
+
+ORTHOSIS_COULOMB = 0.03
+"""Dry friction of the orthosis [N*m]."""
 
 CONSTANT_ERRORS = (0.01, 0.1, 0.005, 0.1)
 """Relative standard errors with which the orthosis's constants are handed over."""
 
-LIMB_INERTIA, LIMB_STIFFNESS, LIMB_DAMPING = 0.35, 90.0, 5.0
-"""Limb, and how stiffly its wearer moves it [kg*m^2, N*m/rad, N*m*s/rad]."""
+LIMB_INERTIA = 0.35
+"""Inertia of the limb [kg*m^2]."""
+
+LIMB_STIFFNESS = 90.0
+"""Stiffness with which the wearer moves the limb [N*m/rad]."""
+
+LIMB_DAMPING = 5.0
+"""Damping with which the wearer moves the limb [N*m*s/rad]."""
 
 HELD_ANGLES_RAD = (0.5, 1.0)
 """Angles of the trials in which torques are held [rad]."""
@@ -139,7 +154,7 @@ def record_straps(straps: list[ForeignStrap], rng: np.random.Generator) -> list[
         before = HELD_TORQUES[place - 1] if place else 0.0
         rise = min((t - place * hold_s) / 0.3, 1.0)
         step = before + (HELD_TORQUES[place] - before) * 0.5 * (1.0 - np.cos(np.pi * rise))
-        return np.where(swings, -hand * speed, step - 0.3 * speed + GRAVITY * np.sin(held_at))
+        return np.where(swings, -hand * speed, step - 0.3 * speed + ORTHOSIS_GRAVITY * np.sin(held_at))
 
     tissue, has_gap, hardens = wide["thickness"] > 0.0, wide["gap"] > 0.0, wide["hardening"] > 0.0
     width = np.where(hardens, wide["hardening"], 1.0)
@@ -158,11 +173,11 @@ def record_straps(straps: list[ForeignStrap], rng: np.random.Generator) -> list[
         pull = np.where(tissue, layer + 0.1 * d * squeezing, spring)
         pull = pull + wide["branch"] * (e - flow) + wide["friction"] * bend / BRISTLE_RAD
         torque = drive(t, v)
-        rub = COULOMB * np.tanh(v / 0.02)
+        rub = ORTHOSIS_COULOMB * np.tanh(v / 0.02)
         want, pace = wanted(t)
         push = LIMB_STIFFNESS * (want - limb) + LIMB_DAMPING * (pace - speed)
         return np.array([
-            v, (pull + torque - VISCOUS * v - GRAVITY * np.sin(q) - rub) / INERTIA,
+            v, (pull + torque - ORTHOSIS_VISCOUS * v - ORTHOSIS_GRAVITY * np.sin(q) - rub) / ORTHOSIS_INERTIA,
             speed, (push - pull) / LIMB_INERTIA,
             (e - flow) / wide["relaxation"], rate - np.abs(rate) * bend / BRISTLE_RAD, squeezing,
         ]), torque  # fmt: skip
@@ -189,8 +204,10 @@ def _worn(strap: ForeignStrap, rows: np.ndarray, rng: np.random.Generator) -> Wo
         imu = np.arange(0.01 * rng.random(), time[-1], IMU_PERIOD_S)
         limb = np.interp(imu, time, rows[:, 2, i])
         trials.append((f"trial_{i}", position, torque, imu, limb + _imu_error(imu, rng)))
-    errors = np.array(CONSTANT_ERRORS) * [INERTIA, VISCOUS, GRAVITY, COULOMB]
-    said = np.array([INERTIA, VISCOUS, GRAVITY, COULOMB]) + errors * rng.standard_normal(4)
+    errors = np.array(CONSTANT_ERRORS) * [ORTHOSIS_INERTIA, ORTHOSIS_VISCOUS, ORTHOSIS_GRAVITY, ORTHOSIS_COULOMB]
+    said = np.array(
+        [ORTHOSIS_INERTIA, ORTHOSIS_VISCOUS, ORTHOSIS_GRAVITY, ORTHOSIS_COULOMB]
+    ) + errors * rng.standard_normal(4)
     late = rng.uniform(-0.2, 0.2)
     made = [
         StrappedSwing(name, "fitted", time, position, torque, imu - late, seen)

@@ -43,7 +43,7 @@ from pellucid.signals.inertial import inertial
 from pellucid.signals.input_output import input_output
 from pellucid.studies.results import ResultRow
 
-from ._foreign_straps import KINDS, WornOrthosis, drawn_strap, record_straps
+from ._foreign_straps import FEATURES_BY_KIND, WornOrthosis, drawn_strap, record_straps
 
 WEARER_COUNT = sized(120, smallest=1)
 """Number of drawn wearers."""
@@ -193,13 +193,13 @@ def foreign_features(worn: WornOrthosis) -> tuple[tuple[str, ...], bool] | None:
 def foreign_rows(per_kind: int) -> Iterator[ResultRow]:
     """Yield the share of foreign straps whose features are right, and of those said to follow no model."""
     rng = np.random.default_rng(FOREIGN_SEED)
-    straps = [drawn_strap(kind, rng) for _ in range(per_kind) for kind in KINDS]
+    straps = [drawn_strap(kind, rng) for _ in range(per_kind) for kind in FEATURES_BY_KIND]
     found = ordered_results([(foreign_features, worn) for worn in record_straps(straps, rng)])
-    right = [f is not None and f[0] == KINDS[s.kind] for f, s in zip(found, straps, strict=True)]
+    right = [f is not None and f[0] == FEATURES_BY_KIND[s.kind] for f, s in zip(found, straps, strict=True)]
     held = [f[1] for f in found if f is not None]
-    said = f"{len(straps)} straps of {len(KINDS)} kinds by equations of their own"
+    said = f"{len(straps)} straps of {len(FEATURES_BY_KIND)} kinds by equations of their own"
     yield _row("foreign.features_right", 100.0 * float(np.mean(right)), "%", f"the right features and no other; {said}")
-    for kind in KINDS:
+    for kind in FEATURES_BY_KIND:
         own = [r for r, s in zip(right, straps, strict=True) if s.kind == kind]
         yield _row(f"foreign.{kind}.features_right", 100.0 * float(np.mean(own)), "%", f"{len(own)} straps")
     yield _row("foreign.false_no_model", 100.0 * float(np.mean(np.logical_not(held))) if held else 0.0, "%",
