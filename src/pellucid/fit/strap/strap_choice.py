@@ -71,8 +71,8 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
             losses[feature] = float(np.mean(np.concatenate(without)))
             worse = losses[feature] > (1.0 + MIN_PREDICTION_LOSS_SHARE) * level
             p[feature] = p_value_of_larger_loss(without, loss)[0] if worse else 1.0
-        # Of features that are all dispensable, the one without which the prediction is best goes first: each may be
-        # dispensable only because another imitates it.
+        # Several features may be dispensable because each imitates another. The one without which the prediction is
+        # best goes first.
         least = max(p, key=lambda feature: (p[feature], -losses[feature]), default=None)
         if least is None or p[least] < FEATURE_TEST_LEVEL / len(STRAP_FEATURES):
             missed = p
