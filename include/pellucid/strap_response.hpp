@@ -1,6 +1,10 @@
 // Where a limb must be for its strap to pull at a robot as was measured: the strap's equation, solved for the stretch.
 //
-//   tau(e, de/dt, x) = tau_robot / a'(q),      q_limb = a(q) + slip + e + half the gap, on the flank that pulls
+//   tau(e, de/dt, x) + F sgn(de/dt) = tau_robot / a'(q),      q_limb = a(q) + slip + e + s + half the gap, on the
+//   s = s_0 arsinh(tau_robot / (a'(q) tau_0))                 flank that pulls
+//
+// Cloth that rubs on itself or on the limb carries F beside the spring. Soft tissue in series is compressed by s: its
+// force grows exponentially, as that of cuffs on limbs does.
 //
 // A strap's torque is better known than its stretch: encoders tell it, an inertial sensor the limb. Backward differences
 // of second order, Newton's steps on e. In the gap no torque tells where the limb is; it is then said to be on the flank
@@ -11,6 +15,27 @@
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
+
+/// What lies between strap and limb, and what rubs beside the strap.
+template <class S> struct StrapContactParams {
+  S friction{}, tissue_depth{}, tissue_torque{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.friction, {"strap_friction", unit::effort, at_least(0), "F, dry friction beside the spring"});
+    visit(p.tissue_depth, {"strap_tissue_depth", unit::coordinate, at_least(0),
+                           "s_0, by which soft tissue in series gives more where the torque grows e-fold; 0: none"});
+    visit(p.tissue_torque, {"strap_tissue_torque", unit::effort, at_least(0),
+                            "tau_0, torque up to which that tissue is a linear spring of tau_0 / s_0"});
+  }
+};
+
+/// By how much soft tissue in series is compressed under a torque on the limb [rad].
+template <class S> S compression(const StrapContactParams<S>& contact, const S& torque) noexcept {
+  const mask_t<S> soft = both(contact.tissue_depth > S(0), contact.tissue_torque > S(0));
+  const S share = abs(torque) / select(soft, contact.tissue_torque, S(1));
+  const S way = contact.tissue_depth * log(share + sqrt(share * share + S(1)));
+  return select(soft, select(torque < S(0), S(0) - way, way), S(0));
+}
 
 /// What a response remembers: stretch and what the dashpot has given, now and a step ago, slip, and which flank pulled.
 template <class S> struct StrapResponseState {
@@ -45,18 +70,23 @@ S limb_position(const StrapCoefficients<S>& c, const StrapResponseState<S>& stat
 }
 
 /// A time [s] later, under a torque on the robot [N m] at an angle [rad]; a torque that is `still`, or smaller, is none
-/// where there is a gap.
+/// where there is a gap. Dry friction beside the spring [N m] holds the stretch as long as it can.
 template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseState<S>& state, const S& robot,
-                                const S& torque_on_robot, const S& still, const S& time) noexcept {
+                                const S& torque_on_robot, const S& still, const S& time,
+                                const S& friction = S(0)) noexcept {
   StrapCoefficients<S> tight = c;
   tight.half_slack = S(0);
   tight.slack = S(0) > S(0);
-  const S wanted = limb_torque(c, robot, torque_on_robot);
+  const S given = limb_torque(c, robot, torque_on_robot);
   const S carried = S(4) * state.stretch - state.stretch_before;
   const S flowed = c.relaxation_time * (S(4) * state.flow - state.flow_before);
   const S scale = S(1) / (S(3) * c.relaxation_time + S(2) * time);
   const S twice = S(2) * time;
   S e = state.stretch, x{};
+  // Friction takes what the spring would lack at rest, up to its level.
+  const S resting = carried / S(3);
+  const S lacking = given - torque(tight, resting, S(0), (flowed + twice * resting) * scale);
+  const S wanted = given - clamp(lacking, S(0) - friction, friction);
   for (int i = 0; i < 8; ++i) {
     x = (flowed + twice * e) * scale;
     const S rate = (S(3) * e - carried) / twice;
@@ -69,11 +99,11 @@ template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseStat
     if (i > 0 && all(abs(step) <= S(1e-12))) break;
   }
   // Nothing is stretched while nothing pulls.
-  const mask_t<S> loose = both(c.slack, abs(wanted) <= still);
+  const mask_t<S> loose = both(c.slack, abs(given) <= still);
   e = select(loose, S(0), e);
   x = c.relaxes ? (flowed + twice * e) * scale : S(0);
-  state.flank = select(loose, state.flank, select(wanted > S(0), S(1), select(wanted < S(0), S(-1), state.flank)));
-  state.slip = state.slip + time * slip_rate(c, wanted);
+  state.flank = select(loose, state.flank, select(given > S(0), S(1), select(given < S(0), S(-1), state.flank)));
+  state.slip = state.slip + time * slip_rate(c, given);
   state.stretch_before = state.stretch;
   state.stretch = e;
   state.flow_before = state.flow;

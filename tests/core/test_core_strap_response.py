@@ -67,6 +67,20 @@ def test_the_limb_is_found_again_from_the_torque(option):
     assert np.std(limb - robot) > 0.1
 
 
+def test_friction_beside_the_spring_and_tissue_in_series_are_solved():
+    values = parameters()
+    robot, limb, torque, *_ = worked(values)
+    rate = np.gradient(limb - robot, PERIOD)
+    level, depth, firm = 0.6, 0.03, 0.8
+    given = torque + level * np.sign(rate)
+    found = _core.strap_response(
+        values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, depth, firm]
+    )[0]
+    expected = limb + depth * np.arcsinh(given / firm)
+    assert np.abs(found - expected)[500:].max() < 3e-3
+    assert np.abs(expected - limb).max() > 0.05
+
+
 def test_derivatives_are_those_of_differences():
     values = parameters(**EVERYTHING)
     robot, _, torque, *_ = worked(values, 1500)

@@ -16,8 +16,10 @@ from pellucid.fit.strap.strap_torque import StrappedSwing, StrapTorque
 
 TRUE = {
     "stiffness": 20.0, "damping": 0.6, "hardening": 40.0, "slack": 0.03, "relaxing_stiffness": 8.0,
-    "relaxation_time": 0.4, "along": 0.06, "across": -0.05,
+    "relaxation_time": 0.4, "along": 0.06, "across": -0.05, "friction": 0.0, "tissue_depth": 0.02,
+    "tissue_torque": 0.6,
 }  # fmt: skip
+WITHOUT_FRICTION_AND_TISSUE = tuple(f for f in STRAP_FEATURES if f not in ("friction", "tissue"))
 SHIFT = 0.12
 
 
@@ -59,7 +61,9 @@ def begun(count):
     return CouplingFit("orthosis", k, b, zero, None, np.eye(2), (Instrument(SHIFT + 0.02, 0.3),) * count, ())
 
 
-@pytest.mark.parametrize("features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), tuple(STRAP_FEATURES)])
+@pytest.mark.parametrize(
+    "features", [(), ("hardening",), ("slack",), ("relaxing",), ("askew",), WITHOUT_FRICTION_AND_TISSUE]
+)
 def test_a_strap_is_named_for_what_it_does(features):
     swings, torques = straps(features)
     found = identify_strap(swings, torques, begun(len(swings)))
@@ -78,6 +82,24 @@ def test_a_strap_is_named_for_what_it_does(features):
         curved = 1.0 + TRUE["hardening"] * high**2
         assert found.ends[1].value == pytest.approx(TRUE["stiffness"] * curved, rel=0.1)
         assert found.ends[1].value > 1.5 * found.stiffness.value
+
+
+@pytest.mark.nightly
+def test_a_strap_that_rubs_or_pulls_through_soft_tissue_is_named():
+    """Friction was no feature: it was flagged as nothing, or imitated by others."""
+    swings, torques = straps(())
+    rubbing = [
+        replace(t, torque=t.torque + 0.4 * np.tanh(np.gradient(t.torque, s.time) / 0.5))
+        for s, t in zip(swings, torques, strict=True)
+    ]
+    assert "friction" in identify_strap(swings, rubbing, begun(len(swings))).model.features
+    # The tissue's compression is written as a layer that stiffens towards its thickness, as no model has it.
+    through = []
+    for swing, torque in zip(swings, torques, strict=True):
+        compressed = 0.08 * torque.torque / (0.8 + np.abs(torque.torque))
+        added = np.interp(swing.imu_time + SHIFT, swing.time, compressed)
+        through.append(replace(swing, imu_angle=swing.imu_angle + added))
+    assert identify_strap(through, torques, begun(len(swings))).model.features == ("tissue",)
 
 
 def test_a_spring_and_a_damper_alone_mistake_a_strap_that_hardens():
@@ -114,8 +136,8 @@ def test_derivatives_of_the_fit_are_those_of_differences():
     assert len(core) == 11
     _, _, slopes = record.response(FULL_MODEL, at.values)
     for i, c in enumerate(FULL_MODEL.coefficients):
-        if c.name == "slack":
-            continue  # a step at each change of side
+        if c.name in ("slack", "friction"):
+            continue  # a step at each change of side or direction
         sought = c.sought(at.values[c.name])
         step = 1e-5 * max(abs(sought), 1e-3)
         ends = [record.response(FULL_MODEL, {**at.values, c.name: c.value(sought + s * step)})[0] for s in (1.0, -1.0)]
@@ -125,8 +147,8 @@ def test_derivatives_of_the_fit_are_those_of_differences():
 
 def test_models_are_named_by_their_features():
     assert KELVIN_VOIGT.name == "kelvin_voigt"
-    assert FULL_MODEL.name == "hardening_slack_relaxing_askew"
-    assert FULL_MODEL.without("slack") == StrapModel(("hardening", "relaxing", "askew"))
+    assert FULL_MODEL.name == "hardening_slack_relaxing_askew_friction_tissue"
+    assert FULL_MODEL.without("slack") == StrapModel(("hardening", "relaxing", "askew", "friction", "tissue"))
     assert [c.name for c in StrapModel(("slack",)).coefficients] == ["stiffness", "damping", "slack"]
     assert "slack" in FULL_MODEL.words
     assert "spring" in KELVIN_VOIGT.words

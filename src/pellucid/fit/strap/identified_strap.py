@@ -158,7 +158,8 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
     values = np.array([c.sought(fit.values[c.name]) for c in fit.model.coefficients])
     total[:2, :2] += SPRING_CALIBRATION_ERROR_SHARE**2 * np.outer(values[:2], values[:2])
     # Features that were not significant may exist all the same, so their effect widens the interval.
-    full = choice.tried[FULL_MODEL.name]
+    # Beside tissue, the stiffness is the strap's own and not the whole one, so such a model is no rival of others.
+    full = choice.tried[(FULL_MODEL if fit.model.has("tissue") else FULL_MODEL.without("tissue")).name]
     if full is not fit:
         other = full.covariance() + full.moved_by_body(records)
         for i in range(2):

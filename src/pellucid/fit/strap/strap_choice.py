@@ -65,12 +65,15 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
     while True:
         loss = best.loss(blocks)
         level = float(np.mean(np.concatenate(loss)))
-        p = {}
+        p, losses = {}, {}
         for feature in best.model.features:
             without = fitted(best.model.without(feature), best).loss(blocks)
-            worse = float(np.mean(np.concatenate(without))) > (1.0 + MIN_PREDICTION_LOSS_SHARE) * level
+            losses[feature] = float(np.mean(np.concatenate(without)))
+            worse = losses[feature] > (1.0 + MIN_PREDICTION_LOSS_SHARE) * level
             p[feature] = p_value_of_larger_loss(without, loss)[0] if worse else 1.0
-        least = max(p, key=p.__getitem__, default=None)
+        # Several features may be dispensable because each imitates another. The one without which the prediction is
+        # best goes first.
+        least = max(p, key=lambda feature: (p[feature], -losses[feature]), default=None)
         if least is None or p[least] < FEATURE_TEST_LEVEL / len(STRAP_FEATURES):
             missed = p
             break

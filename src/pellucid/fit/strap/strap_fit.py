@@ -22,7 +22,7 @@ from ... import _core
 from ..._errors import IdentificationError
 from ..parameter import Parameter
 from ..uncertainty import correlation_time, long_run_covariance
-from .strap_model import CORE_NAMES, StrapModel
+from .strap_model import CONTACT_NAMES, CORE_NAMES, StrapModel
 from .strap_search import MIN_IMU_SAMPLES, TRIAL_EDGE_S
 from .strap_torque import StrappedSwing, StrapTorque
 
@@ -98,10 +98,10 @@ class StrapRecord:
     def response(self, model: StrapModel, values: Mapping[str, float], torque: np.ndarray | None = None):
         """Return the limb's angle, (n,), the stretch, (n,), and the angle's derivatives by the coefficients, (n, k)."""
         core, coefficients = model.core(values), model.coefficients
-        active = [CORE_NAMES.index(c.field) for c in coefficients]
+        active = [(*CORE_NAMES, *CONTACT_NAMES).index(c.field) for c in coefficients]
         limb, stretch, _, slopes = _core.strap_response(
             core, self.robot, self.torque if torque is None else torque, period=self.period, still=self.still,
-            active=active,
+            active=active, contact=model.contact(values),
         )  # fmt: skip
         return limb, stretch, slopes * [c.slope(values[c.name]) for c in coefficients]
 

@@ -1,8 +1,11 @@
-r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up to four additional features.
+r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up to six additional features.
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
-parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. The
-strap's misalignment with the joint's axis is no property of the strap, but the other parameters are biased without it.
+parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A
+strap rubs if dry friction acts beside the spring. Soft tissue in series is compressed less and less by a growing
+torque. Tissue that is a linear spring, with or without a damper, cannot be told from a standard linear solid, which has
+the same response. The strap's misalignment with the joint's axis is no property of the strap, but the other parameters
+are biased without it.
 """
 
 from __future__ import annotations
@@ -17,6 +20,9 @@ from ... import _core
 
 CORE_NAMES: tuple[str, ...] = tuple(_core.STRAP_PARAMETER_NAMES)
 """Names of the core's strap parameters, in its order."""
+
+CONTACT_NAMES: tuple[str, ...] = tuple(_core.STRAP_CONTACT_NAMES)
+"""Names of the core's parameters of what rubs beside a strap and gives in series with it, in its order."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,11 @@ STRAP_FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
         Coefficient("along", "strap_along", "1", 0.0, -0.5, 0.5, spread=0.15),
         Coefficient("across", "strap_across", "1", 0.0, -0.5, 0.5, spread=0.15),
     ),
+    "friction": (Coefficient("friction", "strap_friction", "N*m", 0.02, 1e-5, 50.0),),
+    "tissue": (
+        Coefficient("tissue_depth", "strap_tissue_depth", "rad", 2e-3, 1e-6, 0.5),
+        Coefficient("tissue_torque", "strap_tissue_torque", "N*m", 0.5, 0.01, 50.0, searched="logarithm", spread=1.2),
+    ),
 }
 """The features that a strap may have, each with the parameters that it frees."""
 
@@ -77,6 +88,8 @@ FEATURE_WORDS: Mapping[str, str] = {
     "slack": "has slack",
     "relaxing": "relaxes (a standard linear solid)",
     "askew": "sits askew of the joint's axis",
+    "friction": "rubs (dry friction beside the spring)",
+    "tissue": "pulls through soft tissue in series",
 }
 """Each feature as the verb phrase of a sentence whose subject is the strap."""
 
@@ -125,6 +138,11 @@ class StrapModel:
         """Return the core's parameters, shape (p,), from values by coefficient; parameters that are not free are 0."""
         made = dict.fromkeys(CORE_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
         return np.array([made[name] for name in CORE_NAMES])
+
+    def contact(self, values: Mapping[str, float]) -> np.ndarray:
+        """Return the core's parameters of friction and tissue, shape (3,); parameters that are not free are 0."""
+        made = dict.fromkeys(CONTACT_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
+        return np.array([made[name] for name in CONTACT_NAMES])
 
 
 FULL_MODEL = StrapModel(tuple(STRAP_FEATURES))

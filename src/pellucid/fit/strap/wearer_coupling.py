@@ -218,6 +218,7 @@ def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
     low, high = (np.degrees(v) for v in strap.range)
     at_low, at_high = (p.value for p in strap.ends)
     what = strap.model.words if strap.model.features else "a spring and a damper predict it best"
+    what += " (stiffness and tangents are the strap's own, without the tissue)" if strap.model.has("tissue") else ""
     said = [
         Verdict(
             "note",
