@@ -1927,6 +1927,8 @@ def strap_torque_jacobian(
         Torque against the limb (n,) [N m], and its derivatives (n, k).
     """
 
+STRAP_CONTACT_NAMES: tuple = ...
+
 def strap_response(
     parameters: ArrayLike,
     robot_position: ArrayLike,
@@ -1935,6 +1937,7 @@ def strap_response(
     period: float,
     still: float,
     active: ArrayLike,
+    contact: ArrayLike = (0.0, 0.0, 0.0),
 ) -> tuple[NDArray[numpy.float64], ...]:
     """
     Where a limb must be for its strap to pull at the robot as was measured.
@@ -1953,7 +1956,9 @@ def strap_response(
     still : float
         Torque up to which nothing pulls where there is a gap [N m].
     active : (k,) of int
-        Which parameters are derived by, as indices into STRAP_PARAMETER_NAMES.
+        Which parameters are derived by, as indices into STRAP_PARAMETER_NAMES followed by STRAP_CONTACT_NAMES.
+    contact : (3,)
+        In the order of STRAP_CONTACT_NAMES, SI: what rubs beside the strap and gives in series with it.
 
     Returns
     -------
