@@ -152,3 +152,10 @@ def test_models_are_named_by_their_features():
     assert [c.name for c in StrapModel(("slack",)).coefficients] == ["stiffness", "damping", "slack"]
     assert "slack" in FULL_MODEL.words
     assert "spring" in KELVIN_VOIGT.words
+
+
+def test_what_the_core_s_parameters_leave_out_is_known():
+    assert KELVIN_VOIGT.in_core
+    assert StrapModel(WITHOUT_FRICTION_AND_TISSUE).in_core
+    assert not StrapModel(("friction",)).in_core
+    assert not StrapModel(("hardening", "tissue")).in_core

@@ -134,6 +134,11 @@ class StrapModel:
         """Return the model without one of its features."""
         return StrapModel(tuple(f for f in self.features if f != feature))
 
+    @property
+    def in_core(self) -> bool:
+        """Whether `core` is the whole model: neither friction nor tissue is among its parameters."""
+        return not any(c.field in CONTACT_NAMES for c in self.coefficients)
+
     def core(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the core's parameters, shape (p,), from values by coefficient; parameters that are not free are 0."""
         made = dict.fromkeys(CORE_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}

@@ -93,8 +93,11 @@ class WearerCoupling:
 
     @property
     def core(self) -> np.ndarray:
-        """The core's parameters of the chosen strap model, or of the spring and damper where there is none, (p,)."""
-        return self.plain if self.strap is None else self.strap.model.core(self.strap.fit.values)
+        """The core's parameters of the chosen strap model, (p,); of the spring and damper where there is none or where
+        it rubs or pulls through tissue, which the core's parameters leave out."""
+        if self.strap is None or not self.strap.model.in_core:
+            return self.plain
+        return self.strap.model.core(self.strap.fit.values)
 
     @property
     def plain(self) -> np.ndarray:
@@ -234,6 +237,14 @@ def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
             Verdict(
                 "note",
                 f"{who}: whether the strap relaxes over longer than a swing is not told: record torques that are held.",
+            )
+        )
+    if not strap.model.in_core:
+        said.append(
+            Verdict(
+                "note",
+                f"{who}: laws, and torques that are computed through the strap, use the spring and the damper that do "
+                "best; they know neither friction nor tissue of the strap.",
             )
         )
     if not strap.fits:

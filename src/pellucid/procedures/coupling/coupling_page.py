@@ -21,7 +21,6 @@ ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Names of the orientation filters."""
 
 
-
 def page(study: Study, findings: CouplingResult) -> Page:
     """Build the page of a result."""
     sections = (
@@ -118,8 +117,8 @@ def _straps(findings: CouplingResult) -> Section:
         "The straps",
         (
             "A strap's torque comes from the balance of one body; the mismatch answers it through what the strap is: a "
-            "spring and a damper, and of hardening, slack, relaxation and askewness what blocks held out ask for. "
-            "Its stiffness is the tangent where it begins to pull. In the sum of both balances, as published, that "
+            "spring and a damper, and of hardening, slack, relaxation, askewness, friction and soft tissue what blocks "
+            "held out ask for. Its stiffness is the tangent where it begins to pull. In the sum of both balances, as published, that "
             "torque cancels.",
         ),
         parameter_tables(findings, ": strap"),

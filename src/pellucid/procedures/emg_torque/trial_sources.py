@@ -218,7 +218,7 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
     own = [c for c in read.values() if participant in (None, c.settings.get("participant"))]
     limbs = [c for c in own if c.kind == "limb"]
-    straps = [c for kind in ("strap", "coupling") for c in own if c.kind == kind]
+    straps = [c for kind in ("strap", "coupling") for c in own if c.kind == kind and _strap_of_card(c).in_core]
     if not orthosis or not limbs:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
@@ -233,7 +233,7 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     if not straps:
         return bodies[0] + bodies[1]
     robot, limb = bodies
-    model = StrapModel.named(str(straps[0].settings.get("model", PLAIN_NAME)))
+    model = _strap_of_card(straps[0])
     return StrappedBodies(
         Orthosis(
             robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB_FRICTION.name, 0.0),
@@ -243,6 +243,11 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
         model,
         model.core(straps[0].values),
     )  # fmt: skip
+
+
+def _strap_of_card(card: ParameterCard) -> StrapModel:
+    """Return the strap's model that a card names; a card without a name is of a spring and a damper."""
+    return StrapModel.named(str(card.settings.get("model", PLAIN_NAME)))
 
 
 def _body_of_card(card: ParameterCard) -> MovedBody:
