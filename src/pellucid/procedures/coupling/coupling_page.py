@@ -118,8 +118,8 @@ def _straps(findings: CouplingResult) -> Section:
         (
             "A strap's torque comes from the balance of one body; the mismatch answers it through what the strap is: a "
             "spring and a damper, and of hardening, slack, relaxation, askewness, friction and soft tissue what blocks "
-            "held out ask for. Its stiffness is the tangent where it begins to pull. In the sum of both balances, as published, that "
-            "torque cancels.",
+            "held out ask for. Its stiffness is the tangent where it begins to pull. In the sum of both balances, as "
+            "published, that torque cancels.",
         ),
         parameter_tables(findings, ": strap"),
         tuple(drawings),
