@@ -102,6 +102,12 @@ def test_the_bayes_factor_goes_the_way_of_the_data(rng):
     assert interval_bayes_factor(rng.normal(2.0, 1.0, 60), margin) < 1e-3
 
 
+def test_no_bayes_factor_is_negative_however_sure_the_data_are():
+    for seed in range(40):
+        d = np.random.default_rng(seed).normal(0.0, 0.02, 16)
+        assert interval_bayes_factor(d, Margin.of_ratio(0.10)) > 1e3
+
+
 def test_the_bayes_factor_is_the_integral(rng):
     """Against adaptive integration of likelihood and prior."""
     from scipy.integrate import quad

@@ -357,8 +357,8 @@ def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:
     log_likelihood = np.where(np.isfinite(log_likelihood), log_likelihood, -inf)
     weight = np.exp(log_likelihood - np.max(log_likelihood))
     inside = (effect > low) & (effect < high)
-    prior, posterior = float(inside.mean()), float(weight[inside].sum() / weight.sum())
-    if not 0.0 < prior < 1.0:
+    # Both parts are summed by themselves: 1 minus the one is rounding error where the other is all there is.
+    if inside.all() or not inside.any():
         return nan
     with np.errstate(divide="ignore"):
-        return float(np.divide(posterior * (1.0 - prior), (1.0 - posterior) * prior))
+        return float(np.divide(weight[inside].mean(), weight[~inside].mean()))
