@@ -372,7 +372,7 @@ void a_repeated_sample_keeps_the_threshold() {
 /// A place of the stop that damage put just beyond the memory is no stop in the file.
 void a_stop_beyond_the_memory() {
   Life<Joint, double> life(4);
-  life.run(3);
+  life.run(6);  // around once, so that the place would be one of a sample that is kept
   life.recorder.stop_slot = 4;
   std::vector<std::uint32_t> file;
   p::write(life.recorder, life.words(), life.law, false, [&](std::uint32_t word) {
