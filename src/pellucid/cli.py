@@ -424,11 +424,17 @@ def report(
 
     It draws what other commands have found and kept, and says how to make what is missing.
     """
-    from .procedures.run import report as run
+    from .procedures.drawn_report import drawn_page, note_drawn
 
     study = _opened(folder, out, allow_outside, accept_stale)
-    with show_progress() as tell:
-        page = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
+    page = None if accept_stale else drawn_page(study, with_pdf=with_pdf)
+    if page is None:
+        from .procedures.run import report as run
+
+        with show_progress() as tell:
+            page = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
+        if not accept_stale:
+            note_drawn(study, page, with_pdf=with_pdf)
     print_line(make_console(), f"Report: {page}")
     if page.parent != study.report_dir:
         _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)

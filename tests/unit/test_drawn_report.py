@@ -1,0 +1,80 @@
+"""A report whose inputs did not change is not drawn again; whatever changed, it is."""
+
+import shutil
+
+import pytest
+from typer.testing import CliRunner
+
+from pellucid.cli import app
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
+from pellucid.procedures.drawn_report import drawn_page
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import identify
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """A virtual joint that was identified and whose report was drawn by the command."""
+    study = write_study(tmp_path_factory.mktemp("joint") / "study", bench_joint(), name="virtual", seed=1)
+    identify(study, families=["symmetric"], thorough=False).save(study)
+    done = CliRunner().invoke(app, ["report", str(study.folder)])
+    assert done.exit_code == 0, done.output
+    return study.folder
+
+
+@pytest.fixture
+def folder(reported, tmp_path):
+    return shutil.copytree(reported, tmp_path / "study")
+
+
+def page_of(folder):
+    return drawn_page(open_study(folder), with_pdf=False)
+
+
+def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
+    page = folder / "report" / "index.html"
+    before = page.read_bytes()
+    assert page_of(folder) == page
+    monkeypatch.setattr("pellucid.procedures.run.report", None)  # whoever called it would fail
+    done = CliRunner().invoke(app, ["report", str(folder)])
+    assert done.exit_code == 0, done.output
+    assert "Report:" in done.output
+    assert page.read_bytes() == before
+
+
+def changed_study(folder):
+    path = folder / "study.toml"
+    path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
+
+
+def changed_figure(folder):
+    path = next((folder / "report").glob("*.svg"))
+    path.write_text("<svg/>", encoding="utf-8")
+
+
+def lost_page(folder):
+    (folder / "report" / "index.html").unlink()
+
+
+def changed_result(folder):
+    path = folder / "results.json"
+    path.write_bytes(path.read_bytes() + b"\n")
+
+
+def new_card(folder):
+    (folder / "models" / "other.json").write_text("{}", encoding="utf-8")
+
+
+def damaged_note(folder):
+    (folder / "kept" / "report.json").write_text("{", encoding="utf-8")
+
+
+@pytest.mark.parametrize("change", [changed_study, changed_figure, lost_page, changed_result, new_card, damaged_note])
+def test_whatever_changed_it_is_drawn_again(folder, change):
+    change(folder)
+    assert page_of(folder) is None
+
+
+def test_figures_as_pdf_are_drawn_when_they_are_asked_for(folder):
+    assert drawn_page(open_study(folder), with_pdf=True) is None
