@@ -424,7 +424,7 @@ def report(
 
     It draws what other commands have found and kept, and says how to make what is missing.
     """
-    from .procedures.drawn_report import drawn_page, note_drawn
+    from .studies.drawn_report import drawn_page, note_drawn
 
     study = _opened(folder, out, allow_outside, accept_stale)
     page = None if accept_stale else drawn_page(study, with_pdf=with_pdf)

@@ -13,6 +13,8 @@ from pellucid.papers.printed import papers
 from pellucid.papers.reproduce import reproduce
 from pellucid.studies.results import read_rows
 
+pytestmark = pytest.mark.nightly  # three minutes of processor time: each wearer is identified whole
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):

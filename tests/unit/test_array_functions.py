@@ -127,6 +127,7 @@ def test_a_hinge_is_followed(rng):
         pl.fit_hinge(made.proximal.time, (np.zeros(3), np.zeros(3)), (np.zeros(3), np.zeros(3)))
 
 
+@pytest.mark.nightly
 def test_a_strap_is_identified_from_swings():
     pair, rng = Pair(), np.random.default_rng(5)
     recorded = [record(truth, rng) for truth in swing(pair, seconds=30.0, count=2)]

@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 from pellucid.cli import app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
-from pellucid.procedures.drawn_report import drawn_page
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import identify
+from pellucid.studies.drawn_report import drawn_page
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def test_offsets_and_noise_do_not_make_the_angle_drift(rng):
     assert rms[2] > 2.0 * rms[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_errors_of_axes_lie_within_their_standard_errors():
     """Tilts of the axis over its own standard errors, 12 draws: neither hopeful nor timid by a factor of 3."""
     ratios = []

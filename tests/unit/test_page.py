@@ -209,7 +209,7 @@ def test_the_page_needs_nothing_from_outside(written, text):
 
 
 def test_the_same_content_gives_the_same_bytes(written, tmp_path):
-    again = write_page(tmp_path, page())
+    again = write_page(tmp_path, page(), with_pdf=True)
     for one in written.parent.iterdir():
         assert (again.parent / one.name).read_bytes() == one.read_bytes(), one.name
 

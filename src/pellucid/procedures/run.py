@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -567,7 +567,7 @@ def _cannot_be_kept(study: Study, procedure: Procedure) -> bool:
     return any(row.command == procedure.command for row in read_rows(study.results_path))
 
 
-def _array_options(caller: str, subject: object, options: dict[str, object]) -> dict[str, object]:
+def _array_options(caller: str, subject: object, options: dict[str, Any]) -> dict[str, Any]:
     """Return the options of an array function; PellucidError where the subject is no array or the rate is missing."""
     if not isinstance(subject, (Mapping, np.ndarray, list, tuple)) and not hasattr(subject, "__array__"):
         raise PellucidError(

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from .._atomic import write_text_atomically
-from ..studies.study import Study, checksum
+from .study import Study, checksum
 
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""
