@@ -14,6 +14,7 @@ from ..pages.page import Answer, AnswerVerdict, Page, Section, write_page
 from ..pages.quantities import cell_text, number
 from ..pages.tables import Row, Table
 from ..pages.values import Value
+from ..procedures.result_tables import FigureTable
 
 PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
 """Folder of the page, relative to the study's folder."""
@@ -23,7 +24,7 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
     """Write the page of a prediction into a study's `folder` and return its path."""
     leading, *others = PREDICTED_INDICES
     share = f"{100.0 * found.confidence:.0f} % of drawn studies"
-    table = found.tables[0]
+    table = next(one for one in found.tables if isinstance(one, FigureTable))
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
     page = Page(
         title=f"{found.study}: predicted effects",
