@@ -39,6 +39,7 @@ def both(path, monkeypatch):
         ("t,q,i\n" + ROWS.replace("\n", "\r\n"), True),
         ("t;q;i\n" + ROWS.replace(",", ";").replace(".", ","), True),
         ("t\tq\ti\n" + ROWS.replace(",", "\t"), True),
+        ("t\tq\ti\n" + ROWS.replace(",", "\t") + "0.9\t1\t\n\t\t\n", False),  # a line of tabs alone is no row
         ("\ufefft,q,i\n" + ROWS, True),
         (f"t,q,i\n{ROWS}0.9,,NaN\n1.0,NA,null\n", True),
         (f"t,q,i\n\n{ROWS}\n", True),

@@ -150,8 +150,8 @@ def _read_long(path: Path) -> Columns | None:
     end = cut.start if cut is not None else None
     start = sum(map(len, head[:at]))
     columns = number_table(path, start, len(fields), delimiter=delimiter, decimal=decimal, end=end)
-    if columns is None:
-        return None
+    if columns is None or (delimiter.isspace() and _has_empty_row(columns)):
+        return None  # a line of tabs alone is no row, which Arrow does not tell from one of missing samples
     above = [*comments, *(line for _, line in lines[:first])]
     return Columns(
         path,
@@ -160,6 +160,14 @@ def _read_long(path: Path) -> Columns | None:
         facts=_facts(above, names),
         personal=tuple(find_personal_lines(above)),
     )
+
+
+def _has_empty_row(columns: list[np.ndarray]) -> bool:
+    """Whether some row holds missing samples alone."""
+    missing = np.isnan(columns[0])
+    for column in columns[1:]:
+        missing &= np.isnan(column)
+    return bool(missing.any())
 
 
 def _decode(path: Path) -> str:
