@@ -25,7 +25,7 @@ nightly: test
 	$(PYTEST) -m nightly
 
 numeric-test: $(VENV)/.tested
-	$(PYTEST) -q -m 'not slow' $(NUMERIC)
+	$(PYTEST) -q -m 'not slow and not nightly' $(NUMERIC)
 
 core-test: $(VENV)/.tested
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
