@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from .._atomic import write_text_atomically
+from ..recordings.kept_columns import FILE_ENDING
 from .study import Study, checksum
 
 PAGE_NAME = "index.html"
@@ -59,8 +60,9 @@ def _made_from(study: Study, with_pdf: bool) -> str:
     more = []
     for folder in dict.fromkeys((study.folder.resolve(), study.made.resolve())):
         for path in sorted(folder.rglob("*")):
-            drawn = study.report_dir.resolve() in path.parents
-            if path.is_file() and not drawn and path.resolve() not in recordings | left_out:
+            # Kept columns are named after the checksums of recordings, which count already; they may be gigabytes.
+            derived = study.report_dir.resolve() in path.parents or path.name.endswith(FILE_ENDING)
+            if path.is_file() and not derived and path.resolve() not in recordings | left_out:
                 more.append(path)
     more += [path for path in sorted(TEMPLATES.rglob("*")) if path.suffix in (".j2", ".css", ".js")]
     parts = (study.fingerprint(more), str(with_pdf))
