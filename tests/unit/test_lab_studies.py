@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
+from pellucid.lab import recorded_table
 from pellucid.lab.knee.rig import NAMES as PLANT
 from pellucid.lab.known_rigs import load_rig, parse_rig, rig_names
 from pellucid.lab.pointing.rig import PointingRig
-from pellucid.lab.recorded_table import MAIN_STREAM, StoredTable
+from pellucid.lab.recorded_table import MAIN_STREAM, Column, StoredTable
 from pellucid.lab.rig import Taken
 from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid.lab.study import study_config
@@ -129,3 +130,12 @@ def test_text_of_a_study_reads_back():
     read = tomllib.loads(text)
     read["recordings"][0]["channels"] = {"angle.knee": read["recordings"][0]["channels"]["angle"]["knee"]}
     assert read == said
+
+
+def test_counts_that_arrow_writes_are_the_text_that_python_writes(monkeypatch):
+    counts = np.random.default_rng(1).normal(0.0, 3e3, (200, 3))
+    columns = [Column(name, name, "V") for name in "abc"]
+    table = StoredTable.of(columns, counts)
+    by_python = table.text
+    monkeypatch.setattr(recorded_table, "MIN_ARROW_CELLS", 0)
+    assert table.text == by_python

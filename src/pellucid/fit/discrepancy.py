@@ -443,20 +443,20 @@ def fit_discrepancy_shares(
     information = beside - cross.T @ solved[:, :-1]
     score = moment[count:] - cross.T @ solved[:, -1]
 
-    def likelihood(shares: np.ndarray) -> float:
-        scaled = information * np.outer(shares, shares) + np.eye(len(shares))
-        pull = shares * score
-        return float(pull @ np.linalg.solve(scaled, pull) - np.linalg.slogdet(scaled)[1])
+    def likelihoods(tried: np.ndarray) -> np.ndarray:
+        scaled = information * (tried[:, :, None] * tried[:, None, :]) + np.eye(tried.shape[1])
+        pull = tried * score
+        solved = np.linalg.solve(scaled, pull[:, :, None])[:, :, 0]
+        return np.einsum("ij,ij->i", pull, solved) - np.linalg.slogdet(scaled)[1]
 
     shares = np.full(len(score), DISCREPANCY_SHARE_GRID[0])
     for _ in range(SHARE_SWEEP_COUNT):
         for group in groups:
-            tried = []
-            for share in DISCREPANCY_SHARE_GRID if len(group) else ():
-                shares[group] = share
-                tried.append(likelihood(shares))
-            if tried:
-                shares[group] = DISCREPANCY_SHARE_GRID[int(np.argmax(tried))]
+            if not len(group):
+                continue
+            tried = np.tile(shares, (len(DISCREPANCY_SHARE_GRID), 1))
+            tried[:, group] = DISCREPANCY_SHARE_GRID[:, None]
+            shares[group] = DISCREPANCY_SHARE_GRID[int(np.argmax(likelihoods(tried)))]
     return shares
 
 

@@ -70,6 +70,9 @@ MAX_BOOTSTRAP_BLOCKS = 500
 BLOCK_STARTS_PER_LENGTH = 16
 """Number of overlapping blocks that begin within the length of one block."""
 
+MAX_BLOCKS_DRAWN_AT_ONCE = 10_000
+"""So many blocks are drawn by one call of NumPy; more would not fit into the processor's cache."""
+
 
 def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
     """Yield the rows of each stretch."""
@@ -247,7 +250,13 @@ def block_bootstrap(
             )
     pool = np.concatenate(sums)
     count = max(1, round(rows / block))
-    totals = np.array([pool.take(rng.integers(0, len(pool), count), axis=0).sum(axis=0) for _ in range(repetitions)])
+    at_once = max(1, MAX_BLOCKS_DRAWN_AT_ONCE // count)
+    totals = np.concatenate(
+        [
+            pool.take(rng.integers(0, len(pool), (min(at_once, repetitions - done), count)), axis=0).sum(axis=1)
+            for done in range(0, repetitions, at_once)
+        ]
+    )
     steps = np.linalg.solve(w.T @ w, totals.T).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T

@@ -24,6 +24,7 @@ ENDINGS = (".csv", ".txt")
 MAX_HEADER_BYTES = 1 << 20
 """The header is searched among this many bytes; EMGworks writes a line for each signal above it."""
 
+_TIME_MARKS = ("X[s]", "X [s]", "Time Series (s)")
 _TIME_NAME_PATTERN = re.compile(r"X ?\[s\]|.*Time Series \(s\)")
 _VOLT_PATTERN = re.compile(r"[\[(]([muµ]?V)[\])]\s*$")
 _LABEL_PATTERN = re.compile(r"Label:\s*(.*?)\s+Sampling frequency:.*?\bUnit:\s*(\S*)")
@@ -33,7 +34,7 @@ def recognises(path: Path) -> bool:
     """Whether a file's first lines hold a header in which every second column, from the first, is a time."""
     with path.open("rb") as file:
         head = file.read(MAX_HEADER_BYTES).decode("latin-1")
-    return _find_header(head.splitlines()) is not None
+    return any(mark in head for mark in _TIME_MARKS) and _find_header(head.splitlines()) is not None
 
 
 def read(path: Path) -> Columns:
@@ -69,7 +70,7 @@ def read(path: Path) -> Columns:
 def _find_header(lines: list[str]) -> tuple[int, list[str], str] | None:
     """Return the number of the header's line, from 0, its names and its delimiter; None without such a line."""
     for number, line in enumerate(lines):
-        if not ("X[s]" in line or "X [s]" in line or "Time Series (s)" in line):
+        if not any(mark in line for mark in _TIME_MARKS):
             continue
         for delimiter in (",", "\t", ";"):
             names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
