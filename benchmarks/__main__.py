@@ -1,4 +1,6 @@
-"""Run the benchmarks named, or every one; print a table, write benchmarks.json.
+"""Run the benchmarks named, or every one; print a table and each ratio beside its goal, write benchmarks.json.
+
+With every benchmark, at full size, the page docs/speed.md is written too, in the current folder's docs.
 
 A benchmark is a file of this folder named after what it times, with `run()`, which returns rows of name, value, unit
 and note.
@@ -9,9 +11,14 @@ import platform
 import sys
 from pathlib import Path
 
+from ._goals import goal_table, speed_page
 from ._runner import names_in, read_arguments, run_all
+from ._size import is_smallest
 
 NAMES = names_in(Path(__file__).parent)
+
+SPEED_PAGE = Path("docs/speed.md")
+"""The page that is written from the figures of all benchmarks."""
 
 
 def main() -> None:
@@ -24,7 +31,11 @@ def main() -> None:
         print(f"{row['name']:<{width}}  {row['value']:>12.4g} {row['unit']:<6} {row['note']}")
     machine = f"{platform.machine()}, Python {platform.python_version()}"
     write_text_atomically(out, json.dumps({"machine": machine, "figures": rows}, indent=2) + "\n")
+    print(goal_table(rows))
     print(f"written to {out}")
+    if names == NAMES and not failed and not is_smallest() and SPEED_PAGE.parent.is_dir():
+        write_text_atomically(SPEED_PAGE, speed_page(rows, machine))
+        print(f"written to {SPEED_PAGE}")
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
 
