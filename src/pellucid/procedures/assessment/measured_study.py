@@ -107,7 +107,7 @@ def measure(
                 None if pooled else _shown(movement.amplitude, named, record.along),
                 DIRECTION_UP if movement.direction > 0 else DIRECTION_DOWN,
             )
-            values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
+            values = _indices(record, motion, movement, spec, emg.get(recording.name), largest, detailed)
             values |= end_error(motion, movement, zeros[recording.participant])
             if detailed:
                 values |= smoothness(motion, movement)
@@ -194,13 +194,14 @@ def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -
     return round(along.factor * min(named, key=lambda each: abs(each - amplitude)), 1)
 
 
-def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:
+def _indices(record, motion, movement, spec, made, largest, detailed: bool) -> dict[str, float]:
     part = slice(movement.first, movement.last + 1)
     velocity = motion.velocity[part]
     values = {
         index.of: index.of_movement(motion, movement) for index in INDICES.values() if index.of_movement is not None
     }
-    if spec.interaction in record.recording:
+    # No other rule is tried on the torque, which takes longer than all the others.
+    if detailed and spec.interaction in record.recording:
         torque = linear(record.recording.time, record.recording[spec.interaction], motion.time[part])
         felt = interaction(torque, velocity, motion.fs)
         values |= {
