@@ -14,7 +14,6 @@ from .coupling import Coupling, friction_slope
 from .limits import Limits
 from .stability import LinearSystem, Margins, bears, margins, swings
 
-
 SWING_STEP_COUNT = 5
 """Number of steps in which a law that swings is weakened to nothing."""
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from .coupling import Coupling, friction_slope
 
-
 RATE_RATIOS = np.linspace(0.02, 1.0, 50)
 """Largest rate that is allowed over that of a sine, for which the limit's describing function is tabulated [1]."""
 

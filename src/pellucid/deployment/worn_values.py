@@ -81,8 +81,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"For the wearer {wearer} alone: limb and strap are theirs.",
         f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and "
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
-        f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of the "
-        "orthosis, also at its limit of rate.",
+        f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
+        "the orthosis, also at its limit of rate.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
