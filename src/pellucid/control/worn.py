@@ -24,7 +24,7 @@ SPRING_SWING_SPEED = 4.9
 
 The drive's inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. Of
 120 starts of a knee's export on foreign drives of 20261101 and 20261103 ten had an alarm of it with 3.5 rad/s, and with
-4.6 rad/s one of 300 on drives of 20261103 and 20261105 to 20261107. With 0.95 J, which is that of 4.8 rad/s, none had."""
+4.6 rad/s one of 300 on drives of 20261103 and 20261105 to 20261107. With 0.95 J, that of 4.8 rad/s, none had."""
 
 SPRING_INERTIA_FACTOR = 1.4
 """Largest ratio of that inertia to the one on the card [1]."""
