@@ -82,7 +82,7 @@ PROBED_KINDS = ("drive_reversed", "drive_double", "drive_triple", "drive_stuck",
 """Faults that a probe is there to find: polarity, gain of two and three, stuck, dead, and the encoder's sign."""
 
 QUIET_KINDS = ("encoder_frozen", "drive_late", "drive_holds")
-"""Faults that a measured drive shows late or not at all while the joint hardly moves; a probe asks then, too."""
+"""Faults that a measured drive shows late or not at all, tried again where the supervisor probes as well."""
 
 MAX_PROBED_EXCESS_J = 5.0
 """Energy that a fault which a probe is there to find should not exceed."""
