@@ -34,7 +34,7 @@ from pellucid.lab.safety.fault_table import FAULT_KINDS
 from pellucid.lab.safety.worn_robot import LAWS
 from pellucid.studies.results import ResultRow
 
-from .exports import DATASET_EXPORTS, RIG_EXPORTS, ExportedLaw, Exports
+from .exports import DATASET_EXPORTS, INSTRUMENT_SETS, RIG_EXPORTS, ExportedLaw, Exports
 from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
 from .trials import (
@@ -81,6 +81,9 @@ DEFAULT_EXPORTS: tuple[str, ...] = sized((*RIG_EXPORTS, *DATASET_EXPORTS), small
 PROBED_KINDS = ("drive_reversed", "drive_double", "drive_triple", "drive_stuck", "drive_dead", "encoder_flipped")
 """Faults that a probe is there to find: polarity, gain of two and three, stuck, dead, and the encoder's sign."""
 
+QUIET_KINDS = ("encoder_frozen", "drive_late", "drive_holds")
+"""Faults that a measured drive shows late or not at all, tried again where the supervisor probes as well."""
+
 MAX_PROBED_EXCESS_J = 5.0
 """Energy that a fault which a probe is there to find should not exceed."""
 
@@ -125,7 +128,7 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
         try:
             made.append(made_exports().law(name, instruments))
         except PellucidError:
-            if instruments != "probe":
+            if not INSTRUMENT_SETS[instruments].probe:
                 raise
     return tuple(made)
 
@@ -133,7 +136,7 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
 @cache
 def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
     """Return every fault under every law on every plant, with a set of instruments by name."""
-    kinds = PROBED_KINDS if instruments == "probe" else tuple(KINDS)
+    kinds = {"probe": PROBED_KINDS, "drive_measured_and_probe": QUIET_KINDS}.get(instruments, tuple(KINDS))
     jobs = [
         partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
     ]
@@ -214,6 +217,7 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
         yield from probe_rows(fault_trials("probe", seed))
         yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
         yield from probe_life_rows(healthy_lives("probe", seed, PROBE_HEALTHY_HOURS))
+        yield from quiet_rows(fault_trials("drive_measured_and_probe", seed))
     else:
         yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
         yield row("safety.exported.probe.worst_excess_energy", None, "J", "the supervisor has no probe")
@@ -290,6 +294,17 @@ def probe_rows(trials: Sequence[ForeignTrial], name: str = "probe") -> Iterator[
         own = [trial for trial in valid if trial.kind == kind]
         yield row(f"safety.exported.{name}.{kind}.found", found_share(own), "%", f"{len(own)} runs")
         yield worst_row(f"safety.exported.{name}.{kind}.worst_excess_energy", own)
+
+
+def quiet_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of faults that a measured drive shows late or not at all, where the supervisor probes, too."""
+    for kind in QUIET_KINDS:
+        own = [trial for trial in trials if trial.kind == kind and not trial.early]
+        effective = [trial for trial in own if trial.did_something]
+        name = f"safety.exported.drive_measured_and_probe.{kind}"
+        note = f"of {len(effective)} of {len(own)} runs, in which the fault did something"
+        yield row(f"{name}.found", found_share(effective), "%", note)
+        yield worst_row(f"{name}.worst_excess_energy", own)
 
 
 def probe_life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
@@ -387,7 +402,8 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
         name: fault_trials(name, seed) for name in ("drive_measured", "unmeasured")
     }
     if has_probe():
-        measured["probe"] = fault_trials("probe", seed)
+        for name in ("probe", "drive_measured_and_probe"):
+            measured[name] = fault_trials(name, seed)
     yield from table_lines(measured)
     yield "#### A sine of 2.5 Hz that a drive adds"
     yield ""

@@ -49,8 +49,12 @@ DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force
 PROBED = Instruments(drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM, probe=True)
 """Instruments of an elbow whose drive measures nothing, and which probes."""
 
+MEASURED_AND_PROBED = replace(DRIVE_MEASURED, probe=True)
+"""Instruments of an elbow whose drive measures its current, and which probes."""
+
 INSTRUMENT_SETS: Mapping[str, Instruments] = {
     "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "probe": PROBED,
+    "drive_measured_and_probe": MEASURED_AND_PROBED,
 }  # fmt: skip
 """Instruments by the name that the rows have."""
 

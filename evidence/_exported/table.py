@@ -18,6 +18,7 @@ INSTRUMENT_WORDS = {
     "unmeasured": "encoder alone, as exported by default",
     "drive_measured": "encoder, drive's current, commissioned test",
     "probe": "encoder, commissioned probe",
+    "drive_measured_and_probe": "encoder, drive's current, commissioned test and probe",
 }
 """What a row assumes, in words, by the name of the set of instruments."""
 

@@ -9,6 +9,7 @@ from pellucid._errors import PellucidError
 from pellucid.control.coupling import Coupling, friction_slope
 from pellucid.control.residual_compensator import Law, bears_all, design, within, worst_margins
 from pellucid.control.stability import (
+    RATE_RATIOS,
     LinearSystem,
     bears,
     closed_loop,
@@ -16,7 +17,9 @@ from pellucid.control.stability import (
     loop_response,
     margins,
     radius,
+    rate_limit_table,
     sampled,
+    swings,
     worn_orthosis,
 )
 from pellucid.models.card import CardParameter
@@ -135,6 +138,64 @@ def test_strap_gain_and_pid_keep_the_margins_asked_for():
     assert np.all(strap_torque_gain(pid, omega) < strap_torque_gain(off, omega))
     with pytest.raises(PellucidError, match="no weaker law leaves"):
         within(made, plants, gain_db=80.0, delay=0.02)
+
+
+def test_a_limit_of_rate_has_its_textbook_describing_function():
+    # Reached in every half-wave it makes a triangle of a sine: gain 4 K / pi, late by arccos(pi K / 2).
+    table = rate_limit_table()
+    for ratio in (0.1, 0.3, 0.5):
+        got = np.interp(ratio, RATE_RATIOS, table.real) + 1j * np.interp(ratio, RATE_RATIOS, table.imag)
+        assert abs(got) == pytest.approx(4.0 * ratio / np.pi, rel=0.01)
+        assert -np.angle(got) == pytest.approx(np.arccos(0.5 * np.pi * ratio), abs=0.02)
+    assert table[-1] == pytest.approx(1.0, abs=0.01)
+
+
+def last_efforts(coupling, controller, kick):
+    """Efforts of the last half second of three, after so many 9 Hz half-waves of the whole effort, within 10 N m and
+    300 N m/s."""
+    plant = sampled(worn_orthosis(coupling, 4.0), PERIOD, coupling.delay)
+    x, c, effort, late = np.zeros(len(plant.a)), np.zeros(len(controller.a)), 0.0, []
+    for k in range(1500):
+        seen = plant.c[:2] @ x
+        wanted = (controller.c @ c + controller.d @ seen).item()
+        c = controller.a @ c + controller.b @ seen
+        if k < kick:
+            wanted = 10.0 * np.sign(np.sin(2.0 * np.pi * 9.0 * k * PERIOD))
+        effort += np.clip(np.clip(wanted, -10.0, 10.0) - effort, -300.0 * PERIOD, 300.0 * PERIOD)
+        x = plant.a @ x + plant.b[:, 0] * effort
+        late.append(abs(effort))
+    return float(max(late[-250:]))
+
+
+@pytest.mark.parametrize(("share", "goes_on"), [(0.6, True), (0.4, False)])
+def test_a_stable_loop_may_swing_at_its_limit_of_rate(share, goes_on):
+    """An orthosis 1.4 times as heavy as its law thinks: small motions come to rest, large ones need not."""
+    heavy = KNEE.scaled(orthosis_inertia=1.4)
+    law = Law(friction=0.3, inertia=0.7 * share, proportional=0.6 * share)
+    loop = design(KNEE, PERIOD, law=law).linear(4.0)
+    assert bears(heavy, loop, PERIOD, gain_db=0.0, delay=0.0, speed=4.0)
+    assert swings(heavy, loop, PERIOD, effort=10.0, rate=300.0, speed=4.0) is goes_on
+    assert not swings(heavy, loop, PERIOD, effort=10.0, rate=np.inf, speed=4.0)
+    assert (last_efforts(heavy, loop, kick=100) > 3.0) is goes_on
+    assert last_efforts(heavy, loop, kick=2) < 0.5
+
+
+def test_a_law_is_weakened_until_it_rests_on_wrong_inertias():
+    wrong = [KNEE.scaled(orthosis_inertia=factor) for factor in (0.7, 1.4)]
+    kept = {"gain_db": 6.0, "delay": 0.02, "speeds": (1.5, 4.0)}
+    wanted = design(KNEE, PERIOD)
+    usual, robust = within(wanted, [KNEE], **kept), within(wanted, [KNEE], wrong_plants=wrong, **kept)
+
+    def resting(made):
+        limits = {"effort": made.limits.effort, "rate": made.limits.rate, "speed": 4.0}
+        return [not swings(plant, made.linear(4.0), PERIOD, **limits) for plant in wrong]
+
+    assert not all(resting(usual))
+    assert all(resting(robust))
+    assert usual.law.inertia == 0.7
+    assert robust.law.inertia < 0.7
+    assert robust.law.inertia / 0.7 == pytest.approx(robust.law.proportional / usual.law.proportional)
+    assert within(wanted, [KNEE], wrong_plants=[KNEE], **kept) == usual
 
 
 def test_what_margins_say_bears_says():

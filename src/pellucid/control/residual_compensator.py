@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +12,10 @@ from .._errors import PellucidError
 from .control_law import WORN_LAW, ControlLaw, gate_values
 from .coupling import Coupling, friction_slope
 from .limits import Limits
-from .stability import LinearSystem, Margins, bears, margins
+from .stability import LinearSystem, Margins, bears, margins, swings
+
+SWING_STEP_COUNT = 5
+"""Number of steps in which a law that swings is weakened to nothing."""
 
 
 @dataclass(frozen=True)
@@ -238,6 +242,24 @@ def weakenings(count: int = 5) -> list[tuple[float, float]]:
     return sorted(((f, s) for f in left for s in left), key=lambda pair: (round(-sum(pair), 6), pair[0]))
 
 
+def first_swinging(
+    made: ResidualDesign, cases: Sequence[tuple[Coupling, float, float]], small: bool = False
+) -> int | None:
+    """Return the index of the first case on which a law does not come to rest, or None.
+
+    `cases` are as in `first_failing`. With `small` only small motions are asked about, and else those at the limit of
+    rate, too.
+    """
+    loops: dict[tuple[float, float], LinearSystem] = {}
+    for i, (plant, speed, trust) in enumerate(cases):
+        if (speed, trust) not in loops:
+            loops[speed, trust] = made.linear(speed, trust)
+        rate = math.inf if small else made.limits.rate
+        if swings(plant, loops[speed, trust], made.period, effort=made.limits.effort, rate=rate, speed=speed):
+            return i
+    return None
+
+
 def within(
     made: ResidualDesign,
     plants: Sequence[Coupling],
@@ -245,22 +267,37 @@ def within(
     gain_db: float,
     delay: float,
     speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
+    wrong_plants: Sequence[Coupling] = (),
 ) -> ResidualDesign:
-    """A law weakened as little as these margins ask, in its gains on the strap and in the friction that it carries.
+    """A law weakened as little as these margins ask, in its gains on the strap and in the friction that it carries;
+    then in its share of inertia and those gains until it comes to rest on `wrong_plants`, too, without a margin.
     `gain_db`, `delay` [dB], [s]; `speeds` [rad/s]."""
-    law = made.law
     cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
     for rubbed, pulled in weakenings():
-        weaker = replace(
-            law,
-            friction=rubbed * law.friction,
-            proportional=pulled * law.proportional,
-            integral=pulled * law.integral,
-            derivative=pulled * law.derivative,
-        )
-        tried = replace(made, law=weaker)
+        tried = replace(made, law=_weakened(replace(made.law, friction=rubbed * made.law.friction), pulled))
         failing = first_failing(tried, cases, gain_db=gain_db, delay=delay)
         if failing is None:
-            return tried
+            break
         cases.insert(0, cases.pop(failing))  # what one law did not bear, the next will hardly
-    raise PellucidError(f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")
+    else:
+        raise PellucidError(f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")
+    others = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in wrong_plants]
+    for step in range(SWING_STEP_COUNT + 1):
+        left = 1.0 - step / SWING_STEP_COUNT
+        law = _weakened(replace(tried.law, inertia=left * tried.law.inertia), left) if step else tried.law
+        weaker, failing = replace(tried, law=law), None
+        for small in (True, False):
+            if failing is None:
+                failing = first_swinging(weaker, others, small)
+        if failing is not None:
+            others.insert(0, others.pop(failing))
+        elif step == 0 or first_failing(weaker, cases, gain_db=gain_db, delay=delay) is None:
+            return weaker
+    raise PellucidError("within: no weaker law comes to rest on every plant.")
+
+
+def _weakened(law: Law, left: float) -> Law:
+    """Return a law with so much left of its gains on the strap [1]."""
+    return replace(
+        law, proportional=left * law.proportional, integral=left * law.integral, derivative=left * law.derivative
+    )

@@ -2,7 +2,8 @@
 
 The loop is opened where the controller hands its torque to the actuator. Its gain margin is the factor by which the
 whole command may be too strong, its delay margin the dead time that may be added, before a closed-loop eigenvalue
-leaves the unit circle; nothing is approximated but the linearisation. Friction enters as its describing function.
+leaves the unit circle; nothing is approximated but the linearisation. Friction enters as its describing function, and
+so does the gate's limit of the command's rate, which `swings` asks about.
 """
 
 from __future__ import annotations
@@ -15,6 +16,21 @@ from itertools import pairwise
 import numpy as np
 
 from .coupling import Coupling, friction_slope
+
+RATE_RATIOS = np.linspace(0.02, 1.0, 50)
+"""Largest rate that is allowed over that of a sine, for which the limit's describing function is tabulated [1]."""
+
+WAVE_POINT_COUNT = 1000
+"""Number of points of one period of the sine of that table."""
+
+SWING_AMPLITUDE_SHARES = np.linspace(0.2, 1.0, 5)
+"""Amplitudes of a swinging command, as shares of the limit of effort [1]."""
+
+FASTEST_SWING_HZ = 40.0
+"""Highest frequency at which a loop is asked whether it swings [Hz]."""
+
+SWING_FREQUENCY_COUNT = 80
+"""Number of frequencies, evenly spaced in their logarithm, at which it is asked."""
 
 
 @dataclass(frozen=True)
@@ -121,12 +137,14 @@ def loop_response(plant: LinearSystem, controller: LinearSystem, omega: np.ndarr
     """The open loop at some frequencies, L = -C P, so that 1 + L = 0 is the verge of stability. `omega` (n,)
     [rad/s]; `period` [s]; gives (n,)."""
 
-    def at(system: LinearSystem, z: complex) -> np.ndarray:
-        return system.c @ np.linalg.solve(z * np.eye(len(system.a)) - system.a, system.b) + system.d
+    points = np.exp(1j * np.asarray(omega) * period)
+
+    def response(system: LinearSystem) -> np.ndarray:
+        shifted = points[:, None, None] * np.eye(len(system.a)) - system.a
+        return system.c @ np.linalg.solve(shifted, np.broadcast_to(system.b, (len(points), *system.b.shape))) + system.d
 
     inputs = controller.b.shape[1]
-    points = np.exp(1j * np.asarray(omega) * period)
-    return np.array([-(at(controller, z) @ at(plant, z)[:inputs, :1])[0, 0] for z in points])
+    return -(response(controller) @ response(plant)[:, :inputs, :1])[:, 0, 0]
 
 
 def crossings(omega: np.ndarray, response: np.ndarray) -> tuple[float, float]:
@@ -193,6 +211,64 @@ def bears(
     return not any(
         radius(closed_loop(_held(coupling, speed, period, float(late)), controller)) >= 1 for late in (delay, delay / 2)
     )
+
+
+@lru_cache(maxsize=1)
+def rate_limit_table() -> np.ndarray:
+    """Return the describing function of a limit of the rate at `RATE_RATIOS`: first harmonic over the sine, complex.
+
+    A limit that is reached in every half-wave makes a triangle of a sine of amplitude A and frequency w. With
+    K = rate / (A w) below 0.54 it has the gain 4 K / pi and is late by arccos(pi K / 2).
+    """
+    angle = 2.0 * np.pi * np.arange(6 * WAVE_POINT_COUNT) / WAVE_POINT_COUNT
+    most = RATE_RATIOS * 2.0 * np.pi / WAVE_POINT_COUNT
+    limited, waves = np.zeros_like(RATE_RATIOS), np.empty((len(angle), len(RATE_RATIOS)))
+    for i, wanted in enumerate(np.sin(angle)):
+        limited = limited + np.clip(wanted - limited, -most, most)
+        waves[i] = limited
+    last = slice(-WAVE_POINT_COUNT, None)
+    return 2j * np.mean(waves[last] * np.exp(-1j * angle[last])[:, None], axis=0)
+
+
+def swings(
+    coupling: Coupling, controller: LinearSystem, period: float, *, effort: float, rate: float, speed: float = 1.0
+) -> bool:
+    """Return whether a loop is unstable, or goes on swinging once its command is as fast as its limit of rate allows.
+
+    Margins are those of small motions. A command that swings fast enough to reach the limit of rate is weaker, and
+    later by up to a quarter of its period; where the loop then returns as much as it was given, it does not come to
+    rest. It is asked for commands up to the limit of effort, by the limit's describing function.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        Plant on which the controller is tried.
+    controller : LinearSystem
+        Controller from encoder and spring to the torque wanted.
+    period : float
+        Control period [s].
+    effort, rate : float
+        Limits of the command [N m] and of its rate [N m/s].
+    speed : float
+        Speed at which friction is linear [rad/s].
+    """
+    held = _held(coupling, speed, period, 0.0)
+    if radius(closed_loop(held, controller)) >= 1:
+        return True
+    slowest = rate / effort
+    if not slowest < 2.0 * np.pi * FASTEST_SWING_HZ:
+        return False
+    omega = np.geomspace(slowest, 2.0 * np.pi * FASTEST_SWING_HZ, SWING_FREQUENCY_COUNT)
+    response, table = loop_response(held, controller, omega, period), rate_limit_table()
+    for amplitude in SWING_AMPLITUDE_SHARES * effort:
+        ratio = np.minimum(rate / (amplitude * omega), 1.0)
+        gain = np.interp(ratio, RATE_RATIOS, table.real) + 1j * np.interp(ratio, RATE_RATIOS, table.imag)
+        limited = response * gain
+        turn = np.floor((np.unwrap(np.angle(limited)) + np.pi) / (2.0 * np.pi))
+        at_half_a_turn = np.flatnonzero(turn[1:] != turn[:-1])
+        if np.abs(limited[at_half_a_turn]).max(initial=0.0) >= 1.0:
+            return True
+    return False
 
 
 def _seen_by_controller(coupling: Coupling, speed: float) -> LinearSystem:

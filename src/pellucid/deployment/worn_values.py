@@ -29,6 +29,12 @@ STRAP_FACTORS = (0.7, 1.6)
 A strap hardens as it is pulled. With 1.3 the loop swung by itself on two of ten foreign straps of 20261101, which are
 0.7 to 1.4 times as stiff as identified and twice as stiff at 0.05 to 0.12 rad."""
 
+INERTIA_FACTORS = (0.7, 1.4)
+"""Factors on the identified inertia of the orthosis with which the loop still comes to rest, on every such strap [1].
+
+Without them the loop swung at its limit of rate, at 7 to 13 Hz, on 11 of 300 foreign orthoses of 20261103 and 20261105
+to 20261107, and their drive's watch stopped it."""
+
 DEAD_TIME_SAMPLES = 1
 """Dead time of the actuator's torque loop, from the reading to the current [samples]."""
 
@@ -58,7 +64,9 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in STRAP_FACTORS for b in STRAP_FACTORS]
     limits, stops = limits_of(study, Limits())
     made = design(coupling, sampled if period is None else period, limits=limits)
-    made = within(made, [coupling, *straps], gain_db=MIN_GAIN_MARGIN_DB, delay=MIN_DELAY_MARGIN_S)
+    worn = [coupling, *straps]
+    wrong = [one.scaled(orthosis_inertia=factor) for one in worn for factor in INERTIA_FACTORS]
+    made = within(made, worn, gain_db=MIN_GAIN_MARGIN_DB, delay=MIN_DELAY_MARGIN_S, wrong_plants=[*worn, *wrong])
     law = made.control_law()
     remarks = {name: "chosen" for name in law.values}
     for name, (kind, parameter) in IDENTIFIED_PARAMETERS.items():
@@ -73,6 +81,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"For the wearer {wearer} alone: limb and strap are theirs.",
         f"The loop keeps {gain} and {delay} on straps {1 - STRAP_FACTORS[0]:.0%} softer and "
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
+        f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
+        "the orthosis, also at its limit of rate.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
