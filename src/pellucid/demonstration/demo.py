@@ -62,8 +62,9 @@ sensor."""
 PEOPLE_COUNT = 3
 """Number of virtual people: enough for a demonstration, far too few for a proof."""
 
-REPETITION_COUNT = 2
-"""Number of repetitions of every movement by each person."""
+REPETITION_COUNT = 1
+"""Number of repetitions of every movement by each person. A second one adds 30 MB of recordings, and so few people
+prove nothing with it either."""
 
 COVERAGE_REPETITIONS = 100
 """Number of identifications from which the coverage of intervals is estimated."""
