@@ -64,7 +64,11 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
     name = leading_index().name
     each = findings.assessed.get(name) or next(iter(findings.assessed.values()))
     told = is_told_apart(findings, each, 1.0 - findings.confidence)
-    figure = draw(figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study)
+    turning = findings.profiles if findings.along.unit == "rad" else ()
+    figure = draw(
+        figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study, turning,
+        findings.profile_of,
+    )  # fmt: skip
     plan = f"State margins in `[assessment.margins]`, and plan how many people they take: `pellucid plan {study.name}`."
     question = f"Do these conditions change how people move, against {findings.control}?"
     return Answer(question, "yes" if told else "unsure", figure, (plan,))

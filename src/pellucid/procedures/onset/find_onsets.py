@@ -144,10 +144,11 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
             "which the variance begins to rise, at once or within up to 0.3 s.",
         )
     )
+    recordings = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
         headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in "
-        f"{len({e.recording for e in found})} recordings; half the interval about an onset is {1e3 * half:.0f} ms "
+        f"{recordings} recording{'' if recordings == 1 else 's'}; half the interval about an onset is {1e3 * half:.0f} ms "
         "(median).",
         tables=(_table(found),),
         verdicts=tuple(verdicts),
@@ -195,7 +196,7 @@ def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str
 
 def _table(found: list[MuscleBursts]) -> FigureTable:
     """Return the table of all muscles and recordings."""
-    heads = ("Recording", "Muscle", "bursts", "first onset [s]", "± [ms]", "duration [s]", "active [%]")
+    heads = ("Recording", "Muscle", "bursts", "first onset (s)", "± (ms)", "duration (s)", "active (%)")
     rows = []
     for each in found:
         seen = [b.onset for b in each.bursts if b.seen]
