@@ -147,9 +147,8 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
     recordings = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
-        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in "
-        f"{recordings} recording{'' if recordings == 1 else 's'}; half the interval about an onset is {1e3 * half:.0f} ms "
-        "(median).",
+        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in {recordings} "
+        f"recording{'' if recordings == 1 else 's'}; half the interval about an onset is {1e3 * half:.0f} ms (median).",
         tables=(_table(found),),
         verdicts=tuple(verdicts),
         confidence=table.confidence,
