@@ -23,7 +23,7 @@ MAX_SHOWN_S = 12.0
 LINE_WIDTHS = (1.6, 1.1)
 """Line widths of the predictions, in their order."""
 
-DASHES = ((0, ()), (0, (4, 2)))
+DASH_PATTERNS = ((0, ()), (0, (4, 2)))
 """Dashes of the predictions, in their order."""
 
 
@@ -40,7 +40,7 @@ def moving_slider(fit: SliderFit, methods: Mapping[str, str], roles: Mapping[str
     figure = Figure(figsize=(FIGURE_WIDTH, 3.1), layout="constrained")
     arm, traces = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
     line(traces, time[shown], measured[shown], color=colour("measured"), linewidth=2.4, alpha=0.8)
-    for (words, method), width, dashes in zip(methods.items(), LINE_WIDTHS, DASHES, strict=False):
+    for (words, method), width, dashes in zip(methods.items(), LINE_WIDTHS, DASH_PATTERNS, strict=False):
         # No model predicts the current at rest, because friction may then have any value up to its level.
         values = np.where(motion.scored, predicted(fit[method], motion) / fit.gain, np.nan)
         line(traces, time[shown], values[shown], color=colour(roles[words]), linewidth=width, linestyle=dashes)
