@@ -105,6 +105,14 @@ def _answer(study: Study, fit: SliderFit) -> Answer:
     )
 
 
+def _range_text(fit: SliderFit, method: str) -> str:
+    """Return the smallest and the largest error of a trial, in brackets [A]; "" of a single trial."""
+    errors = [each.current for each in fit.evaluated(method) if np.isfinite(each.current)]
+    if len(errors) < 2:
+        return ""
+    return f" (between {number(min(errors), digits=3)} and {number(max(errors), digits=3)}, by trial)"
+
+
 def error_value(fit: SliderFit, method: str) -> Value:
     """Return the mean absolute current error of a method over the trials that judge it, as every part tells it [A]."""
     error = float(fit.evaluated_error(method))
@@ -127,9 +135,9 @@ def headline(fit: SliderFit) -> str:
     trials, use = len(fit.evaluated("pooled")), _use(fit)
     body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
     return (
-        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A with "
-        f"{len(fit['load'].values)} parameters; a set of parameters for each direction errs by {sets} A with "
-        f"{len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
+        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A"
+        f"{_range_text(fit, 'load')} with {len(fit['load'].values)} parameters; a set of parameters for each direction "
+        f"errs by {sets} A with {len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
         f"{sum(m.split == 'fitted' for m in fit.motions)} recordings."
     )
 
