@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from ..._errors import StudyError
 from ...assessment.equivalence import FAR_MARGIN_COUNT
 from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...pages.page import Page, Section, Tile, write_page
-from ...pages.quantities import MINUS_SIGN, cell_text, typeset_sentence
+from ...pages.quantities import cell_text, typeset_sentence
 from ...pages.tables import Row, Table
 from ...studies.study import checksum
 from ..procedure import quiet
@@ -77,13 +76,8 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple], caption: str, words: int = 1) -> Table:
-    made = tuple(Row(tuple(map(_with_minus_signs, map(cell_text, row)))) for row in rows)
+    made = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in rows)
     return Table(heads, made, frozenset(range(words, len(heads))), caption, True)
-
-
-def _with_minus_signs(cell: str) -> str:
-    """Return a cell with a minus sign before each figure that has a hyphen there."""
-    return re.sub(r"(?<!\S)-(?=[\d.])", MINUS_SIGN, cell)
 
 
 def _result(found: AssessmentResult) -> Section:
