@@ -187,7 +187,10 @@ def _p(p: float) -> str:
 
 
 def _nearest_text(each: Certified) -> str:
-    """Return the end point whose interval comes nearest to its margin, with its change, interval and margin."""
+    """Return the end point whose interval comes nearest to its margin, with its change, interval and margin; "" where
+    curves alone are stated."""
+    if not each.end_points:
+        return ""
 
     def share(name: str) -> float:
         own, margin = each.certificate.end_points[name], each.end_points[name].margin
@@ -197,7 +200,7 @@ def _nearest_text(each: Certified) -> str:
     point, own = each.end_points[name], each.certificate.end_points[name]
     level = 100.0 * (1.0 - 2.0 * each.certificate.alpha)
     return (
-        f"at the nearest {point.index.words.lower()} with {_change(point, own)} ({level:g} % CI "
+        f"; nearest to its margin is {point.index.words.lower()}, {_change(point, own)} ({level:g} % CI "
         f"{_interval(point, own)}, margin {point.stated})"
     )
 
@@ -222,7 +225,7 @@ def _sentence(each: Certified) -> str:
     words |= {name: name for name in each.certificate.curves}
     if verdict == PASS:
         return (
-            f"{each.condition}: transparent. All {len(words)} end points lie within their margins, "
+            f"{each.condition}: transparent. All {len(words)} end points lie within their margins"
             f"{_nearest_text(each)}. "
             f"{_what_was_tested(each)} {_people_sentence(each)}"
         )

@@ -67,12 +67,16 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
     return study_page(
         f"{found.study}: certificate",
         " ".join(map(typeset_sentence, certificate_sentences(found))),
-        [Tile(condition, verdict, "", f"p {tables.p_text(each.certificate.p_value)}")
+        [Tile(condition, verdict, "", _p_text(each.certificate.p_value))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found), _sensitivity(found),
          _exclusions(found), provenance(study, _recipe(study), _checksums(study, found))],
         answer=certificate_answer(found, following),
     )  # fmt: skip
+
+
+def _p_text(p: float) -> str:
+    return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple], caption: str, words: int = 1) -> Table:
