@@ -58,15 +58,17 @@ site: $(VENV)/.installed
 	  --hide-scrollbars --window-size=1100,1400 --screenshot=$${page%index.html}page.png file://$(CURDIR)/$$page 2>/dev/null; done
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q -f website/mkdocs.yml
 
-# What builds the core comes into an environment of its own and is gone afterwards.
+# What builds the core comes into an environment of its own and is gone afterwards. Modules are compiled once, as pip does it: where
+# Python is told to keep no bytecode, each process would otherwise compile all that it imports, which takes ten seconds of a demo.
 $(VENV)/.installed: $(CORE)
 	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)
-	$(BIN)/uv pip install -q --python $(BIN)/python -e . -e ./lab --reinstall-package pellucid
+	$(BIN)/uv pip install -q --compile-bytecode --python $(BIN)/python -e . -e ./lab --reinstall-package pellucid
+	$(BIN)/python -m compileall -q src/pellucid
 	touch $@
 
 # Libraries alone: to name the package with its extra, -e '.[test]', would build it again.
 $(VENV)/.tested: pyproject.toml | $(VENV)/.installed
-	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra test
+	$(BIN)/uv pip install -q --compile-bytecode --python $(BIN)/python -r pyproject.toml --extra test
 	touch $@
 
 clean:

@@ -400,11 +400,11 @@ def live(
     from .session.run_session import live as run
 
     def show(server: PageServer) -> None:
+        print_line(out, "The robot's engine runs.")
         print_line(out, f"Operator:    {server.address('operator')}")
         print_line(out, f"Participant: {server.address('participant')}")
         print_line(out, "Both pages are for this computer alone. Ctrl-C ends the session; what is recorded stays.")
 
-    print_line(out, "Starting the robot's engine ...")
     found = run(
         folder, participant=participant, port=port, unattended=unattended, open_pages=browser and not unattended,
         on_ready=show,

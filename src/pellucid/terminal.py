@@ -91,24 +91,39 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
     )
     from rich.text import Text
 
+    stepped: list[float] = []  # time of each step that was told since the beginning [s]
+
     class RemainingColumn(TextColumn):
         """Time that remains, from the time and the share of all work so far: it is told between steps, too."""
 
         def render(self, task: Task) -> Text:
-            return Text(remaining_text(task.elapsed or 0.0, task.percentage / 100.0), style="dim")
+            elapsed = task.elapsed or 0.0
+            waited = elapsed - stepped[-1] if stepped else 0.0
+            return Text(remaining_text(elapsed, task.percentage / 100.0, waited), style="dim")
 
     columns = (SpinnerColumn("line"), TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(),
                TimeElapsedColumn(), RemainingColumn(""))  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
-        yield lambda text, share: progress.update(task, description=text, completed=share)
+
+        def tell(text: str, share: float) -> None:
+            stepped[:] = [progress.tasks[0].elapsed or 0.0]
+            progress.update(task, description=text, completed=share)
+
+        yield tell
 
 
-def remaining_text(elapsed: float, share: float) -> str:
-    """Return in words how long the rest takes if it goes on as the `share` done in `elapsed` [s]; "" at the start."""
+def remaining_text(elapsed: float, share: float, waited: float = 0.0) -> str:
+    """Return in words how long the rest takes if it goes on as the `share` done in `elapsed` [s]; "" at the start.
+
+    `waited` is the part of that time since the last step ended [s]: the rest becomes shorter while a step lasts. If
+    the step lasts longer than the whole rest should, the rest is predicted anew from all the time so far.
+    """
     if share < MIN_PREDICTED_SHARE or elapsed < FIRST_PROGRESS_S or share >= 1.0:
         return ""
-    left = elapsed * (1.0 - share) / share
+    left = (elapsed - waited) / share - elapsed
+    if left <= 0.0:
+        left = elapsed * (1.0 - share) / share
     if left < 90.0:
         return f"about {max(5.0 * round(left / 5.0), 5.0):.0f} s left"
     return f"about {left / 60.0:.0f} min left"
@@ -122,14 +137,15 @@ def _print_first_line() -> Iterator[Callable[[str, float], None]]:
     from time import monotonic
 
     began, ended, lock = monotonic(), Event(), Lock()
-    last: list[tuple[str, float]] = []
+    last: list[tuple[str, float, float]] = []  # what is done, the share done, and when that was told [s]
 
     def tell(text: str, share: float) -> None:
+        told = monotonic() - began
         with lock:
             changed = not last or last[0][0] != text
-            last[:] = [(text, share)]
+            last[:] = [(text, share, told)]
         if changed and _is_verbose.get() and share < 1.0:
-            _print_progress(text, share, monotonic() - began)
+            _print_progress(text, share, told, told)
 
     def beat() -> None:
         while not ended.wait(FIRST_PROGRESS_S):
@@ -147,10 +163,13 @@ def _print_first_line() -> Iterator[Callable[[str, float], None]]:
         thread.join()
 
 
-def _print_progress(text: str, share: float, elapsed: float) -> None:
-    """Print on standard error the share of the work that is done, what is done now, and how long the rest takes."""
-    left = remaining_text(elapsed, share)
-    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}" + (f", {left}" if left else ""), err=True)
+def _print_progress(text: str, share: float, told: float, elapsed: float) -> None:
+    """Print on standard error the share of the work that is done, what is done now, and how long the rest takes.
+
+    Before that can be predicted, the time so far is printed; `told` is the time of the last step [s].
+    """
+    left = remaining_text(elapsed, share, elapsed - told) or f"{elapsed:.0f} s so far"
+    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}, {left}", err=True)
 
 
 def print_json(result: Result) -> None:

@@ -23,6 +23,8 @@ PAGES = (
 MARKS = {"README.md": (), "library.md": (pytest.mark.slow,)}
 """Marks of pages that take seconds; the others take minutes."""
 LONG = (pytest.mark.nightly, pytest.mark.slow)
+MAX_LINE_OF_FIRST_OUTPUT = 25
+"""Last line of a tutorial at which what its first command prints may begin: it then stands on the first screen."""
 BLOCK_TIMEOUT_S = 3600.0
 NOT_RUN = {
     "README.md": ["installs packages of the system", "sets up the clone in which this page is read"],
@@ -54,6 +56,14 @@ def test_blocks_that_are_left_out_are_few_and_listed():
         for page in PAGES
     }
     assert {page: reasons for page, reasons in found.items() if reasons} == NOT_RUN
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name.startswith("tutorial")], ids=lambda p: p.name)
+def test_the_first_screen_of_a_tutorial_is_a_command_and_its_output(page):
+    first, second, *_ = blocks_of(page)
+    assert (first.language, second.language) == ("sh", "text")
+    assert not {"not run"} & (set(first.comment) | set(second.comment))
+    assert second.line <= MAX_LINE_OF_FIRST_OUTPUT
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name.startswith("tutorial")], ids=lambda p: p.name)

@@ -91,3 +91,40 @@ def test_a_simulation_with_a_seed_below_zero_is_refused(tmp_path):
 def test_an_assessment_that_plans_with_no_study_is_refused(make_study, studies):
     with pytest.raises(PellucidError, match=f"found {studies} studies"):
         pl.assess(make_study(), studies=studies)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["reproduce", "nothing"], "unknown paper 'nothing'; known: able"),
+        (["audit", "nothing.csv"], "nothing.csv: no such file"),
+        (["init", "new", "--dataset", "nothing"], 'no data set "nothing", found emps'),
+        (["init", "new", "--rig", "nothing"], "unknown rig 'nothing'; known: "),
+        (["init", "new", "--session", "nothing"], "found the session 'nothing', expected one of elbow"),
+        (["init", "new", "--rig", "able-elbow", "--dataset", "emps"], "one of them; known: "),
+        (["init", "new", "--from", "nothing.csv"], "nothing.csv: no such file, expected recordings after --from"),
+        (["compare", "nowhere", "nothing"], "nowhere/models"),
+        (["paper", "nowhere"], "nowhere/study.toml: no such file"),
+        (["live", "nowhere"], "nowhere/study.toml: no such file"),
+        (["certificate", "nowhere"], "nowhere/study.toml: no such file"),
+        (["emg-force", "nowhere"], "nowhere/study.toml: no such file"),
+        (["export", "nowhere", "--out", "new"], "nowhere/study.toml: no such file"),
+        (["rank", "--law", "nothing.py", "--out", "new"], "nothing.py"),
+        (["incident", "nothing"], "nothing"),
+    ],
+)
+def test_what_a_command_cannot_use_is_named_before_anything_is_written(arguments, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = CliRunner().invoke(app, arguments)
+    assert made.exit_code != 0
+    assert said in str(made.exception)
+    assert made.output == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_check_tells_each_recording_that_it_reads(make_study):
+    study, heard = make_study(), []
+    pl.check(study, on_progress=lambda text, share: heard.append((text, share)))
+    names = [recording.name for recording in study.recordings()]
+    assert [text.removeprefix("reading ") for text, _ in heard[1 : 1 + len(names)]] == names
+    assert [share for _, share in heard] == sorted(share for _, share in heard)

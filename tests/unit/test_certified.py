@@ -244,6 +244,9 @@ def test_one_change_is_one_number_everywhere(of_twelve):
         told = change_text(change)
         certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
         assert certified[2] == told
+        (said,) = certificate_sentences(found)
+        assert "nearest to its margin is " in said
+        assert ("duration" in said) != ("peak velocity" in said)
         figure = plain_text(next(t.figure for t in shown.tiles if t.what == tile))
         assert figure.replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
         assert f"({told}, 95 % CI" in found.paragraph

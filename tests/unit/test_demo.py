@@ -32,13 +32,12 @@ def shown():
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory, shown):
-    """The demo with fewer movements, and no network."""
+    """The demo with fewer repetitions of what counts intervals, and no network."""
 
     def nowhere(*_):
         raise OSError("no network")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "REPETITION_COUNT", 1)
         patch.setattr(module, "COVERAGE_REPETITIONS", 25)
         patch.setattr(socket, "socket", nowhere)
         patch.delenv("PELLUCID_DATA", raising=False)

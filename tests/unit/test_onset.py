@@ -113,6 +113,14 @@ def test_a_study_has_its_bursts_and_their_page(tmp_path):
     assert all(part in page for part in ("bursts_1", "When muscles become active"))
 
 
+def test_a_check_searches_no_onset(tmp_path, monkeypatch):
+    def search(*arguments, **options):
+        raise AssertionError("it searched the onsets")
+
+    monkeypatch.setattr("pellucid.procedures.onset.find_onsets.activations", search)
+    assert not check(study(tmp_path / "bursts"))
+
+
 def test_an_envelope_is_refused(tmp_path):
     opened = study(tmp_path / "bursts", unit="1", change=np.abs)
     with pytest.raises(RecordingError, match=r"channel emg\.vastus: found the unit 1, expected raw EMG in V"):

@@ -68,6 +68,23 @@ def test_progress_without_a_terminal_goes_on_while_a_step_lasts(capsys, monkeypa
     assert lines[-1].endswith("s left")
 
 
+def test_the_time_that_remains_becomes_less_while_a_step_lasts():
+    assert remaining_text(100.0, 0.5) == "about 2 min left"
+    assert [remaining_text(100.0 + waited, 0.5, waited) for waited in (40.0, 60.0)] == [
+        "about 60 s left", "about 40 s left",
+    ]  # fmt: skip
+    # Nothing of the prediction is left: the step itself takes part in the next.
+    assert remaining_text(250.0, 0.5, 150.0) == "about 4 min left"
+
+
+def test_before_a_prediction_the_time_so_far_is_told(capsys, monkeypatch):
+    monkeypatch.setattr("pellucid.terminal.FIRST_PROGRESS_S", 0.05)
+    with _print_first_line() as tell:
+        tell("reading", 0.0)
+        time.sleep(0.12)
+    assert capsys.readouterr().err.splitlines()[0] == "pellucid: 0 % reading, 0 s so far"
+
+
 def test_what_is_soon_done_is_not_told(capsys):
     with _print_first_line() as tell:
         tell("reading", 0.0)

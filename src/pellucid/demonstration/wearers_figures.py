@@ -9,21 +9,15 @@ from matplotlib.figure import Figure
 
 from ..drawing.drawing import line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
-from ..pages.moving import MovingDrawing, Way, strokes
-from ..procedures.assessment.assessment_figures import tones
+from ..pages.moving import MovingDrawing, Way, cursor, strokes
+from ..procedures.assessment.assessment_figures import FRAME_COUNT, REST_S, START_ANGLE_RAD, tones
 from ..procedures.assessment.assessment_result import Profile
-
-FRAME_COUNT = 48
-"""Number of frames of the movement."""
 
 ELBOW_PLACE = np.array([0.0, 0.0])
 """Drawn place of the elbow."""
 
 SHOULDER_PLACE = np.array([-0.35, 0.95])
 """Drawn place of the shoulder; lengths are not to scale."""
-
-START_ANGLE_RAD = -0.5
-"""Drawn direction of the forearm when a movement starts [rad from horizontal]; profiles are relative to the start."""
 
 
 def wearers_figure(profiles: Sequence[Profile], conditions: Sequence[str], what: str) -> MovingDrawing:
@@ -56,10 +50,6 @@ def wearers_figure(profiles: Sequence[Profile], conditions: Sequence[str], what:
         line(curves, profile.time, np.degrees(profile.angle), color=tone[profile.condition], linewidth=1.7)
     tidy(curves, first=True, text="Angle from the start (deg)", ticks=5)
     curves.set_xlabel("Time from the start (s)")
-    low, high = curves.get_ylim()
-    cursor = np.stack([np.column_stack([frames, np.full(FRAME_COUNT, end)]) for end in (low, high)], axis=1)
-    strokes(curves, cursor[0], "moment", edgecolor=colour("muted"), linewidth=1.2, zorder=6)
-    curves.set_ylim(low, high)
-    ways["moment"] = Way(curves, cursor)
+    ways["cursor"] = cursor(curves, frames)
     caption = f"Virtual people's mean movements ({what}), without the robot and under each controller."
-    return MovingDrawing("wearers", figure, caption, ways, lasting + 0.6)
+    return MovingDrawing("wearers", figure, caption, ways, lasting + REST_S)

@@ -18,6 +18,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from ..drawing.drawing import Drawing
+from ..drawing.style import colour
 
 MOTION_STYLE = (
     "<style>.rests { display: none } @media (prefers-reduced-motion: reduce), print "
@@ -72,6 +73,15 @@ def strokes(axis: Axes, points: np.ndarray, name: str, **style) -> Artist:
     patch = PathPatch(Outline(points, codes), fill=False, capstyle="round", joinstyle="round", **style)
     patch.set_gid(name)
     return axis.add_artist(patch)
+
+
+def cursor(axis: Axes, times: np.ndarray, name: str = "cursor") -> Way:
+    """Draw a vertical line that moves over a panel to each of `times`, (frames,); the panel keeps its limits."""
+    low, high = axis.get_ylim()
+    points = np.stack([np.column_stack([times, np.full(len(times), end)]) for end in (low, high)], axis=1)
+    strokes(axis, points[0], name, edgecolor=colour("muted"), linewidth=1.2, zorder=6)
+    axis.set_ylim(low, high)
+    return Way(axis, points)
 
 
 def _strokes(points: np.ndarray) -> str:

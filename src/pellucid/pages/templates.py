@@ -42,5 +42,11 @@ def _commands(text: str) -> Markup:
     """Return a sentence as HTML, with what stands between backticks as code."""
     parts = text.split("`")
     return Markup("").join(
-        Markup("<code>{}</code>").format(part) if i % 2 else marked_up(part) for i, part in enumerate(parts)
+        Markup("<code>{}</code>").format(_unbroken(part)) if i % 2 else marked_up(part) for i, part in enumerate(parts)
     )
+
+
+def _unbroken(command: str) -> Markup:
+    """Return a command as HTML in which no line breaks between the dashes of an option."""
+    option = Markup('<span class="option">{}</span>')
+    return Markup(" ").join(option.format(word) if word.startswith("--") else word for word in command.split(" "))

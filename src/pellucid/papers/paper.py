@@ -43,6 +43,8 @@ class Paper(ABC):
         an id without any is "heldout".
     main : tuple of str
         Prefixes of the ids that the terminal prints at the end.
+    answer_figure : str
+        Name of the figure that stands beside the headline, which speaks of it; without one the first figure does.
 
     Examples
     --------
@@ -60,6 +62,7 @@ class Paper(ABC):
     remarks: ClassVar[bool] = False
     splits: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     main: ClassVar[tuple[str, ...]] = ()
+    answer_figure: ClassVar[str] = ""
 
     @property
     def name(self) -> str:
@@ -103,7 +106,9 @@ class Paper(ABC):
         """Return the whole page."""
         sections = (*self.sections(figures), *self.closing(figures))
         title = self.title or self.printed.title
-        drawn = next((drawing for section in sections for drawing in section.drawings), None)
+        drawings = [drawing for section in sections for drawing in section.drawings]
+        named = (drawing for drawing in drawings if drawing.name == self.answer_figure)
+        drawn = next(named, drawings[0] if drawings else None)
         compared = [row.verdict for row in figures.values() if row.verdict in ("agrees", "differs")]
         agreed = compared.count("agrees")
         verdict: AnswerVerdict = "unsure" if not compared else "yes" if agreed == len(compared) else "no"

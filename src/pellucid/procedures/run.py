@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from ..pages.page import Page
     from ..signals.emg_onset import Activations
 
+CHECK_READING_SHARE = 0.7
+"""Share of a check's progress that reading the recordings, and finding their defects, takes."""
+
 
 def check(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> list[Fault]:
     """Return the faults of a study's recordings; empty if there are none.
@@ -65,10 +68,12 @@ def check(study: Study, *, on_progress: Callable[[str, float], None] | None = No
     """
     study, tell = as_study(study, "check"), on_progress or quiet
     tell("reading recordings", 0.0)
-    faults = find_duplicates(study.recordings())
+    recordings = study.recordings(on_progress=lambda text, share: tell(text, CHECK_READING_SHARE * share))
+    faults = find_duplicates(recordings)
     procedures = list(reversed(asked(study)))
     for i, procedure in enumerate(procedures):
-        tell(f"checking what {procedure.name.replace('_', ' ')} needs", 0.2 + 0.8 * i / len(procedures))
+        share = CHECK_READING_SHARE + (1.0 - CHECK_READING_SHARE) * i / len(procedures)
+        tell(f"checking what {procedure.name.replace('_', ' ')} needs", share)
         try:
             taken = procedure.taken(study)
             faults += procedure.cut(study) + procedure.faults(taken, procedure.table_of(taken))

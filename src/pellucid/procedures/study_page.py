@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 from ..fit.parameter import Verdict, rank_verdicts
@@ -30,15 +31,18 @@ def study_page(
     verdicts: Iterable[Verdict] = (),
     answer: Answer | None = None,
     question: str = "May these figures be used?",
+    following: Sequence[str] = (),
 ) -> Page:
     """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
 
-    Without an `answer`, the verdicts answer the `question`, and the first figure stands beside them.
+    Without an `answer`, the verdicts answer the `question`, and the first figure stands beside them, with what to do
+    next in the sentences `following`.
     """
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
     sections = tuple(sections)
     if answer is None:
         answer, sections = answer_from_verdicts(question, shown, sections)
+        answer = replace(answer, next=tuple(following))
     return Page(
         title,
         "Pellucid report",
@@ -50,6 +54,11 @@ def study_page(
         shown,
         answer,
     )
+
+
+def paper_step(study: Study) -> str:
+    """Return what to do next with figures that nothing else is made from: write them for a paper."""
+    return f"Write figures, tables and methods for a paper: `pellucid paper {study.name}`."
 
 
 def figure_tables(found: Result, part: str = "") -> tuple[Table, ...]:

@@ -157,6 +157,50 @@ def activations(
 ) -> Activations:
     """Bursts of raw EMG. `time` (n,) [s]; `samples` (n,) [V]; `rest` [s]; `level` is the intervals' probability;
     bursts are those `inside`, with what lies around it filtered as well."""
+    made = _energy(time, samples, rest, height, inside)
+    both = _one_way(made.raw, made.fs, made.own, made.still)
+    crossed = _bursts(made.energy > made.level, made.fs, shortest, pause)
+    # A beginning lies behind the end of the burst before, an end before the beginning of the next.
+    edges = [0, *(round(0.5 * (a[1] + b[0])) for a, b in pairwise(crossed)), len(made.time) - 1]
+    found = [
+        _burst(made.time, made.passed, both, each, around, made.fs, level)
+        for each, around in zip(crossed, pairwise(edges), strict=False)  # without a burst a pair is left over
+    ]
+    resting = made.time[made.still]
+    return Activations(tuple(found), (float(resting[0]), float(resting[-1])), made.rest_rms, made.energy, made.level)
+
+
+def require_activity(
+    time: np.ndarray,
+    samples: np.ndarray,
+    *,
+    rest: tuple[float, float] | None = None,
+    height: float = DEFAULT_HEIGHT,
+    inside: slice | None = None,
+) -> None:
+    """Raise the errors of `activations` without searching any onset, which takes most of its time."""
+    _energy(time, samples, rest, height, inside)
+
+
+@dataclass(frozen=True, eq=False)
+class _Energy:
+    """Energy of raw EMG with its threshold, and what it was made of."""
+
+    fs: float  # rate [Hz]
+    time: np.ndarray  # (n,) [s]
+    raw: np.ndarray  # (m,) samples with what lies around them, without their mean [V]
+    own: slice  # samples of the recording in `raw`
+    passed: np.ndarray  # (n,) band-passed samples [V]
+    energy: np.ndarray  # (n,) smoothed energy [V^2]
+    still: slice  # samples at rest
+    rest_rms: float  # RMS of the band-passed samples at rest [V]
+    level: float  # threshold of the energy [V^2]
+
+
+def _energy(
+    time: np.ndarray, samples: np.ndarray, rest: tuple[float, float] | None, height: float, inside: slice | None
+) -> _Energy:
+    """Return the energy of raw EMG; raise a RecordingError where no rest and no activity can be told."""
     time, samples = np.asarray(time, float), np.asarray(samples, float)
     inside = slice(0, len(time)) if inside is None else inside
     part = time[inside]
@@ -183,15 +227,7 @@ def activations(
             f"{time[still][-1]:.4g} s), expected at least {MIN_ACTIVITY_CONTRAST:g} times: a recording with rest and "
             "with activity"
         )
-    both = _one_way(raw, fs, own, still)
-    crossed = _bursts(energy > passes, fs, shortest, pause)
-    # A beginning lies behind the end of the burst before, an end before the beginning of the next.
-    edges = [0, *(round(0.5 * (a[1] + b[0])) for a, b in pairwise(crossed)), len(time) - 1]
-    found = [
-        _burst(time, passed, both, each, around, fs, level)
-        for each, around in zip(crossed, pairwise(edges), strict=False)  # without a burst a pair is left over
-    ]
-    return Activations(tuple(found), (float(time[still][0]), float(time[still][-1])), rest_rms, energy, passes)
+    return _Energy(fs, time, raw, own, passed, energy, still, rest_rms, passes)
 
 
 def teager_kaiser(x: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -195,13 +195,17 @@ class Study:
         parts += [f"{os.path.relpath(path, self.folder)} {digest}" for path, digest in digests.items()]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
-    def recordings(self, use: str | None = None) -> tuple[Recording, ...]:
+    def recordings(
+        self, use: str | None = None, *, on_progress: Callable[[str, float], None] = lambda text, share: None
+    ) -> tuple[Recording, ...]:
         """Return the recordings in the order of study.toml; each file is read once.
 
         Parameters
         ----------
         use : str or None
             ``"fit"`` or ``"validate"``; None for all.
+        on_progress : callable, optional
+            Function that is called before each recording, with a text and the share of recordings done, 0 to 1.
 
         Raises
         ------
@@ -211,13 +215,17 @@ class Study:
         if use not in (None, "fit", "validate"):
             raise RecordingError(f'use: found {use!r}, expected "fit", "validate" or None')
         files: dict[Path, Columns] = {}
-        found = [
-            self._load(entry, name, path, files)
+        chosen = [
+            (entry, name, path)
             for entry in self.config.recordings
             if use is None or entry.use == use
             for name, path in self._paths(entry)
             if name not in self._left_out
         ]
+        found = []
+        for i, (entry, name, path) in enumerate(chosen):
+            on_progress(f"reading {name}", i / len(chosen))
+            found.append(self._load(entry, name, path, files))
         return tuple(found)
 
     def without(self, names: Iterable[str]) -> Study:

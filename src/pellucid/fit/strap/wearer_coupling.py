@@ -62,6 +62,7 @@ class EvaluatedSwing:
     # (n,) mismatch predicted from the orthosis's balance, at the actuator's times [rad]
     predicted: np.ndarray = field(repr=False)
     published: np.ndarray | None = field(default=None, repr=False)  # (n,) mismatch by the thesis's two poles [rad]
+    position: np.ndarray | None = field(default=None, repr=False)  # (m,) angle of the orthosis from hanging [rad]
 
     @property
     def rmse(self) -> float:
@@ -328,7 +329,10 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
         simulated["orthosis"] = np.interp(time, swing.time, predicted)
         fits["orthosis"] = fit_percent(seen, simulated["orthosis"])
     ceiling = 100.0 * (1.0 - imu_sd / float(np.std(seen)))
-    return EvaluatedSwing(swing.name, swing.split, time, seen, simulated, fits, ceiling, instrument, predicted, literal)
+    position = np.interp(time, swing.time, swing.position)
+    return EvaluatedSwing(
+        swing.name, swing.split, time, seen, simulated, fits, ceiling, instrument, predicted, literal, position
+    )
 
 
 # --- verdicts -------------------------------------------------------------------------------------------------------

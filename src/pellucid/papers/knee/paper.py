@@ -45,6 +45,7 @@ class KneePaper(Paper):
     title: ClassVar = "A knee orthosis and its wearer: reproduced"
     kicker: ClassVar = "Reproduction of a thesis"
     over: ClassVar = "Range or interval"
+    answer_figure: ClassVar = "fig-3-5"
     # Comparisons with the rig's own constants, and arithmetic, count as simulated.
     splits: ClassVar = {
         "heldout": (".heldout",),

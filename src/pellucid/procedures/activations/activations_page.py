@@ -6,7 +6,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...pages.quantities import typeset_sentence
 from ...studies.study import Study
-from ..study_page import figure_tables, study_page
+from ..study_page import figure_tables, paper_step, study_page
 from . import activations_figures as figures
 from .find_activations import ActivationsResult
 
@@ -62,4 +62,5 @@ def page(study: Study, found: ActivationsResult) -> Page:
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,
+        following=(paper_step(study),),
     )

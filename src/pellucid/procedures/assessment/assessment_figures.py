@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...assessment.isochrony import Isochrony
@@ -15,6 +16,7 @@ from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP
 from ...drawing.drawing import Drawing, dots, key, line, tidy
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...pages.forest import Estimate, forest_panel
+from ...pages.moving import MovingDrawing, Way, strokes
 from ...pages.quantities import MINUS_SIGN, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from .assessment_result import Assessed, Profile, Settling
@@ -24,6 +26,15 @@ from .primary_change import PrimaryChange, change_figure
 
 CONDITION_COLOUR_ROLES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Colour roles of control and of the other conditions in their order; further conditions share the last."""
+
+FRAME_COUNT = 48
+"""Number of frames of a movement."""
+
+START_ANGLE_RAD = -0.5
+"""Drawn direction of a limb when a movement starts [rad from horizontal]; profiles are relative to the start."""
+
+REST_S = 0.6
+"""Time for which moving limbs rest before they move again [s]."""
 
 DIRECTION_LABELS = {DIRECTION_UP: "Upwards", DIRECTION_DOWN: "Downwards"}
 """Labels of the directions of movement."""
@@ -180,12 +191,25 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
     axis.grid(visible=False, axis="x")
 
 
-def changes_figure(each: Assessed, changes: Mapping[str, PrimaryChange], control: str, study: str) -> Drawing:
-    """Draw an index's participants as points and lines, beside its changes from control with their intervals."""
+def changes_figure(
+    each: Assessed,
+    changes: Mapping[str, PrimaryChange],
+    control: str,
+    study: str,
+    profiles: Sequence[Profile] = (),
+    what: str = "",
+) -> Drawing:
+    """Draw an index's participants as points and lines, beside its changes from control with their intervals.
+
+    With `profiles` of a joint's angle, which are of the movement `what`, a limb for each condition moves beside them.
+    """
     conditions = each.table.conditions
     tone = tones((control, *(c for c in conditions if c != control)))
     figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
-    people, forest = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
+    if profiles:
+        limbs, people, forest = figure.subplots(1, 3, width_ratios=(0.62, 1.0, 1.25))
+    else:
+        people, forest = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
     _panel(people, each, tone)
     roles = dict(zip((c for c in conditions if c != control), CONDITION_COLOUR_ROLES[1:], strict=False))
     estimates = [
@@ -202,12 +226,37 @@ def changes_figure(each: Assessed, changes: Mapping[str, PrimaryChange], control
     widest = 3.0 * max((abs(e.value) for e in estimates if np.isfinite(e.value)), default=1.0)
     low, high = forest.get_xlim()
     forest.set_xlim(max(low, -max(widest, 100.0)), min(high, max(widest, 100.0)))
-    return Drawing(
-        "changes",
-        figure,
-        f"{each.table.index.words}. Left: every participant is a line, the bar is the mean. Right: the change from "
-        f"{control} with its interval; an interval that reaches the panel's edge goes on beyond it.",
+    told = (
+        f"{each.table.index.words}: every participant is a line, the bar is the mean. Right: the change from {control} "
+        "with its interval; an interval that reaches the panel's edge goes on beyond it."
     )
+    if not profiles:
+        return Drawing("changes", figure, told)
+    ways, seconds = _moving_limbs(limbs, profiles, tone)
+    caption = f"Left: mean movements of the limb, one colour for each condition ({what}). {told}"
+    return MovingDrawing("changes", figure, caption, ways, seconds)
+
+
+def _moving_limbs(axis: Axes, profiles: Sequence[Profile], tone: Mapping[str, str]) -> tuple[dict[str, Way], float]:
+    """Draw a limb for each condition that turns about one joint as people moved on average; return ways and seconds."""
+    axis.set_aspect("equal")
+    axis.set_axis_off()
+    axis.set_xlim(-0.45, 1.15)
+    axis.set_ylim(-0.95, 1.15)
+    lasting = max(float(profile.time[-1]) for profile in profiles)
+    frames = np.linspace(0.0, lasting, FRAME_COUNT)
+    axis.plot((-0.35, 0.0), (0.95, 0.0), color=colour("faint"), linewidth=13.0, solid_capstyle="round")
+    ways = {}
+    for i, profile in enumerate(profiles):
+        known = np.isfinite(profile.time) & np.isfinite(profile.angle)
+        angle = START_ANGLE_RAD + np.interp(frames, profile.time[known], profile.angle[known])
+        # Limbs of equal length would hide each other.
+        hand = (1.05 - 0.1 * i) * np.column_stack([np.cos(angle), np.sin(angle)])
+        points = np.stack([np.zeros_like(hand), hand], axis=1)
+        strokes(axis, points[-1], f"limb-{i}", edgecolor=tone[profile.condition], linewidth=6.0, alpha=0.9, zorder=4)
+        ways[f"limb-{i}"] = Way(axis, points)
+    axis.plot([0.0], [0.0], "o", color=colour("ink"), markersize=7.0, zorder=6)
+    return ways, lasting + REST_S
 
 
 def interval_text(change: PrimaryChange) -> str:

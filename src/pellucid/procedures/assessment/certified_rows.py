@@ -186,6 +186,25 @@ def _p(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
+def _nearest_text(each: Certified) -> str:
+    """Return the end point whose interval comes nearest to its margin, with its change, interval and margin; "" where
+    curves alone are stated."""
+    if not each.end_points:
+        return ""
+
+    def share(name: str) -> float:
+        own, margin = each.certificate.end_points[name], each.end_points[name].margin
+        return max(abs(own.interval[0] / margin.low), abs(own.interval[1] / margin.high))
+
+    name = max(each.end_points, key=share)
+    point, own = each.end_points[name], each.certificate.end_points[name]
+    level = 100.0 * (1.0 - 2.0 * each.certificate.alpha)
+    return (
+        f"; nearest to its margin is {point.index.words.lower()}, {_change(point, own)} ({level:g} % CI "
+        f"{_interval(point, own)}, margin {point.stated})"
+    )
+
+
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
     """Return a sentence on each condition."""
     return tuple(_sentence(each) for each in found.certified)
@@ -206,7 +225,8 @@ def _sentence(each: Certified) -> str:
     words |= {name: name for name in each.certificate.curves}
     if verdict == PASS:
         return (
-            f"{each.condition}: transparent. All {len(words)} end points lie within their margins. "
+            f"{each.condition}: transparent. All {len(words)} end points lie within their margins"
+            f"{_nearest_text(each)}. "
             f"{_what_was_tested(each)} {_people_sentence(each)}"
         )
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]

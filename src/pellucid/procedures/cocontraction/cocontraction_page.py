@@ -6,7 +6,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...pages.quantities import typeset_sentence
 from ...studies.study import Study
-from ..study_page import figure_tables, study_page
+from ..study_page import figure_tables, paper_step, study_page
 from .cocontraction_figures import indices, overlap
 from .find_cocontraction import CocontractionResult
 
@@ -33,4 +33,5 @@ def page(study: Study, found: CocontractionResult) -> Page:
         tiles=(),
         sections=(Section("cocontraction", "Co-contraction", (method_text,), figure_tables(found), tuple(drawings)),),
         verdicts=found.verdicts,
+        following=(paper_step(study),),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...drawing.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
@@ -17,11 +18,18 @@ from ...fit.parameter import Parameter
 from ...fit.strap.identified_strap import IdentifiedStrap
 from ...fit.strap.wearer_coupling import EvaluatedSwing
 from ...fit.transfer.transfer_function_fit import Response
+from ...pages.moving import MovingDrawing, Way, cursor, strokes
 from ...pages.quantities import number, unit_text
 from .coupling_result import WearerStages
 
 MAX_DRAWN_S = 12.0
 """Length of a response or swing that is drawn [s]."""
+
+FRAME_COUNT = 60
+"""Number of frames of the movement."""
+
+MISMATCH_MAGNIFICATION = 2.0
+"""Magnification of the drawn angle between leg and orthosis, which is often of a few degrees."""
 
 HOLD_DOT_POINTS = 5.0
 """Diameter of the dot of a hold, in points."""
@@ -110,9 +118,11 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
     )
 
 
-def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
-    """Draw the mismatch angle in one swing, by the IMU and by the models."""
-    figure, axis = one_panel(3.2)
+def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
+    """Draw the mismatch angle in one swing, by the IMU and by the models, beside the leg in its orthosis, which moves
+    as it was recorded."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
+    limb, axis = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
     shown = np.abs(swing.time - middle) <= 0.5 * MAX_DRAWN_S
@@ -132,14 +142,43 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % if the model were perfect"
     heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
-    return Drawing(
+    frames = np.linspace(float(time[0]), float(time[-1]), FRAME_COUNT)
+    orthosis = np.zeros(len(time)) if swing.position is None else swing.position[shown]
+    turned = np.interp(frames, time, orthosis), np.interp(frames, time, swing.seen[shown])
+    ways = {**_leg_in_orthosis(limb, *turned), "cursor": cursor(axis, frames)}
+    return MovingDrawing(
         f"mismatch_{who}",
         figure,
-        f"Angle between limb and orthosis of {who}: by the IMU, and as the identified strap answers the torque that "
-        "the orthosis's balance gives. "
+        f"Left: orthosis (grey) and leg (black) as they were recorded, the angle between them "
+        f"{MISMATCH_MAGNIFICATION:g} times as large. Right: angle between limb and orthosis of {who}: by the IMU, and "
+        "as the identified strap answers the torque that the orthosis's balance gives. "
         + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
         + (" The published equation has no strap in it." if len(entries) > 2 else ""),
+        ways,
+        float(time[-1] - time[0]),
     )
+
+
+def _leg_in_orthosis(axis: Axes, orthosis: np.ndarray, mismatch: np.ndarray) -> dict[str, Way]:
+    """Draw a thigh that rests, and orthosis and shank that turn below it, (frames,) [rad] from hanging."""
+    axis.set_aspect("equal")
+    axis.set_axis_off()
+    axis.set_xlim(-1.35, 1.15)
+    axis.set_ylim(-1.2, 0.45)
+    axis.plot((0.0, 1.0), (0.0, 0.12), color=colour("faint"), linewidth=15.0, solid_capstyle="round")
+    ways = {}
+    drawn = (
+        ("orthosis", orthosis, 1.0, colour("muted"), 13.0),
+        ("leg", orthosis + MISMATCH_MAGNIFICATION * mismatch, 1.08, colour("measured"), 5.0),
+    )
+    for name, angle, length, tone, width in drawn:
+        # The foot swings back when the knee bends.
+        foot = length * np.column_stack([-np.sin(angle), -np.cos(angle)])
+        points = np.stack([np.zeros_like(foot), foot], axis=1)
+        strokes(axis, points[0], name, edgecolor=tone, linewidth=width, zorder=4)
+        ways[name] = Way(axis, points)
+    axis.plot([0.0], [0.0], "o", color=colour("fitted"), markersize=8.0, zorder=6)
+    return ways
 
 
 def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:

@@ -48,6 +48,10 @@ def page(study: Study, findings: CouplingResult) -> Page:
             "swings that were not fitted?",
             "no" if wrong or (known and not explained) else "yes" if explained else "unsure",
             figure,
+            tuple(
+                f"Make a controller for {who}: `pellucid export {study.name} --participant {who} --to c --out DIR`."
+                for who in list(findings.wearers)[:1]
+            ),
         ),
     )
 

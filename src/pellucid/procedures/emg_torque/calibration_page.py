@@ -45,7 +45,8 @@ def page(study: Study, findings: CalibrationResult) -> Page:
             ),
         )
     )  # fmt: skip
-    answer = _answer(findings, sections)
+    following = (f"Take the torque live on a controller: `pellucid export {study.name} --to c --out DIR`.",)
+    answer = replace(_answer(findings, sections), next=following)
     if answer.figure is not None:
         sections = without_drawing(sections, answer.figure.name)
     return study_page(

@@ -7,7 +7,7 @@ import numpy as np
 from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...studies.study import Study
-from ..study_page import figure_tables, parameter_tables, study_page
+from ..study_page import figure_tables, paper_step, parameter_tables, study_page
 from . import hinge_figures as figures
 from .hinge_table import HingeTable
 from .identify_hinge import PROCESSING_NOTE, HingeResult, HingeTrial
@@ -20,6 +20,7 @@ def page(study: Study, findings: HingeResult) -> Page:
         title=f"{findings.study}: angle of a hinge",
         headline=findings.headline,
         verdicts=findings.verdicts,
+        following=(paper_step(study),),
         tiles=tuple(_tile(t) for t in evaluated),
         sections=(
             _found(findings),

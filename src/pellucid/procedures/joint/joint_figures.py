@@ -345,11 +345,12 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
             color=colour(FAMILIES_BY_NAME[family.family].colour),
             fontweight="bold" if family.family == fit.best else "normal",
         )
-    return Drawing(
-        name,
-        figure,
-        "The same data through each friction family, by least squares, with the effort error of its prediction.",
-    )
+    caption = "The same data through each friction family, by least squares, with the effort error of its prediction."
+    chosen = fit.headlined
+    if chosen.estimate.method != fit.families[fit.best].estimate.method and np.isfinite(chosen.heldout_effort_error):
+        method = METHODS.get(chosen.estimate.method, chosen.estimate.method)
+        caption += f" The page's first sentence is of {method}: {percent(chosen.heldout_effort_error)} %."
+    return Drawing(name, figure, caption)
 
 
 def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:

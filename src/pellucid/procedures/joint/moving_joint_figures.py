@@ -12,7 +12,7 @@ from ...drawing.drawing import Head, heads, key, line, tidy
 from ...drawing.line_points import broken
 from ...drawing.style import FIGURE_WIDTH, colour
 from ...fit.joint.evaluation import Prediction
-from ...pages.moving import MovingDrawing, Way, strokes
+from ...pages.moving import MovingDrawing, Way, cursor, strokes
 from ...pages.series import busiest, by_recording, join_arrays, pooled_error
 from ...pages.values import Value
 
@@ -86,11 +86,7 @@ def moving_joint(
     frames = np.linspace(start, stop, FRAME_COUNT)
     moved = np.interp(frames, time[known], position[known])
     ways = _turning(stick, moved - upright) if rotary else _sliding(stick, moved)
-    low, high = traces.get_ylim()
-    cursor = np.stack([np.column_stack([frames, np.full(FRAME_COUNT, y)]) for y in (low, high)], axis=1)
-    ways["cursor"] = Way(traces, cursor)
-    strokes(traces, cursor[0], "cursor", edgecolor=colour("muted"), linewidth=1.2, zorder=6)
-    traces.set_ylim(low, high)
+    ways["cursor"] = cursor(traces, frames)
     return MovingDrawing(name, figure, caption, ways, float(stop - start))
 
 

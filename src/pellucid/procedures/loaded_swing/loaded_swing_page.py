@@ -7,7 +7,7 @@ from ...pages.over_time import Traces, over_time
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, typeset_sentence
 from ...studies.study import Study
-from ..study_page import figure_tables, parameter_tables, study_page
+from ..study_page import figure_tables, paper_step, parameter_tables, study_page
 from .identify_loaded_swing import LoadedSwingResult
 from .loaded_swing_table import LoadedSwingTable
 
@@ -39,6 +39,7 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
         title=f"{findings.study}: legs in an exoskeleton",
         headline=typeset_sentence(findings.headline),
         verdicts=findings.verdicts,
+        following=(paper_step(study),),
         tiles=tuple(tiles),
         sections=(
             Section("swing_found", "What was found", (), figure_tables(findings)),

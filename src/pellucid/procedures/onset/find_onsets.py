@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +16,7 @@ from ..._given import csv_cell
 from ...drawing.line_points import outline
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
-from ...signals.emg_onset import Burst, activations
+from ...signals.emg_onset import Burst, activations, require_activity
 from ...studies.results import ResultRow
 from ...studies.study import Study
 from ..muscle_channels import (
@@ -89,7 +91,7 @@ def faults(study: Study, table: OnsetTable) -> list[Fault]:
             if any(fault.channel == name and fault.severity == "refuse" for fault in found):
                 continue
             try:
-                _find_activity(stream, muscle, table)
+                _require_activity(stream, muscle, table)
             except RecordingError as error:
                 kind = "refuse" if stream.channels[name].unit != "V" else "note"
                 found.append(Fault(kind, "rest", stream.path.name, name, str(error), "rest and activity", str(error)))
@@ -144,11 +146,11 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
             "which the variance begins to rise, at once or within up to 0.3 s.",
         )
     )
+    used = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
-        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in "
-        f"{len({e.recording for e in found})} recordings; half the interval about an onset is {1e3 * half:.0f} ms "
-        "(median).",
+        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in {used} "
+        f"recording{'' if used == 1 else 's'}; half the interval about an onset is {1e3 * half:.0f} ms (median).",
         tables=(_table(found),),
         verdicts=tuple(verdicts),
         confidence=table.confidence,
@@ -161,12 +163,27 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
 
 def _find_activity(stream, muscle: str, table):
     """Find the activity of a muscle in a stream; errors name the channel."""
-    try:
+    with _named_errors(stream, muscle):
         samples, inside = raw_whole_file(stream, muscle)
         return activations(
             (stream.uncut or stream).time, samples, rest=table.rest, height=table.height, shortest=table.shortest,
             pause=table.pause, level=table.confidence, inside=inside,
         )  # fmt: skip
+
+
+def _require_activity(stream, muscle: str, table) -> None:
+    """Raise the errors of `_find_activity`."""
+    with _named_errors(stream, muscle):
+        samples, inside = raw_whole_file(stream, muscle)
+        time = (stream.uncut or stream).time
+        require_activity(time, samples, rest=table.rest, height=table.height, inside=inside)
+
+
+@contextmanager
+def _named_errors(stream, muscle: str) -> Iterator[None]:
+    """Let errors name the file and the channel."""
+    try:
+        yield
     except RecordingError as error:
         text = str(error)
         text = text if text.startswith(stream.path.name) else f"{name_channel(stream, muscle)}: {text}"
@@ -195,7 +212,7 @@ def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str
 
 def _table(found: list[MuscleBursts]) -> FigureTable:
     """Return the table of all muscles and recordings."""
-    heads = ("Recording", "Muscle", "bursts", "first onset [s]", "± [ms]", "duration [s]", "active [%]")
+    heads = ("Recording", "Muscle", "bursts", "first onset (s)", "± (ms)", "duration (s)", "active (%)")
     rows = []
     for each in found:
         seen = [b.onset for b in each.bursts if b.seen]

@@ -6,7 +6,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import typeset_sentence
 from ...studies.study import Study
-from ..study_page import figure_tables, study_page
+from ..study_page import figure_tables, paper_step, study_page
 from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
 from .onset_figures import burst_traces
 from .onset_table import OnsetTable
@@ -38,11 +38,12 @@ def page(study: Study, found: OnsetResult) -> Page:
     return study_page(
         title=f"{found.study}: muscle onset",
         headline=typeset_sentence(found.headline),
-        tiles=(Tile("Bursts", str(count), "", f"{len(names)} recordings"),),
+        tiles=(Tile("Bursts", str(count), "", f"{len(names)} recording{'s' if len(names) != 1 else ''}"),),
         sections=(
             Section(
                 "onset_bursts", "When muscles become active", (method_text,), figure_tables(found), drawings, notes
             ),
         ),
         verdicts=found.verdicts,
+        following=(paper_step(study),),
     )

@@ -11,7 +11,7 @@ from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ...models.joint import GRAVITY, PARAMETER_INDEX
 from ...models.slider_joint import BODY_UNITS
-from ...pages.page import Answer, Page, Section, Tile, without_drawing
+from ...pages.page import Answer, Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, parameter_note, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...pages.values import Value
@@ -20,6 +20,7 @@ from ..badge_bounds import MAX_BODY_ERROR_RATIO
 from ..study_page import provenance, study_page
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
+from .moving_slider_figures import moving_slider
 from .slider_result import SliderResult
 
 SHORT_METHOD_NAMES: Mapping[str, str] = {
@@ -73,9 +74,6 @@ PARAMETER_WORDS: Mapping[str, str] = {
 }
 """Descriptions of the parameters, by name."""
 
-ERRORS_FIGURE_NAME = "paired-errors"
-"""Name of the figure that stands beside the answer."""
-
 TRACED_METHODS = ("dissociated", "load")
 """Methods whose predicted current the figure of one trial draws, beside that of ``pooled``."""
 
@@ -89,24 +87,30 @@ def page(study: Study, result: SliderResult) -> Page:
         headline=headline(fit),
         verdicts=fit.verdicts,
         tiles=tiles,
-        sections=(*without_drawing(sections, ERRORS_FIGURE_NAME), _provenance(study, fit)),
-        answer=_answer(study, fit, sections),
+        sections=(*sections, _provenance(study, fit)),
+        answer=_answer(study, fit),
     )
 
 
-def _answer(study: Study, fit: SliderFit, sections: tuple[Section, ...]) -> Answer:
+def _answer(study: Study, fit: SliderFit) -> Answer:
     """Return whether one coherent body predicts as well as a set of parameters for each direction."""
-    drawn = (drawing for section in sections for drawing in section.drawings)
-    figure = next((drawing for drawing in drawn if drawing.name == ERRORS_FIGURE_NAME), None)
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
     return Answer(
         "Does one body, with friction that follows its load, predict the current within "
         f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} % as well as a set of parameters for each direction?",
         "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
-        figure,
+        draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
         (f"Make a controller of its card: `pellucid export {study.name} --controller transparent`.",),
     )
+
+
+def _range_text(fit: SliderFit, method: str) -> str:
+    """Return the smallest and the largest error of a trial, in brackets [A]; "" of a single trial."""
+    errors = [each.current for each in fit.evaluated(method) if np.isfinite(each.current)]
+    if len(errors) < 2:
+        return ""
+    return f" (between {number(min(errors), digits=3)} and {number(max(errors), digits=3)}, by trial)"
 
 
 def error_value(fit: SliderFit, method: str) -> Value:
@@ -131,9 +135,9 @@ def headline(fit: SliderFit) -> str:
     trials, use = len(fit.evaluated("pooled")), _use(fit)
     body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
     return (
-        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A with "
-        f"{len(fit['load'].values)} parameters; a set of parameters for each direction errs by {sets} A with "
-        f"{len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
+        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A"
+        f"{_range_text(fit, 'load')} with {len(fit['load'].values)} parameters; a set of parameters for each direction "
+        f"errs by {sets} A with {len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
         f"{sum(m.split == 'fitted' for m in fit.motions)} recordings."
     )
 

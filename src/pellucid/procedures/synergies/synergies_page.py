@@ -6,7 +6,7 @@ from ...drawing.drawing import draw
 from ...pages.page import Page, Section
 from ...pages.quantities import typeset_sentence
 from ...studies.study import Study
-from ..study_page import figure_tables, study_page
+from ..study_page import figure_tables, paper_step, study_page
 from . import synergies_figures as figures
 from .find_synergies import SynergiesResult
 
@@ -64,4 +64,5 @@ def page(study: Study, found: SynergiesResult) -> Page:
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,
+        following=(paper_step(study),),
     )

@@ -12,7 +12,7 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...studies.study import Study
-from ..study_page import figure_tables, provenance, study_page
+from ..study_page import figure_tables, paper_step, provenance, study_page
 from . import transfer_figures as figures
 from .first_look import FirstLook
 from .identify_transfer import TransferResult, ratio
@@ -42,6 +42,7 @@ def page(study: Study, found: TransferResult) -> Page:
         title=f"{found.study}: transfer functions",
         headline=found.headline,
         verdicts=found.verdicts,
+        following=(paper_step(study),),
         tiles=_tiles(found),
         sections=(
             *_looks(found),

@@ -96,6 +96,7 @@ def page(study: Study, result: TreeResult) -> Page:
         tiles=_tiles(result),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
+        following=(f"Make a controller of it: `pellucid export {study.name} --to c --out DIR`.",),
     )
 
 
