@@ -456,29 +456,36 @@ def choice_rows() -> Iterator[ResultRow]:
             "lifting": lambda: init(Path(folder) / "lifting", dataset="lumbar_lifting"),
         }
         every: dict[str, float] = {}
-        holds: dict[str, float] = {}
+        refused: dict[str, float] = {}
         for name in CHOICE_SETS:
             result = calibrate(sets[name]())
             own = held_shares(name, result)
             said = f"of the reference within the {100 * ERROR_BAND_SHARE:g} % band of what is named"
             for where, share in own.items():
-                yield row(f"bands.{where.replace(' ', '.')}", 100.0 * share, "%", f"{said}: {where}")
-            every |= own
-            holds |= {where: share for where, share in own.items() if not is_refused(where, result)}
+                away = is_refused(where, result)
+                words = f"{said}, had one been stated: calibrate says that no estimate holds there" if away else said
+                ending = "refused." if away else ""
+                yield row(f"bands.{ending}{where.replace(' ', '.')}", 100.0 * share, "%", f"{words}: {where}")
+                (refused if away else every)[where] = share
             yield from over_best(name, result)
-        joints: dict[str, list[float]] = {}
-        for where, share in every.items():
-            joints.setdefault(" ".join(where.split()[:2]), []).append(share)
-        means = {where: float(np.mean(shares)) for where, shares in joints.items()}
+        stated, all_of_them = (mean_by_joint(shares) for shares in (every, every | refused))
         for which, pick in (("lowest", min), ("highest", max)):
             for ending, shares, of in (
-                ("", means, "sets and joints, mean over recordings"),
-                (".recording", every, "recordings of sets and joints"),
-                (".where_one_holds", holds, "recordings where calibrate does not say first that no estimate holds"),
+                ("", stated, "sets and joints, mean over recordings with a band"),
+                (".recording", every, "recordings of sets and joints with a band"),
+                (".refused_too", all_of_them, "sets and joints, with recordings on which calibrate states no band"),
             ):
                 where = pick(shares, key=shares.__getitem__)
                 note = f"{said}: {where}; of {len(shares)} {of}"
                 yield row(f"bands.{which}{ending}", 100.0 * shares[where], "%", note)
+
+
+def mean_by_joint(shares: Mapping[str, float]) -> dict[str, float]:
+    """Return the mean share over recordings, by set and joint."""
+    joints: dict[str, list[float]] = {}
+    for where, share in shares.items():
+        joints.setdefault(" ".join(where.split()[:2]), []).append(share)
+    return {where: float(np.mean(each)) for where, each in joints.items()}
 
 
 def is_refused(where: str, result: CalibrationResult) -> bool:

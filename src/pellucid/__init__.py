@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .procedures.run import onset as onset
     from .procedures.run import report as report
     from .procedures.run import synergies as synergies
+    from .recordings.raw_emg import RawEmg as RawEmg
     from .recordings.readers import read_columns as read
     from .recordings.readers.urdf import read_robot as read_robot
     from .signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
@@ -100,6 +101,7 @@ _PUBLIC_SOURCES = {
     "demo": ("demonstration.demo", "demo"),
     "export": ("deployment.export", "export"),
     "Muscle": ("models.muscle", "Muscle"),
+    "RawEmg": ("recordings.raw_emg", "RawEmg"),
     "TorqueRegressor": ("estimators.torque_regressor", "TorqueRegressor"),
     "compare_conditions": ("assessment.comparison", "compare_conditions"),
     "envelope": ("signals.envelope", "envelope"),
@@ -116,6 +118,7 @@ __all__ = [
     "Limits",
     "Muscle",
     "PellucidError",
+    "RawEmg",
     "TorqueRegressor",
     "__version__",
     "activations",

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BLOCKED = ("pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba", "opensim",
-           "mcap", "rosbags", "matio")  # fmt: skip
+           "mcap", "rosbags", "matio", "mne")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
 
 BEFORE = f"""

@@ -13,6 +13,7 @@ NAMES = [
     "Limits",
     "Muscle",
     "PellucidError",
+    "RawEmg",
     "TorqueRegressor",
     "__version__",
     "activations",

@@ -8,6 +8,7 @@ from pellucid._errors import RecordingError
 from pellucid.signals.emg_chain import emg_chain
 from pellucid.signals.emg_quality import (
     contrast_faults,
+    find_hum,
     find_mains,
     hum_share,
     inspect_emg,
@@ -119,11 +120,14 @@ def humming(mains: float, rng: np.random.Generator) -> np.ndarray:
 @pytest.mark.parametrize("mains", [50.0, 60.0])
 def test_hum_is_found_at_either_frequency_of_the_mains_and_its_key_is_named(mains, rng):
     recording = emg_recording("hum", biceps=humming(mains, rng))
-    (fault,) = inspect_emg(recording, has_notch=True)
+    assert inspect_emg(recording, notches=(mains,)) == []
+    (fault,) = inspect_emg(recording, notches=(110.0 - mains,))
     assert (fault.severity, fault.kind) == ("note", "mains_hum")
     assert f"mains' {mains:g} Hz" in fault.found
     assert f'mains = "{mains:g} Hz"' in fault.message
     assert find_mains(recording) == mains
+    assert find_hum([recording]) == mains
+    assert find_hum([emg_recording("sound", biceps=SOUND)]) is None
 
 
 @pytest.mark.parametrize("mains", [50.0, 60.0])

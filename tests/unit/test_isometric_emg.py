@@ -7,9 +7,14 @@ from made_emg import FS, raw_emg
 import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.models.parameter_card import read_parameter_card
+from pellucid.procedures.emg_torque.emg_faults import emg_faults
+from pellucid.procedures.emg_torque.emg_torque_table import EmgTorqueTable
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.procedures.emg_torque.used_muscles import ignored_channel_verdicts
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check
+from pellucid.procedures.study_chain import find_notch, mains_verdicts, notch_frequencies, study_chain
+from pellucid.studies.quality import cut_faults, left_out_fault
 
 STUDY = """
 name = "isometric"
@@ -155,3 +160,167 @@ def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(fil
     assert "Error (MVC)" in pellucid.report(made, found).read_text(encoding="utf-8")
     # Another angle than the one that was held.
     assert found.headline.startswith("No estimate holds on others")
+    # Where no estimate holds, no band is stated or drawn.
+    assert "and no band is stated there" in found.headline
+    assert all(not trace.half_width for trace in found.traces if trace.recording == "others")
+    (named,) = (t for t in found.tables if t.title == "Named first")
+    assert [r[-1] for r in named.rows if r[0] == "knee, others"] == ["none stated"]
+
+
+# --- files as laboratories have them ----------------------------------------------------------------------------------
+
+
+def write_table(folder, name, table, head="VL,BF,torque"):
+    np.savetxt(folder / f"{name}.csv", table, fmt="%.5f", delimiter=",", header=head, comments="")
+
+
+@pytest.fixture
+def own_files(files, tmp_path):
+    for path in files.glob("*.csv"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    return tmp_path
+
+
+def read_table(folder, name):
+    return np.loadtxt(folder / f"{name}.csv", delimiter=",", skiprows=1)
+
+
+def test_the_file_of_a_maximal_contraction_needs_emg_only(own_files):
+    before = [t.envelopes for t in moment_trials(study(own_files), "knee")]
+    write_table(own_files, "mvc", read_table(own_files, "mvc")[:, :2], "VL,BF")
+    made = study(own_files)
+    assert [f.message for f in emg_faults(made) if f.severity == "refuse"] == []
+    for old, new in zip(before, moment_trials(made, "knee"), strict=True):
+        assert all(np.array_equal(old[m], new.envelopes[m]) for m in old)
+    # Any other recording still needs what it is compared with.
+    write_table(own_files, "ramps", read_table(own_files, "ramps")[:, :2], "VL,BF")
+    with pytest.raises(RecordingError, match=r'ramps\.csv: channel moment\.knee expects a column "torque"'):
+        moment_trials(study(own_files), "knee")
+
+
+STREAMED = STUDY.replace('time = { rate = "2048 Hz" }\n', 'time = { rate = "100 Hz" }\n', 1).replace(
+    'emg.vastus_lateralis = { column = "VL", unit = "mV" }\nemg.biceps_femoris = { column = "BF", unit = "mV" }\n', ""
+) + (
+    '\n[streams.emg.channels]\ntime = { rate = "2048 Hz" }\n'
+    'emg.vastus_lateralis = { column = "VL", unit = "mV" }\nemg.biceps_femoris = { column = "BF", unit = "mV" }\n'
+)
+STREAMED_RECORDINGS = """
+[[recordings]]
+name = "mvc"
+protocol = "mvc"
+streams.emg = "mvc.csv"
+
+[[recordings]]
+name = "ramps"
+file = "torque.csv"
+streams.emg = "ramps.csv"
+"""
+
+
+@pytest.fixture
+def streamed(own_files):
+    torque = read_table(own_files, "ramps")[:, 2]
+    time = np.arange(0.0, 12.0, 0.01)
+    slow = np.interp(time, np.arange(len(torque)) / FS, torque)
+    write_table(own_files, "torque", slow[:, None], "torque")
+    for name in ("mvc", "ramps"):
+        write_table(own_files, name, read_table(own_files, name)[:, :2], "VL,BF")
+    return own_files
+
+
+def test_a_maximal_contraction_may_be_a_stream_alone(streamed):
+    made = study(streamed, STREAMED, STREAMED_RECORDINGS)
+    assert [f.message for f in check(made) if f.severity == "refuse"] == []
+    (ramps,) = moment_trials(made, "knee")
+    assert np.max(ramps.envelopes["vastus_lateralis"]) == pytest.approx(0.8, abs=0.2)
+    assert made.recording("mvc").path.name == "mvc.csv"
+    with pytest.raises(StudyError, match="expected one of file and files, found neither"):
+        study(streamed, STREAMED, STREAMED_RECORDINGS.replace('protocol = "mvc"\n', ""))
+
+
+@pytest.mark.parametrize("column", [0, 2])
+def test_an_end_without_samples_is_trimmed(own_files, column):
+    whole = read_table(own_files, "others")
+    table = whole.copy()
+    table[-3000:, column] = np.nan
+    table[:1000, column] = np.nan
+    write_table(own_files, "others", table)
+    made = study(own_files)
+    told = [f.message for f in cut_faults(made.recording("others"))]
+    channel = "emg.vastus_lateralis" if column == 0 else "moment.knee"
+    assert len(told) == 2
+    assert f"found no samples (NaN) of {channel} in the first 1000 of 16384 rows at 0 s (before sample 0)" in told[0]
+    assert f"found no samples (NaN) of {channel} in the last 3000 of 16384 rows" in told[1]
+    trial = moment_trials(made, "knee")[-1]
+    assert (trial.time[0], trial.time[-1]) == pytest.approx((1000 / FS, 13384 / FS), abs=0.02)
+    assert np.isfinite(trial.torque).all()
+
+
+def test_a_stream_that_ends_early_ends_its_recording(streamed):
+    table = read_table(streamed, "ramps")
+    table[-4000:, 1] = np.nan
+    write_table(streamed, "ramps", table, "VL,BF")
+    made = study(streamed, STREAMED, STREAMED_RECORDINGS)
+    faults = check(made)
+    assert [f.message for f in faults if f.severity == "refuse"] == []
+    assert any("nothing of the stream emg, which was trimmed in the last" in f.message for f in faults)
+    (ramps,) = moment_trials(made, "knee")
+    assert ramps.time[-1] == pytest.approx((len(table) - 4000) / FS, abs=0.02)
+
+
+def test_a_gap_within_a_recording_or_half_of_it_still_leaves_it_out(own_files):
+    for rows in (slice(8000, 8100), slice(8000, None)):
+        table = read_table(own_files, "others")
+        table[rows, 0] = np.nan
+        write_table(own_files, "others", table)
+        made = study(own_files)
+        assert "the recording is left out" in left_out_fault(made.recording("others"), made, whole=True).message
+        table[rows, 0] = 0.1
+        write_table(own_files, "others", table)
+
+
+def test_nothing_left_to_fit_is_said(own_files):
+    table = read_table(own_files, "ramps")
+    table[8000:8100, 0] = np.nan
+    write_table(own_files, "ramps", table)
+    with pytest.raises(IdentificationError, match="found 0 recordings to fit and 1 to judge"):
+        pellucid.calibrate(study(own_files))
+    check(study(own_files))
+
+
+@pytest.mark.parametrize("recording", ["ramps", "others"])
+def test_an_extra_channel_is_ignored_with_a_note(files, recording):
+    entry = 'channels.emg.extra = { column = "BF", unit = "mV" }'
+    file = f'file = "{recording}.csv"'
+    made = study(files, recordings=RECORDINGS.replace(file, f"{file}\n{entry}"))
+    assert [f.kind for f in emg_faults(made) if f.channel == "emg.extra"] == ["extra_channel"]
+    assert all(list(t.envelopes) == ["vastus_lateralis", "biceps_femoris"] for t in moment_trials(made, "knee"))
+    assert [v.text.split(":")[0] for v in ignored_channel_verdicts(made)] == [recording]
+
+
+def test_a_recording_that_lacks_a_muscle_is_refused(files):
+    everywhere = STUDY.replace('emg.biceps_femoris = { column = "BF", unit = "mV" }\n', "")
+    extra = 'channels.emg.biceps_femoris = { column = "BF", unit = "mV" }'
+    recordings = RECORDINGS.replace('file = "mvc.csv"', f'file = "mvc.csv"\n{extra}')
+    recordings = recordings.replace('file = "ramps.csv"', f'file = "ramps.csv"\n{extra}')
+    with pytest.raises(RecordingError, match=r"others.*found EMG of vastus_lateralis, expected biceps_femoris"):
+        moment_trials(study(files, everywhere, recordings), "knee")
+
+
+@pytest.mark.parametrize("mains", [None, 60.0])
+def test_mains_are_found_in_fitted_recordings_if_the_study_asks(own_files, mains):
+    hum = 0.5 * np.sin(2.0 * np.pi * 60.0 * np.arange(24576) / FS)
+    if mains:
+        table = read_table(own_files, "ramps")
+        write_table(own_files, "ramps", table + np.column_stack([hum, hum, 0.0 * hum])[: len(table)])
+    else:  # A recording to be judged decides nothing.
+        table = read_table(own_files, "others")
+        write_table(own_files, "others", table + np.column_stack([hum, hum, 0.0 * hum])[: len(table)])
+    made = study(own_files, STUDY.replace('chain = "hill"', 'chain = "hill"\nmains = "auto"'))
+    asked = made.table(EmgTorqueTable)
+    assert find_notch(made, asked) == mains
+    assert notch_frequencies(study_chain(made, asked)) == (mains or 50.0,)
+    (note,) = mains_verdicts(made, asked)
+    assert note.text.startswith("Hum of the mains at 60 Hz was found" if mains else "No hum of the mains was found")
+    with pytest.raises(StudyError, match="mains"):
+        study(own_files, STUDY.replace('chain = "hill"', 'chain = "hill"\nmains = "found"'))

@@ -195,6 +195,8 @@ class FittedSession:
     @classmethod
     def from_trials(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
         """Describe the channels of fitted trials, all with the same muscles and angles."""
+        if not trials:
+            raise IdentificationError("channels of a session: found no fitted trial, expected at least one")
         muscles = tuple(trials[0].envelopes)
         if any(tuple(t.envelopes) != muscles or tuple(t.angles) != tuple(trials[0].angles) for t in trials):
             raise IdentificationError(

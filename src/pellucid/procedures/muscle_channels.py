@@ -12,8 +12,9 @@ from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from ..signals.emg_chain import EmgChain
 from ..signals.emg_quality import inspect_emg
-from ..studies.study import Study
-from .muscle_tables import EnvelopeTable, MuscleTable, table_chain
+from ..studies.study import MAXIMAL_PROTOCOL, Study
+from .muscle_tables import EnvelopeTable, MuscleTable
+from .study_chain import notch_frequencies, study_chain
 
 MIN_ENVELOPE_RATE_HZ = 100.0
 """Smallest rate to which envelopes are thinned [Hz]. Their low-pass leaves nothing faster."""
@@ -93,11 +94,12 @@ def find_used_muscles(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
 def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
     """Return the faults of the EMG of the muscles that a table uses."""
     found = []
+    notches = notch_frequencies(study_chain(study, table)) if isinstance(table, EnvelopeTable) else None
     for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
         wanted = {f"emg.{muscle}" for muscle in find_used_muscles(stream, table)} | {"time"}
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
-        found += inspect_emg(only, has_notch=isinstance(table, EnvelopeTable))
+        found += inspect_emg(only, notches=notches)
     return found
 
 
@@ -146,10 +148,12 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
     fitted recordings.
     """
     recordings = find_recordings_with_emg(study, table)
-    made = [(recording, *_stream_envelopes(emg_stream(recording, table), table)) for recording in recordings]
+    tables = {who: _table_of_participant(recordings, table, who) for who in {r.participant for r in recordings}}
+    chain = study_chain(study, table)
+    made = [(r, *_stream_envelopes(emg_stream(r, table), tables[r.participant], chain)) for r in recordings]
     top: dict[tuple[str | None, str], float] = {}
     fitted = [r for r in recordings if r.use == "fit"]
-    maximal = {r.participant for r in fitted if r.protocol == "mvc"}
+    maximal = {r.participant for r in fitted if r.protocol == MAXIMAL_PROTOCOL}
     unscaled = sorted({r.participant or "" for r in recordings} - {r.participant or "" for r in fitted})
     if unscaled:
         who = ", ".join(unscaled).strip()
@@ -158,7 +162,7 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
             'with use = "fit", a maximal contraction (protocol = "mvc") or another, whose largest envelope is the scale'
         )
     for recording, _, envelopes in made:
-        if recording.use != "fit" or (recording.participant in maximal and recording.protocol != "mvc"):
+        if recording.use != "fit" or (recording.participant in maximal and recording.protocol != MAXIMAL_PROTOCOL):
             continue
         for muscle, x in envelopes.items():
             key = recording.participant, muscle
@@ -166,7 +170,7 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
     silent = sorted({muscle for (_, muscle), most in top.items() if not most > 0.0})
     if silent:
         raise RecordingError(f"{study.folder}: found no activity at all of {', '.join(silent)}, expected some")
-    if all(recording.protocol == "mvc" for recording in recordings):
+    if all(recording.protocol == MAXIMAL_PROTOCOL for recording in recordings):
         raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
     return [
         MuscleEnvelopes(
@@ -174,14 +178,27 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
             {muscle: np.maximum(x, 0.0) / top[r.participant, muscle] for muscle, x in envelopes.items()},
         )
         for r, time, envelopes in made
-        if r.protocol != "mvc"
+        if r.protocol != MAXIMAL_PROTOCOL
     ]  # fmt: skip
 
 
-def _stream_envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return the times [s] and the envelopes of one file, thinned."""
+def _table_of_participant(
+    recordings: Sequence[Recording], table: EnvelopeTable, participant: str | None
+) -> EnvelopeTable:
+    """Return the table with the muscles that all fitted recordings of a participant have, if it names none."""
+    if table.muscles:
+        return table
+    fitted = [r for r in recordings if r.participant == participant and r.use == "fit"]
+    own = [find_used_muscles(emg_stream(r, table), table) for r in fitted]
+    common = [muscle for muscle in own[0] if all(muscle in names for names in own)] if own else []
+    return table.model_copy(update={"muscles": tuple(common)})
+
+
+def _stream_envelopes(
+    stream: Recording, table: EnvelopeTable, asked: EmgChain | None
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the times [s] and the envelopes of one file by the chain `asked`, thinned."""
     every = slice(None, None, max(1, int(stream.fs / MIN_ENVELOPE_RATE_HZ)))
-    asked = table_chain(table)
     if asked is None:
         return stream.time[every], {m: _recorded_envelope(stream, m)[every] for m in find_used_muscles(stream, table)}
     chain = _without_normalisation(asked)

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
 from ..studies.study_fields import ProcedureTable, Word, quantity
-
-if TYPE_CHECKING:
-    from ..signals.emg_chain import EmgChain
 
 
 class ChainSettings(Protocol):
     """Keys of a table by which raw EMG becomes an envelope."""
 
     @property
+    def emg(self) -> str:
+        """Stream with the EMG."""
+
+    @property
     def chain(self) -> str:
         """Name of a published chain, or ``"none"``."""
 
     @property
-    def mains(self) -> float | None:
-        """Frequency of a notch [Hz]."""
+    def mains(self) -> float | str | None:
+        """Frequency of a notch [Hz], or ``"auto"``."""
 
     @property
     def band(self) -> tuple[float, float] | None:
@@ -32,17 +33,6 @@ class ChainSettings(Protocol):
     @property
     def rms_window(self) -> float | None:
         """Length of the window whose root mean square is the envelope [s]."""
-
-
-def table_chain(table: ChainSettings) -> EmgChain | None:
-    """Return the chain that a table asks for; None where envelopes were recorded."""
-    from ..signals.emg_chain import emg_chain
-
-    if table.chain == "none":
-        return None
-    return emg_chain(
-        table.chain, table.mains, band=table.band, lowpass=table.lowpass, rms_window=table.rms_window
-    )
 
 
 class MuscleTable(ProcedureTable):
@@ -73,8 +63,9 @@ class EnvelopeTable(MuscleTable):
     ----------
     chain : str
         From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
-    mains : float or None
-        Frequency of a notch [Hz]; left out: as published, 50 Hz in the chain ``"hill"`` and none in the others.
+    mains : float, "auto" or None
+        Frequency of a notch [Hz]; ``"auto"``: 50 or 60 Hz where the fitted recordings have such hum; left out: as
+        published, 50 Hz in the chain ``"hill"`` and none in the others.
     band : tuple of float or None
         Lowest and highest frequency of raw EMG [Hz]; left out: as published.
     lowpass : float or None
@@ -84,7 +75,7 @@ class EnvelopeTable(MuscleTable):
     """
 
     chain: Literal["hill", "knee", "none"] = "hill"
-    mains: quantity("Hz", gt=0) | None = None
+    mains: Literal["auto"] | quantity("Hz", gt=0) | None = None
     band: tuple[quantity("Hz", gt=0), quantity("Hz", gt=0)] | None = None
     lowpass: quantity("Hz", gt=0) | None = None
     rms_window: quantity("s", gt=0) | None = None

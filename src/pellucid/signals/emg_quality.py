@@ -18,6 +18,12 @@ MAINS_HZ = (50.0, 60.0)
 MAINS_SEARCH_S = 4.0
 """Seconds of a recording that tell 50 from 60 Hz."""
 
+MIN_HUM_RATIO = 2.0
+"""Hum is found where one frequency of the mains has this many times the other's share of the power.
+
+EMG without hum has much the same share of both. Chosen by judgement; no measurement is recorded.
+"""
+
 MIN_SIGNAL_RMS_V = 0.3e-6
 """A channel with a smaller RMS lacks even an amplifier's noise: it is off, or nothing is connected."""
 
@@ -66,16 +72,35 @@ def require_rate(recording: Recording, channel: str, declared: float) -> None:
 
 def find_mains(recording: Recording) -> float:
     """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
-    part = slice(0, round(MAINS_SEARCH_S * recording.fs))
-    raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
-    sound = [x for x in raw if np.isfinite(x).all()]
-    return max(MAINS_HZ, key=lambda f: max((hum_share(x, recording.fs, f) for x in sound), default=0.0))
+    shares = _hum_shares([recording])
+    return max(MAINS_HZ, key=lambda f: shares[f])
 
 
-def inspect_emg(recording: Recording, *, mains: float | None = None, has_notch: bool = False) -> list[Fault]:
+def find_hum(recordings: Sequence[Recording]) -> float | None:
+    """Return the frequency of the mains [Hz] whose hum the raw EMG of some recordings has; None without clear hum."""
+    shares = _hum_shares(recordings)
+    most, least = max(MAINS_HZ, key=lambda f: shares[f]), min(shares.values())
+    return most if shares[most] > MIN_HUM_RATIO * least else None
+
+
+def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
+    """Return the largest share of the power that any channel of raw EMG has at each frequency of the mains."""
+    found = dict.fromkeys(MAINS_HZ, 0.0)
+    for recording in recordings:
+        part = slice(0, round(MAINS_SEARCH_S * recording.fs))
+        raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
+        for x in (x for x in raw if np.isfinite(x).all()):
+            found = {f: max(share, hum_share(x, recording.fs, f)) for f, share in found.items()}
+    return found
+
+
+def inspect_emg(
+    recording: Recording, *, mains: float | None = None, notches: Sequence[float] | None = None
+) -> list[Fault]:
     """Find what is wrong with the EMG channels of one file, the refusing faults first.
 
-    `mains` [Hz]; None: that of `find_mains`. `has_notch`: whether study.toml can ask for a notch, which is then told.
+    `mains` [Hz]; None: that of `find_mains`. `notches` [Hz]: what the study's chain takes out; None where study.toml
+    cannot ask for it.
     """
     mains = find_mains(recording) if mains is None else mains
     faults: list[Fault] = []
@@ -93,7 +118,7 @@ def inspect_emg(recording: Recording, *, mains: float | None = None, has_notch: 
                 )
             )  # fmt: skip
         elif channel.unit == "V":
-            faults += _raw_faults(recording, name, x, mains, has_notch)
+            faults += _raw_faults(recording, name, x, mains, notches)
         else:
             faults += _relative_faults(recording, name, x)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
@@ -166,7 +191,9 @@ def swapped_faults(
     ]  # fmt: skip
 
 
-def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float, has_notch: bool) -> list[Fault]:
+def _raw_faults(
+    recording: Recording, name: str, x: np.ndarray, mains: float, notches: Sequence[float] | None
+) -> list[Fault]:
     x = x - x.mean()
     rms = float(np.sqrt(np.mean(x**2)))
     if rms < MIN_SIGNAL_RMS_V:
@@ -184,10 +211,10 @@ def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float, ha
     if share > DETACHED_SHARE and hum > MAX_ATTACHED_MAINS_V:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
         faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > HUM_SHARE and hum > MIN_REPORTED_MAINS_V:
+    elif share > HUM_SHARE and hum > MIN_REPORTED_MAINS_V and mains not in (notches or ()):
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", f"{100 * HUM_SHARE:g} %"
-        notch = f'chain = "hill" with mains = "{mains:g} Hz" in study.toml takes it out'
-        remedy = notch if has_notch else "look at electrodes and cables"
+        notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
+        remedy = "look at electrodes and cables" if notches is None else notch
         faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; {remedy}"))
     return faults
 

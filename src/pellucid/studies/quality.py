@@ -15,6 +15,7 @@ from ..recordings.defects import clipped, garbage
 from ..recordings.defects.magnitude import find_implausible, is_tumbling
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.delay import SHIFTED_KIND
+from ..recordings.empty_ends import EMPTY_END_KIND
 from ..recordings.fault import Fault
 from ..recordings.optical_faults import find_optical_faults
 from ..recordings.recording import Recording
@@ -144,7 +145,7 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
 
 def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | None:
     """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`."""
-    edges = (SHIFTED_KIND, garbage.KIND)
+    edges = (SHIFTED_KIND, garbage.KIND, EMPTY_END_KIND)
     cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind not in edges]
     too_much = share_faults(recording, study)
     if too_much:

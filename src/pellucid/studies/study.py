@@ -19,6 +19,7 @@ from ..recordings.cut import Cut
 from ..recordings.defects.garbage import KIND as GARBAGE_KIND
 from ..recordings.defects.garbage import find_garbage
 from ..recordings.delay import shift_channels, undo_lags
+from ..recordings.empty_ends import trim_missing_ends, within_streams
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
 from ..recordings.recording import Channel, Payload, Recording
@@ -41,6 +42,9 @@ RESULTS_FILE = "results.json"
 
 DISPLAYED_FILE_COUNT = 20
 """A message about a missing file lists at most this many of the files that are there."""
+
+MAXIMAL_PROTOCOL = "mvc"
+"""Protocol of a maximal contraction. Its EMG alone is used, so that its file may lack every other channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +247,7 @@ class Study:
         names = []
         for entry in self.config.recordings:
             # A pattern's recordings are known only once their files are listed.
-            if entry.file is not None and entry.name != name:
+            if entry.files is None and entry.name != name:
                 names.append(entry.name)
                 continue
             for each, path in self._paths(entry):
@@ -271,6 +275,9 @@ class Study:
         return [self.inside(path.relative_to(self.folder), self._entry_text(entry)) for path in paths]
 
     def _paths(self, entry: RecordingEntry) -> list[tuple[str, Path]]:
+        if entry.file is None and entry.files is None:
+            ((stream, file),) = entry.streams.items()
+            return [(entry.name, self._require_file(entry, file, f"the stream {stream}"))]
         if entry.file is not None:
             path = self.inside(entry.file, self._entry_text(entry))
             if not path.is_file():
@@ -291,8 +298,11 @@ class Study:
     def _load(self, entry, name, path, files) -> Recording:
         if name in self._loaded:
             return self._loaded[name]
+        if entry.file is None and entry.files is None:
+            return self._load_stream_alone(entry, name, files)
         columns, digest = self._read_once(path, files)
-        channels, garbage_cut = _without_garbage(_make_channels(columns, self.config.channels_of(entry), entry.window))
+        specs = self._present_specs(entry, columns)
+        channels, garbage_cut = _without_garbage(_make_channels(columns, specs, entry.window))
         channels, repeats = _without_repeats(channels)
         channels |= _integrated_positions(channels) if regressed_joints(self.config) else {}
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
@@ -321,13 +331,42 @@ class Study:
             repeats=repeats,
             uncut=self._uncut_emg(entry, name, path, columns=columns, digest=digest),
         )
-        specs = self.config.channels_of(entry)
         recording = _correct_delays(
             self._without_defects(recording, specs, entry.processing or self.config.processing), specs
         )
+        recording = within_streams(self._without_empty_ends(recording))
         self._apart[name] = recording
         self._loaded[name] = self._joined(recording, entry, {})
         return self._loaded[name]
+
+    def _load_stream_alone(self, entry, name, files) -> Recording:
+        """Return a maximal contraction of which the stream with EMG alone was recorded."""
+        (stream,) = entry.streams
+        recording = replace(self._load_stream(entry, name, stream, files), name=name)
+        self._apart[name] = self._loaded[name] = recording
+        return recording
+
+    def _present_specs(self, entry: RecordingEntry, columns: Columns) -> dict[str, ChannelSpec]:
+        """Return the entries of a recording's channels; of a maximal contraction, only time, EMG and those in its
+        file."""
+        specs = self.config.channels_of(entry)
+        if entry.protocol != MAXIMAL_PROTOCOL:
+            return specs
+        return {
+            name: spec
+            for name, spec in specs.items()
+            if name == "time" or name.startswith("emg.") or spec.value is not None or spec.column in columns
+        }
+
+    def _without_empty_ends(self, recording: Recording, stream: str = "") -> Recording:
+        """Return a recording without the rows at its ends that lack EMG, or what it is compared with.
+
+        Recordings whose joints are identified are cut into pieces instead.
+        """
+        tables = [t for t in self.config.procedures.values() if not t.bridges]
+        if regressed_joints(self.config) or not tables:
+            return recording
+        return trim_missing_ends(recording, [n for n in recording.channels if any(t.reads(n, stream) for t in tables)])
 
     def _uncut_emg(self, entry, name, path, *, columns, digest) -> Recording | None:
         """Return time and EMG of the whole file if a recording is a window of it; None without a window or EMG."""
@@ -396,7 +435,8 @@ class Study:
         other = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
         other = replace(other, cuts=_truncated_row_cut(path, other.time), repeats=repeats)
         processing = entry.processing or self.config.processing
-        return _correct_delays(self._without_defects(other, specs, processing, stream), specs)
+        other = _correct_delays(self._without_defects(other, specs, processing, stream), specs)
+        return self._without_empty_ends(other, stream)
 
     def _without_defects(
         self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""

@@ -878,7 +878,8 @@ class RecordingEntry(StudyTable):
     name : str
         Name of the recording, which is part of the ids of its figures.
     file, files : str or None
-        Path of a file from the study's folder, or a pattern that matches several; exactly one of the two.
+        Path of a file from the study's folder, or a pattern that matches several; exactly one of the two. A maximal
+        contraction (protocol ``"mvc"``) may have one of `streams` in their place.
     protocol : str or None
         Name of the protocol, such as ``"swept_sine"``.
     use : str
@@ -936,7 +937,8 @@ class RecordingEntry(StudyTable):
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:
-        if (self.file is None) == (self.files is None):
+        is_emg_alone = self.protocol == "mvc" and len(self.streams) == 1 and self.file is None and self.files is None
+        if (self.file is None) == (self.files is None) and not is_emg_alone:
             raise ValueError("expected one of file and files, found " + ("both" if self.file else "neither"))
         if self.files is not None and (self.optical is not None or self.streams):
             what = f'optical = "{self.optical}"' if self.optical is not None else "streams"

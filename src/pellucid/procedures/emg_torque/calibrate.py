@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,8 +25,8 @@ from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
 from ...studies.study import Study
 from ..loaded_swing.loaded_swing_table import LoadedSwingTable
-from ..muscle_tables import table_chain
 from ..result import FigureTable, Result
+from ..study_chain import mains_verdicts, study_chain
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .calibration_rows import calibration_rows
 from .chosen import (
@@ -71,6 +71,7 @@ from .together_findings import (
 )
 from .torque_card import torque_card
 from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
+from .used_muscles import ignored_channel_verdicts
 from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_tables
 
 INVALID_BANDS_FINDING = "bands"
@@ -141,7 +142,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         + _headline(chosen),
         tables=(
             *worth_tables(worth),
-            *_chosen_tables(chosen),
+            *_chosen_tables(chosen, found.refused),
             *_error_tables(evaluated),
             *_repair_tables(evaluated),
             *_condition_test_tables(evaluated),
@@ -222,6 +223,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
+    found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, study.table(EmgTorqueTable))))
     judged = {
         joint: tuple(zip(parts[joint][1], (t for t in own if t.heldout), strict=True))
         for joint, own in found.across.items()
@@ -270,7 +272,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
                 empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {}, ERROR_BAND_SHARE)
                 trace = traces.setdefault((joint, trial.name), empty)
                 trace.predicted[name] = made
-                if away is not None:
+                if away is not None and found.sessions[trial.name].is_valid:
                     trace.half_width[name] = np.full(len(made), away.half_width)
     found.traces.extend(
         traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
@@ -389,8 +391,13 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
     return (*made, *told)
 
 
-def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable, ...]:
-    """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit."""
+def _chosen_tables(
+    chosen: Sequence[RecommendedEstimator], refused: Collection[str] = ()
+) -> tuple[FigureTable, ...]:
+    """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit.
+
+    No band is stated for recordings on which no estimate holds, which are `refused`.
+    """
     made = []
     for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
         heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND_SHARE:g} % band")
@@ -401,7 +408,7 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator]) -> tuple[FigureTable,
                 one.score.rmse,
                 one.score.r2,
                 None if one.bare is None else one.bare.rmse,
-                None if one.held is None else f"{100.0 * one.held:.0f} %",
+                "none stated" if one.name in refused else None if one.held is None else f"{100.0 * one.held:.0f} %",
             )
             for each in chosen
             if each.judged[0].unit == unit
@@ -450,9 +457,9 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
 
 
 def _invalid_recordings_sentence(found: CalibrationFindings) -> str:
-    """Return a sentence that names recordings on which no estimate is valid; empty if there are none."""
+    """Return sentences that name recordings on which no estimate is valid; empty if there are none."""
     away = [f"{name} ({invalidity_words(c)})" for name, c in found.sessions.items() if not c.is_valid]
-    return f"No estimate holds on {', '.join(away)}. " if away else ""
+    return f"No estimate holds on {', '.join(away)}, and no band is stated there. " if away else ""
 
 
 def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
@@ -582,7 +589,7 @@ def calibration_verdicts(
             )
         )
     late = smoothing_delay(0.05, trials[0].fs)
-    chain = table_chain(study.table(EmgTorqueTable))
+    chain = study_chain(study, study.table(EmgTorqueTable))
     if chain is None:
         verdicts.append(
             Verdict(

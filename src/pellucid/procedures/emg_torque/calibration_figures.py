@@ -25,6 +25,9 @@ MUSCLE_TONE = "good"
 DRAWN_STRETCH_S = 8.0
 """Duration of the drawn stretch of a recording [s]."""
 
+MAX_SHOWN_CLOCK_S = 1e6
+"""Times beyond this are dates, such as seconds since 1970, and are drawn from the first sample on [s]."""
+
 
 def torque_trace(
     time: np.ndarray,
@@ -49,6 +52,8 @@ def torque_trace(
     shown = {e: c for e, c in ((bare, BASELINE_TONE), *muscles, (chosen, CHOSEN_TONE)) if e in predicted}
     middle = 0.5 * (time[0] + time[-1])
     within = np.abs(time - middle) <= 0.5 * DRAWN_STRETCH_S
+    since = float(time[0]) if time[0] > MAX_SHOWN_CLOCK_S else 0.0
+    time = time - since
     figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
     line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
@@ -62,7 +67,7 @@ def torque_trace(
     bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     tidy(top, first=True, text=f"Torque ({unit})")
     tidy(bottom, first=True, text=f"Error ({unit})", ticks=4)
-    bottom.set_xlabel("Time (s)")
+    bottom.set_xlabel("Time since the first sample (s)" if since else "Time (s)")
     key(top, [("reference", colour("measured")), *((words[e], colour(tone)) for e, tone in shown.items())])
     return Drawing(name, figure, caption)
 

@@ -36,6 +36,11 @@ class CalibrationFindings:
     # Comparison of channels with the fitted ones, by test recording
     sessions: dict[str, ChannelComparison] = field(default_factory=dict)
 
+    @property
+    def refused(self) -> set[str]:
+        """Test recordings on which no estimate holds, by EMG and angles alone. No band is stated there."""
+        return {name for name, compared in self.sessions.items() if not compared.is_valid}
+
 
 def find_applicable_estimators(
     trials: Sequence[TorqueTrial], what: str, found: CalibrationFindings, names: Sequence[str] = REPORTED_ESTIMATORS

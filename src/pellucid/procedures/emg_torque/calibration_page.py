@@ -69,7 +69,9 @@ def _answer(findings: CalibrationResult, sections: Sequence[Section]) -> Answer:
     first = next((drawing for drawing in drawn if drawing.name.startswith("torque_")), drawn[0] if drawn else None)
     if not answers:
         return Answer("May this torque be used?", "no" if void else "unsure", first)
-    return Answer("Is EMG worth it beside joint angles alone?", "unsure" if void else verdict, first)
+    # The gain is that of predictions; a band that is not known to hold says nothing against it.
+    wrong = any(v.kind == "wrong" for v in findings.verdicts)
+    return Answer("Is EMG worth it beside joint angles alone?", "unsure" if wrong else verdict, first)
 
 
 def _invalidates_results(verdict: Verdict) -> bool:
@@ -102,12 +104,13 @@ def _worth_tile(findings: CalibrationResult) -> Tile:
     """Return the tile that says for how many joints and recordings EMG is worth it, and the largest gain."""
     counts = Counter(each.worth.answer for each in findings.worth)
     best = max(findings.worth, key=lambda each: each.worth.gain)
-    answers = "; ".join(f"{answer}: {count}" for answer, count in counts.most_common())
+    several = len(findings.worth) > 1
+    answers = "; ".join(f"{answer}: {count}" if several else answer for answer, count in counts.most_common())
     interval = ""
     if np.isfinite(best.worth.low):
         interval = f", {best.worth.low:+.2f} to {best.worth.high:+.2f}"
     note = typeset_sentence(f"{best.words}{interval}; {answers}")
-    unit = "at most" if len(findings.worth) > 1 else ""
+    unit = "at most" if several else ""
     return Tile("R² that EMG adds to angles", typeset_sentence(f"{best.worth.gain:+.2f}"), unit, note)
 
 

@@ -76,6 +76,7 @@ def calibration_rows(
                 if each.seconds is not None:
                     words = "one calibration, all starts included"
                     add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")
+    refused = {name for name, compared in (sessions or {}).items() if not compared.is_valid}
     for named in chosen:
         for judged in named.judged:
             tail = "" if judged.recording in (first, "") else f".{judged.recording}"
@@ -92,6 +93,8 @@ def calibration_rows(
                 add(f"{named.what}.chosen.rmse{tail}", one.score.rmse, unit, f"by {one.estimator}", recording=one.name)
             if one.held is not None:
                 words = "share of samples within the 90 % band"
+                if one.name in refused:
+                    words = "share of samples within a 90 % band that is not stated, since no estimate holds there"
                 add(f"{named.what}.chosen.coverage90{tail}", one.held, "1", words, recording=one.name)
     for gained in worth:
         tail, made = "" if gained.recording in (first, "") else f".{gained.recording}", gained.worth

@@ -12,8 +12,9 @@ from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
 from ...studies.study import Study
-from ..muscle_tables import table_chain
+from ..study_chain import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
+from .used_muscles import find_stream, ignored_channels
 
 ENVELOPE_SETTLING_S = 0.5
 """Duration at either end of a recording in which an envelope has not settled [s].
@@ -39,7 +40,7 @@ def emg_faults(study: Study) -> list[Fault]:
         if not any(name.startswith("emg.") for name in stream.channels):
             continue
         whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
-        chain = table_chain(asked)
+        chain = study_chain(study, asked)
         own = trial_faults(recording, stream, chain, whole=whole)
         found += own
         if not any(fault.severity == "refuse" for fault in own):
@@ -47,6 +48,16 @@ def emg_faults(study: Study) -> list[Fault]:
                 rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
+    for recording in study.recordings():
+        for muscle in ignored_channels(study).get(recording.name, ()):
+            file, expected = find_stream(recording, asked.emg).path.name, "a channel of every fitted recording"
+            message = (
+                f"{file} (recording {recording.name}), channel emg.{muscle}: found it in this recording, expected "
+                f"{expected}: it is not used"
+            )
+            found.append(
+                Fault("note", "extra_channel", file, f"emg.{muscle}", "it in this recording", expected, message)
+            )
     usual = float(np.median(list(rates.values()))) if rates else 0.0
     for where, fs in rates.items():
         if abs(fs - usual) > RATE_TOLERANCE * usual:
@@ -60,7 +71,7 @@ def trial_faults(
     recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
 ) -> list[Fault]:
     """Return the faults of one trial's EMG. `whole`: whether the trial covers its whole file."""
-    found = inspect_emg(stream, has_notch=True)
+    found = inspect_emg(stream, notches=notch_frequencies(chain))
     if chain is not None:
         try:
             chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel time")

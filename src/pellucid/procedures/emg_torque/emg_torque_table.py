@@ -34,8 +34,9 @@ class EmgTorqueTable(ProcedureTable):
     chain : str
         Filter chain from raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` for recorded
         envelopes.
-    mains : float or None
-        Frequency of a notch [Hz]; by default as published, 50 Hz in the chain ``"hill"`` and none in the others.
+    mains : float, "auto" or None
+        Frequency of a notch [Hz]; ``"auto"``: 50 or 60 Hz where the fitted recordings have such hum. By default as
+        published, 50 Hz in the chain ``"hill"`` and none in the others.
     band : tuple of float or None
         Lowest and highest frequency of raw EMG [Hz]; by default as published.
     lowpass : float or None
@@ -73,7 +74,7 @@ class EmgTorqueTable(ProcedureTable):
     emg: Word = "emg"
     moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
-    mains: quantity("Hz", gt=0) | None = None
+    mains: Literal["auto"] | quantity("Hz", gt=0) | None = None
     band: tuple[quantity("Hz", gt=0), quantity("Hz", gt=0)] | None = None
     lowpass: quantity("Hz", gt=0) | None = None
     rms_window: quantity("s", gt=0) | None = None

@@ -27,13 +27,14 @@ from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
 from ...signals.emg_chain import FILTER_STAGES, EmgChain
 from ...studies.study import Study
-from ..muscle_tables import table_chain
+from ..study_chain import study_chain
 from .calibration_findings import CalibrationFindings
 from .emg_torque_table import EmgTorqueTable
-from .relative_envelopes import find_maxima, find_stream
+from .relative_envelopes import find_maxima
 from .together import TogetherFindings
 from .torque_card import PRODUCT_SEPARATOR
 from .trial_sources import moment_trials
+from .used_muscles import find_stream
 
 MAX_ENVELOPE_RATIO = 2.0
 """Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle.
@@ -74,7 +75,7 @@ def estimator_cards(
     """
     cards: dict[str, EmgEstimatorCard] = {}
     chain = study.table(EmgTorqueTable).chain
-    asked = table_chain(study.table(EmgTorqueTable))
+    asked = study_chain(study, study.table(EmgTorqueTable))
     # The core delays no EMG, and its chains are made of second-order sections.
     if asked is not None and any(stage.kind in ("advance", "rms") for stage in asked.stages):
         return cards
@@ -167,7 +168,7 @@ def _make_card(
     raw: dict[str, Any] = {}
     fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
     top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
-    chain = table_chain(spec)
+    chain = study_chain(study, spec)
     if chain is not None:
         rate = find_stream(fitted[0], spec.emg).fs
         raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}

@@ -14,6 +14,7 @@ from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...studies.study import Study
+from ..study_chain import mains_verdicts
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .chosen import recommend_by_fold, run_tests_if_candidate
 from .emg_torque_table import EmgTorqueTable
@@ -21,6 +22,7 @@ from .evaluated import EstimatorEvaluation, TorqueTrace
 from .leg_extension_trials import EXTENSION_PROTOCOL, leg_extension_trials
 from .relative_envelopes import normalisation_words
 from .trial_sources import moment_trials
+from .used_muscles import ignored_channel_verdicts
 
 Progress = Callable[[str, float], None]
 """Function that is told what is done now and the share of all work that is done."""
@@ -30,6 +32,7 @@ def leave_out_recordings(study: Study, tell: Progress) -> CalibrationFindings:
     """Predict each recording with moments by estimators fitted to the others. `study` [emg_torque]."""
     found, joints = CalibrationFindings(), study.table(EmgTorqueTable).joints
     found.verdicts.append(Verdict("note", normalisation_words(study)))
+    found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, study.table(EmgTorqueTable))))
     for i, joint in enumerate(joints):
         found.across[joint] = moment_trials(study, joint)
         _evaluate_trials(found, found.across[joint], joint, "trials", 1.0, _part_progress(tell, i, len(joints)))

@@ -9,13 +9,11 @@ import numpy as np
 from ..._errors import IdentificationError, RecordingError
 from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain
-from ...studies.study import Study
-from ..muscle_tables import table_chain
+from ...studies.study import MAXIMAL_PROTOCOL, Study
+from ..study_chain import study_chain
 from .emg_faults import trial_faults
 from .emg_torque_table import EmgTorqueTable
-
-MAXIMAL_PROTOCOL = "mvc"
-"""Protocol of a maximal contraction."""
+from .used_muscles import find_stream, find_used_muscles
 
 
 def relative_envelopes(
@@ -99,11 +97,6 @@ def is_maximal(study: Study, participant: str | None) -> bool:
     return asked != "largest" and bool(_maximal_recordings(study, participant) or chain is None)
 
 
-def find_stream(recording: Recording, name: str) -> Recording:
-    """Return a recording's stream, or the recording itself if it has no stream of that name."""
-    return recording.streams.get(name, recording)
-
-
 def find_window(stream: Recording, recording: Recording, channel: str) -> slice:
     """Return the slice of a stream's samples within the recording's window, which the stream must cover."""
     start, end, step = recording.time[0], recording.time[-1], 1.0 / stream.fs
@@ -114,19 +107,6 @@ def find_window(stream: Recording, recording: Recording, channel: str) -> slice:
             f"{recording.path.name}"
         )
     return slice(*map(int, np.searchsorted(stream.time, (start - 0.5 * step, end + 0.5 * step))))
-
-
-def find_used_muscles(study: Study, stream: Recording) -> list[str]:
-    """Return the muscles of a stream that the study uses. `study` [emg_torque]."""
-    wanted = study.table(EmgTorqueTable).muscles
-    present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
-    missing = [m for m in wanted if m not in present]
-    if missing or not present:
-        raise RecordingError(
-            f"{stream.path.name} (recording {stream.name}): found EMG of {', '.join(present) or 'no muscle'}, expected "
-            f"{', '.join(missing) or 'channels emg.<muscle>'}"
-        )
-    return list(wanted) or present
 
 
 def _maximal_recordings(study: Study, participant: str | None) -> list[Recording]:
@@ -155,4 +135,4 @@ def _has_normalisation(chain: EmgChain | None) -> bool:
 
 def _study_chain(study: Study) -> EmgChain | None:
     """Return the study's filter chain; None for recorded envelopes."""
-    return table_chain(study.table(EmgTorqueTable))
+    return study_chain(study, study.table(EmgTorqueTable))

@@ -27,7 +27,7 @@ from ...recordings.recording import Recording
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...studies.study import Study
 from ..loaded_swing.identify_loaded_swing import LOADED_PROTOCOL, identify_swings
-from ..muscle_tables import table_chain
+from ..study_chain import study_chain
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .chosen import run_tests_if_candidate
 from .emg_torque_table import EmgTorqueTable
@@ -124,7 +124,7 @@ def evaluate_seated_swings(study: Study, tell: Callable[[str, float], None]) -> 
         table = study.table(EmgTorqueTable)
         session = WearerSwings(
             leg.loaded, own["mvc"][0].streams["emg"], own[LOADED_PROTOCOL][-1].streams["emg"],
-            table_chain(table) or emg_chain(table.chain),
+            study_chain(study, table) or emg_chain(table.chain),
         )  # fmt: skip
         trials = [session.trial(r) for r in own[SWING_PROTOCOL]]
         _evaluate_person(found, trials, who, lambda text, s, i=i: tell(text, (i + s) / len(legs)))

@@ -17,8 +17,9 @@ from ...recordings.recording import Recording
 from ...studies.study import Study
 from ..result import FigureTable
 from .emg_torque_table import EmgTorqueTable
-from .relative_envelopes import MAXIMAL_PROTOCOL, find_stream, find_used_muscles, find_window
+from .relative_envelopes import MAXIMAL_PROTOCOL, find_window
 from .trial_sources import moment_trials
+from .used_muscles import find_stream, find_used_muscles
 from .watched_channels import CONSEQUENCE_KIND, find_watched_changes
 
 RESCALE_KEY = '[emg_torque] rescale = "3 s"'

@@ -23,14 +23,8 @@ from ...studies.study import Study
 from ..card_sources import require_fresh
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
-from .relative_envelopes import (
-    MAXIMAL_PROTOCOL,
-    find_maxima,
-    find_stream,
-    find_used_muscles,
-    find_window,
-    relative_envelopes,
-)
+from .relative_envelopes import MAXIMAL_PROTOCOL, find_maxima, find_window, relative_envelopes
+from .used_muscles import find_stream, find_used_muscles
 
 STEP_PROTOCOL = "torque_steps"
 """Protocol in which a wearer counters an orthosis's torque."""
