@@ -30,6 +30,8 @@ class Wearer:
     amplitude: tuple[float, float] | None = None  # Smallest and largest swing [rad], in place of the rig's
     # (n,) What is swung through, a sample a period [rad], in place of the rig's swings; rest follows
     path: np.ndarray | None = field(default=None, repr=False, compare=False)
+    # (n,) Torque of a moving thigh and of the ground along that path, which the plan counts with [N*m]
+    outside: np.ndarray | None = field(default=None, repr=False, compare=False)
 
 
 def relaxed(subject: KneeSubject, *, helps: bool = False) -> Wearer:
@@ -153,6 +155,8 @@ class Acting:
             + limb.viscous * speed
             - passive.torque * np.exp(np.minimum((passive.angle - wanted) / passive.scale, 5.0))
         )
+        if wearer.outside is not None:
+            torque -= np.pad(wearer.outside, (0, max(n + ahead - len(wearer.outside), 0)), mode="edge")[: n + ahead]
         if wearer.task == "counteracting":
             wanted[:n] += draw_noise((n,), w.drift, w.drift_memory, fs, rng)
         self._planned = (torque[ahead:] + tremor).tolist()
