@@ -1,8 +1,8 @@
 """People who point with four joints, and adapt, in drawn robots under laws built from cards: duration, EMG/Acc, torque.
 
 Each robot is identified from its own recordings. Robots and people are drawn with seeds on which nothing was chosen;
-the same targets are pointed at without a robot. The plant has what no card has: elastic cables, cuffs, a shoulder that is
-off the robot's centre, reflexes, a carriage. Excitations are those of the joints' muscles: the arm has no electrodes.
+the same targets are pointed at without a robot. The plant has what no card has: elastic cables, cuffs, a shoulder that
+is off the robot's centre, reflexes, a carriage. Excitations are those of the joints' muscles: arms have no electrodes.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from pellucid.studies.results import ResultRow
 ROBOT_SEED, PERSON_SEED = 20261130, 20261131
 """Seeds of the drawn robots, and of the people who wear them."""
 
-ROBOT_COUNT = sized(4, smallest=1)
+ROBOT_COUNT = sized(3, smallest=1)
 """Number of robots."""
 
-PEOPLE_PER_ROBOT = sized(3, smallest=1)
+PEOPLE_PER_ROBOT = sized(2, smallest=1)
 """Number of people who wear each robot."""
 
 TARGET_COUNT = sized(28, smallest=4)

@@ -2,8 +2,8 @@
 
 The plant is the seated rig's: muscles with elastic tendons and fibres that differ from anatomy in every constant,
 synergists whose shares wander, EMG with noise, hum and cross-talk, and flexors that no electrode sees. The model that
-is calibrated has rigid tendons and fixed shares. Every person is drawn with a seed that no constant was chosen on; orders
-and quantities are the paper's or stated in `pellucid.papers.hill.release_orders`.
+is calibrated has rigid tendons and fixed shares. Every person is drawn with a seed that no constant was chosen on;
+orders and quantities are the paper's or stated in `pellucid.papers.hill.release_orders`.
 """
 
 from collections.abc import Iterator
@@ -43,8 +43,8 @@ NAMES = sized(tuple(f"S{i}" for i in range(1, 9)), smallest=("S1",))
 FASTER_FACTOR = 1.5
 """Pace of the faster swings over the person's own [1]."""
 
-SCATTERED_QUANTITIES = tuple(TRAINED_QUANTITIES)
-"""Quantities whose difference between two halves of a swing says how sure the muscles are."""
+SCATTER_METHOD = "least_squares"
+"""Method by which both halves of a swing are calibrated, whose difference says how sure the muscles are."""
 
 BOOTSTRAP_DRAWS = 2000
 """Number of resampled sets of people for an interval."""
@@ -63,13 +63,14 @@ def release_rows() -> Iterator[ResultRow]:
     yield _row("mission.release_orders", len(orders), "1", f"orders held against {ALL_AT_ONCE}: {', '.join(orders)}")
     for method in RELEASE_METHODS:
         whole = f"{method}.{ALL_AT_ONCE}"
-        for what, words in MEASURES.items():
+        measures = {w: words for w, words in MEASURES.items() if w != "scatter" or method == SCATTER_METHOD}
+        for what, words in measures.items():
             base = found[f"{whole}.{what}"]
             low, high = _interval(base)
             note = f"{words}, all at once by {method}; {len(base)} people, 95 % interval {low:.3g} to {high:.3g}"
             yield _row(f"mission.release.{whole}.{what}", base.mean(), UNITS[what], note)
         for name in (*orders, STRENGTH_ALONE):
-            for what, words in MEASURES.items():
+            for what, words in measures.items():
                 note = f"{words}, over that of all at once"
                 key = f"{method}.{name}.{what}"
                 yield _ratio(key, found[key], found[f"{whole}.{what}"], note)
@@ -137,13 +138,14 @@ def try_person(rig: SeatedRig, rich, name: str) -> dict[str, float]:
     for method in RELEASE_METHODS:
         for order, stages in RELEASE_ORDERS.items():
             z = calibrate_in_order(problem, stages, method).z
-            parts = [calibrate_in_order(half, stages, method).z for half in halves]
             made_by |= {
                 f"{method}.{order}.heldout": torque_error(problem, z, swings["heldout"]),
                 f"{method}.{order}.faster": torque_error(problem, z, swings["faster"]),
                 f"{method}.{order}.distance": float(np.sqrt(np.mean((z[known] - true_z) ** 2))),
-                f"{method}.{order}.scatter": float(np.sqrt(np.mean((parts[0] - parts[1])[muscles] ** 2))),
             }
+            if method == SCATTER_METHOD:
+                parts = [calibrate_in_order(half, stages, method).z for half in halves]
+                made_by[f"{method}.{order}.scatter"] = float(np.sqrt(np.mean((parts[0] - parts[1])[muscles] ** 2)))
     for key, quantities in (("fixed", ()), ("delay", (DELAY_QUANTITY,))):
         own = person.problem((*TRAINED_QUANTITIES, *quantities))
         z = calibrate_in_order(own, [own_quantities(own)], "least_squares").z

@@ -7,6 +7,7 @@ from pellucid.control.coupling import Coupling
 from pellucid.lab.knee.moving_thigh import (
     LawWithThighSensor,
     MovingThigh,
+    ThighSensor,
     from_gait,
     generated_gait,
     thigh_trial,
@@ -70,22 +71,44 @@ def test_a_pace_makes_strides_quicker_and_the_ground_is_absent_while_the_foot_sw
     assert slow.flexion[0] == pytest.approx(np.mean(slow.flexion), abs=0.15)
 
 
-def test_a_wearer_walks_and_a_sensor_on_the_thigh_tells_what_it_adds(monkeypatch, tmp_path):
+def test_a_wearer_walks_and_the_orthosis_obeys_newton_on_the_moving_thigh(monkeypatch, tmp_path):
     monkeypatch.setenv("PELLUCID_DATA", str(tmp_path))
     rig = knee_orthosis()
     subject = next(iter(rig.subjects.values()))
     thigh = walking_thigh(1.0 / rig.period, 5.0, np.random.default_rng(2))
     assert thigh.source == "generated"
+    taken = run_trial(rig, thigh_trial("walk", subject, thigh, rig), rng=np.random.default_rng(3))
+    truth, body = taken.truth, (*rig.orthosis_gravity, rig.constants.orthosis.inertia)
+    assert np.std(truth.limb_position - thigh.flexion) < 0.5 * np.std(thigh.flexion)
+    angle = truth.orthosis_position
+    added = thigh.added_torque(slice(None), angle, *body)
+    weight = body[0] * np.sin(angle) + body[1] * np.cos(angle)
+    needed = body[2] * np.gradient(truth.orthosis_velocity, rig.period) + weight - added
+    left = (needed - truth.spring_torque - truth.strap_torque)[1000:-10]
+    assert np.std(left) < 0.15 < 0.3 * np.std(added[1000:])
+
+
+def test_a_sensor_on_the_thigh_tells_what_it_adds():
+    thigh, _ = moving()
+    still = StillGravity()
     coupling = Coupling(
-        orthosis_inertia=rig.constants.orthosis.inertia, orthosis_viscous=0.1, orthosis_gravity=rig.orthosis_gravity[0],
-        coulomb=0.1, limb_inertia=subject.inertia, limb_viscous=0.1, limb_gravity=subject.gravity,
-        strap_stiffness=subject.strap.stiffness, strap_damping=subject.strap.damping, actuator_frequency=60.0,
+        orthosis_inertia=0.05, orthosis_viscous=0.1, orthosis_gravity=1.6, coulomb=0.1, limb_inertia=0.3,
+        limb_viscous=0.1, limb_gravity=10.0, strap_stiffness=100.0, strap_damping=2.0, actuator_frequency=60.0,
     )  # fmt: skip
-    errors, torques = [], []
-    for law in (None, LawWithThighSensor(None, coupling, thigh, rig.period)):
-        taken = run_trial(rig, thigh_trial("walk", subject, thigh, rig), rng=np.random.default_rng(3), controller=law)
-        late = taken.time > 2.0
-        errors.append(np.std((taken.truth.limb_position - thigh.flexion)[late]))
-        torques.append(np.sqrt(np.mean(taken.truth.strap_torque[late] ** 2)))
-    assert max(errors) < 0.25
-    assert torques[1] < 0.9 * torques[0]
+    law = LawWithThighSensor(still, coupling, thigh, STEP_S, ThighSensor(angle_error=0.0, lowpass=400.0))
+    for k in (2000, 5000, 8000):
+        angle = float(thigh.flexion[k])
+        added = float(thigh.added_torque(k, angle, 1.6, 0.0, 0.05))
+        assert law.step(k * STEP_S, angle, 0.0) == pytest.approx(1.6 * np.sin(angle) - added, abs=0.02)
+        assert still.felt == pytest.approx(added, abs=0.02)
+    assert law.fault == "none"
+
+
+class StillGravity:
+    """A law that carries an orthosis's weight as on a thigh at rest."""
+
+    fault = "none"
+
+    def step(self, time, position, torque, emg=()):
+        self.felt = torque
+        return 1.6 * np.sin(position)

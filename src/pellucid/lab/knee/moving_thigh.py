@@ -39,6 +39,13 @@ GROUND_STIFFNESS_NM_RAD = 150.0
 GROUND_DAMPING_NMS_RAD = 3.0
 """Damping of the same [N*m*s/rad]. Assumed."""
 
+OWN_STIFFNESS_NM_RAD = 30.0
+"""Stiffness at once of a walking person's muscles and tissue about the movement that they mean [N*m/rad]. Assumed, and the
+same in every law; a seated swing of this rig has reflexes alone."""
+
+OWN_DAMPING_NMS_RAD = 1.0
+"""Damping of the same [N*m*s/rad]. Assumed."""
+
 BEARING_MOMENT_SHARE = 0.1
 """A foot bears weight while the ankle's moment is above this share of its largest one: without ground an ankle has
 hardly any."""
@@ -93,14 +100,19 @@ class MovingThigh:
             inertia * self.lean_acceleration[k] - up * (sine * s + cosine * c) + ahead * (sine * c - cosine * s) + still
         )
 
-    def ground_torque(self, k: int, angle: float, velocity: float, mass: float, speed: float, holds: float) -> float:
-        """Return the ground's torque on the shank [N*m] of a body of a `mass` [kg].
+    def outer_torque(self, k: int, angle: float, velocity: float, mass: float, speed: float, holds: float) -> float:
+        """Return the torque of the ground, and of the wearer's own impedance, on the shank [N*m].
+
+        `mass` is that of the body [kg].
 
         `velocity` is that of the knee and `speed` the one that is meant [rad/s]; `holds` is a factor on what holds the
         foot.
         """
-        hold = GROUND_STIFFNESS_NM_RAD * (self.flexion[k] - angle) + GROUND_DAMPING_NMS_RAD * (speed - velocity)
-        return float(mass * self.ground[k] + holds * self.bearing[k] * hold)
+        held = holds * self.bearing[k]
+        stiffness = OWN_STIFFNESS_NM_RAD + held * GROUND_STIFFNESS_NM_RAD
+        damping = OWN_DAMPING_NMS_RAD + held * GROUND_DAMPING_NMS_RAD
+        pull = stiffness * (self.flexion[k] - angle) + damping * (speed - velocity)
+        return float(mass * self.ground[k] + pull)
 
 
 def shank_weight(subject: KneeSubject) -> tuple[float, float]:
@@ -216,10 +228,10 @@ class WalkingBase:
         `orthosis` and `limb` are their angles [rad], and `velocity` is the limb's [rad/s].
         """
         thigh = self._thigh
-        ground = thigh.ground_torque(k, limb, velocity, self._subject.weight, float(self._speed[k]), self._holds)
+        outer = thigh.outer_torque(k, limb, velocity, self._subject.weight, float(self._speed[k]), self._holds)
         return (
             float(thigh.added_torque(k, orthosis, *self._orthosis)),
-            float(thigh.added_torque(k, limb, *self._limb)) + ground,
+            float(thigh.added_torque(k, limb, *self._limb)) + outer,
         )
 
 
