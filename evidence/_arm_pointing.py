@@ -23,10 +23,10 @@ from pellucid.studies.results import ResultRow
 ROBOT_SEED, PERSON_SEED = 20261130, 20261131
 """Seeds of the drawn robots, and of the people who wear them."""
 
-ROBOT_COUNT = sized(3, smallest=1)
+ROBOT_COUNT = sized(2, smallest=1)
 """Number of robots."""
 
-PEOPLE_PER_ROBOT = sized(2, smallest=1)
+PEOPLE_PER_ROBOT = sized(3, smallest=1)
 """Number of people who wear each robot."""
 
 TARGET_COUNT = sized(28, smallest=4)

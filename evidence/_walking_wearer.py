@@ -30,10 +30,10 @@ from ._loads import ratio_interval
 SEED = 8300
 """First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""
 
-WEARER_COUNT = sized(4, smallest=1)
+WEARER_COUNT = sized(3, smallest=1)
 """Number of wearers, each with an orthosis of their own."""
 
-DURATION_S = sized(14.0, smallest=6.0)
+DURATION_S = sized(12.0, smallest=6.0)
 """Duration of every session [s]."""
 
 SETTLING_S = 4.0
