@@ -47,7 +47,7 @@ def test_a_robot_that_hangs_costs_effort_and_the_index_of_control_is_zero(blocks
     assert worn.mean("interaction") > 1.0
     for upward in (True, False):
         assert control.emg_per_acceleration(control, upward=upward, fast=False) == pytest.approx(0.0)
-    assert worn.emg_per_acceleration(control, upward=True, fast=False) > 0.1
+    assert worn.emg_per_acceleration(control, upward=True, fast=False) > 0.05
 
 
 def test_a_load_is_learnt_from_movements(rng):

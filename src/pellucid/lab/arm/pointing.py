@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...signals.filters import zero_phase_lowpass
 from .bodies import built_tree
 from .human_motion import GENERATED_REACHES, JOINTS
 from .rig import ArmRig
@@ -78,6 +79,9 @@ REST_EXCITATION = 0.02
 
 ANALYSIS_STEP = 5
 """Every such period is analysed."""
+
+ACCELERATION_LOWPASS_HZ = 10.0
+"""Zero-phase low-pass of velocities before the largest acceleration is looked for [Hz]: cuffs and friction shake."""
 
 MIN_JOINT_WAY_RAD = 0.1
 """Smallest displacement of a joint that counts as moving [rad]."""
@@ -304,6 +308,7 @@ def _measured(
     acceleration = np.gradient(velocity, step, axis=0)
     states = tuple(map(np.ascontiguousarray, (position, velocity, acceleration)))
     torque = person.tree.core.inverse_dynamics(*states) - on_limb
+    smooth = np.gradient(zero_phase_lowpass(velocity, ACCELERATION_LOWPASS_HZ, 2, 1.0 / step), step, axis=0)
     most = np.array([MUSCLES[name].max_torque for name in JOINTS])
     moved = np.array(target.posture) - position[0]
     moving = np.abs(moved) > MIN_JOINT_WAY_RAD
@@ -316,7 +321,7 @@ def _measured(
     return PointingMovement(
         upward=bool(place[2] > first[2]), fast=target.fast, arrived=arrived,
         duration=(len(table) - onset) * step - ARRIVED_FOR_S, peak_velocity=float(speed.max()),
-        peak_acceleration=float(np.linalg.norm(acceleration, axis=1).max()), corrections=corrections,
+        peak_acceleration=float(np.linalg.norm(smooth, axis=1).max()), corrections=corrections,
         interaction=float(np.sqrt(np.mean(on_limb**2))),
         agonists=float(agonist[moving].mean()) if moving.any() else float("nan"),
         antagonists=float(antagonist[moving].mean()) if moving.any() else float("nan"),
