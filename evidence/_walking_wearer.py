@@ -81,6 +81,10 @@ def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
             yield _row(f"{speed}.{name}.error", np.degrees(error.mean()), "deg", "RMS of knee from what was meant")
     free = found["3.6.free_foot"]
     yield _ratio("free_foot", free, found["3.6.residual"], "residual law at 3.6 km/h, ground that holds no foot")
+    for speed in SPEEDS:
+        for name in names[1:]:
+            stopped = found[f"{speed}.{name}.stopped"].sum()
+            yield _row(f"{speed}.{name}.stopped", stopped, "1", f"sessions of {count} that the law's gate stopped")
     sessions = count * (len(names) * len(SPEEDS) + 1)
     yield _row("stopped", sum(one["faults"] for one in tried), "1", f"sessions of {sessions} that a gate stopped")
 
@@ -128,7 +132,7 @@ def _walk(
     return {
         key: _rms(torque[judged]), f"{key}.stance": _rms(torque[judged & bearing]),
         f"{key}.swing": _rms(torque[judged & ~bearing]), f"{key}.error": _rms(error[judged]),
-        "faults": made["faults"] + (fault != "none"),
+        "faults": made["faults"] + (fault != "none"), f"{key}.stopped": float(fault != "none"),
     }  # fmt: skip
 
 

@@ -40,8 +40,8 @@ GROUND_DAMPING_NMS_RAD = 3.0
 """Damping of the same [N*m*s/rad]. Assumed."""
 
 OWN_STIFFNESS_NM_RAD = 30.0
-"""Stiffness at once of a walking person's muscles and tissue about the movement that they mean [N*m/rad]. Assumed, and the
-same in every law; a seated swing of this rig has reflexes alone."""
+"""Stiffness at once of a walking person's muscles and tissue about the movement that they mean [N*m/rad]. Assumed; a
+seated swing of this rig has reflexes alone."""
 
 OWN_DAMPING_NMS_RAD = 1.0
 """Damping of the same [N*m*s/rad]. Assumed."""
