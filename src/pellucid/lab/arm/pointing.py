@@ -103,7 +103,7 @@ class PointingMovement:
     fast: bool
     arrived: bool
     duration: float  # from the first motion to arrival [s]
-    peak_velocity: float  # of the hand [m/s]
+    peak_velocity: float  # largest speed of the hand [m/s]
     peak_acceleration: float  # largest norm of the joints' accelerations [rad/s^2]
     corrections: int
     interaction: float  # RMS of the torque of the robot on the wearer's joints [N*m]; 0 without a robot
