@@ -281,7 +281,7 @@ def _seated_stretch(rig: SeatedRig, recording, truth) -> Stretch:
     wide = butter(2, SEATED_BAND_HZ, "bandpass", fs=fs, output="sos")
     slow = butter(2, ENVELOPE_LOWPASS_HZ, "lowpass", fs=fs, output="sos")
     time = np.arange(1.0, recording.time[-1], 1.0 / RATE_HZ)
-    channels = [sosfilt(slow, np.abs(sosfilt(wide, stream[name]))) for name in rig.constants.emg.muscles]
+    channels = [sosfilt(slow, np.abs(sosfilt(wide, stream[f"emg.{name}"]))) for name in rig.constants.emg.muscles]
     heard = [x[np.searchsorted(stream.time, time, side="right") - 1] for x in channels]
     angle = recording["position"][np.searchsorted(recording.time, time, side="right") - 1]
     span = round(VELOCITY_SPAN_S * RATE_HZ)
