@@ -153,9 +153,11 @@ def draw_targets(count: int, rng: np.random.Generator) -> tuple[PointingTarget, 
     low, high = np.array(GENERATED_REACHES["low"]), np.array(GENERATED_REACHES["high"])
     middle = 0.5 * (low + high)
     ends = ((low, middle), (middle, high))
-    return tuple(
-        PointingTarget(tuple(map(float, rng.uniform(*ends[(i + 1) % 2]))), fast=(i // 2) % 2 == 1) for i in range(count)
-    )
+    made = []
+    for i in range(count):
+        a, b, c, d = (float(x) for x in rng.uniform(*ends[(i + 1) % 2]))
+        made.append(PointingTarget((a, b, c, d), fast=(i // 2) % 2 == 1))
+    return tuple(made)
 
 
 class _Plan:

@@ -257,16 +257,19 @@ class LawWithThighSensor:
         keep = float(np.exp(-2.0 * np.pi * sensor.lowpass * period))
         from scipy.signal import lfilter
 
-        late = [lfilter([1.0 - keep], [1.0, -keep], x) for x in (thigh.lean_acceleration, thigh.forward, thigh.upward)]
+        turned, forward, upward = (
+            lfilter([1.0 - keep], [1.0, -keep], x) for x in (thigh.lean_acceleration, thigh.forward, thigh.upward)
+        )
+        seen = thigh.lean + sensor.angle_error
         self._seen = MovingThigh(
-            thigh.name, thigh.source, thigh.flexion, thigh.lean + sensor.angle_error, *late, thigh.ground, thigh.bearing
+            thigh.name, thigh.source, thigh.flexion, seen, turned, forward, upward, thigh.ground, thigh.bearing
         )
         self._weight, self._inertia = coupling.orthosis_gravity, coupling.orthosis_inertia
 
     @property
     def fault(self) -> str:
         """Fault that the controller's safety gate has latched; "none" if there is none."""
-        return "none" if self._controller is None else self._controller.fault
+        return str(getattr(self._controller, "fault", "none"))
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
         """Return the command [N*m] of one period; `time` [s], `position` [rad], `torque` [N*m], `emg` [V]."""

@@ -111,8 +111,9 @@ def axis_offsets_of(config: StudyFile, recordings: Sequence[Recording]) -> dict[
         signals = np.column_stack([recording[name] for name in FREE_CARRIAGE_CHANNELS])
         longest = max(recording.spans, key=lambda span: span.stop - span.start)
         smooth = zero_phase_lowpass(signals[longest], cutoff, processing.order, recording.fs)
+        position, carriage, limb = smooth.T
         try:
-            found[recording.name] = estimate_axis_offset(*smooth.T, recording.fs)
+            found[recording.name] = estimate_axis_offset(position, carriage, limb, recording.fs)
         except IdentificationError as error:
             raise IdentificationError(f"{recording.name}: {error}") from error
     return found
