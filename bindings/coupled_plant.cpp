@@ -39,6 +39,8 @@ muscle_torque : float
     On the limb, held over the period [N m].
 slip_jump : float
     By which the strap slips at once [rad].
+base_torque : float
+    Of a thigh that moves, on the orthosis, held over the period [N m].
 
 Returns
 -------
@@ -49,7 +51,8 @@ tuple of float
     the limb, the same but where it sits askew [N m].)";
 
 constexpr const char* step_sig =
-    "def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]";
+    "def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0, "
+    "base_torque: float = 0.0) -> tuple[float, ...]";
 
 class CoupledPlant {
  public:
@@ -60,8 +63,8 @@ class CoupledPlant {
     state_ = p::balanced(coefficients_, position0, torque0);
   }
 
-  nb::object step(double desired_torque, double muscle_torque, double slip_jump) {
-    return tuple(p::step(coefficients_, state_, {desired_torque, muscle_torque, slip_jump}));
+  nb::object step(double desired_torque, double muscle_torque, double slip_jump, double base_torque) {
+    return tuple(p::step(coefficients_, state_, {desired_torque, muscle_torque, slip_jump, base_torque}));
   }
   nb::object read() const { return tuple(p::read(coefficients_, state_)); }
   double slip() const { return state_.strap.slip; }
@@ -115,7 +118,7 @@ void add_coupled_plant(nb::module_& m) {
            nb::sig("def __init__(self, parameters: ArrayLike, *, period: float, substeps: int = 10, delay: int = 0, "
                    "torque_span: int = 1, position0: float = 0.0, torque0: float = 0.0) -> None"))
       .def("step", &CoupledPlant::step, nb::arg("desired_torque"), nb::arg("muscle_torque"), nb::arg("slip_jump") = 0.0,
-           nb::sig(step_sig), step_doc)
+           nb::arg("base_torque") = 0.0, nb::sig(step_sig), step_doc)
       .def("read", &CoupledPlant::read, nb::sig("def read(self) -> tuple[float, ...]"),
            "What holds now, as `step` returns it, with a motor_torque of 0: no period ends here.")
       .def_prop_ro("slip", &CoupledPlant::slip, "Of the strap, so far [rad].");

@@ -8,6 +8,10 @@ number at most one in twenty events. Other events judge. The lead is the time by
 The envelopes of walking were filtered by those who published them, and whether causally is not said. Those of lifting
 come from software that runs in real time. Angles of both were filtered beforehand, which can only make motion look
 earlier.
+
+Force is told by ten old people's isometric contractions, whose force fluctuates while they hold: the lead is the shift
+at which the causal envelope goes best with what the force sensor says, and detectors of rises are fitted to others.
+The seated swings are virtual: muscles with elastic tendons, noisy EMG, and a person who plans.
 """
 
 import os
@@ -16,7 +20,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks._size import sized
+from scipy.signal import butter, sosfilt, sosfiltfilt
 
+from pellucid.lab.seated.protocol import seated_trials
+from pellucid.lab.seated.rig import SeatedRig, load_seated_rig
+from pellucid.lab.study import record_in_memory
 from pellucid.recordings.readers import read_columns
 from pellucid.studies.results import ResultRow
 
@@ -46,6 +55,39 @@ THRESHOLD_COUNT = 200
 
 LIFTING_ANGLES = ("L5_S1_Flex_Ext", "pelvis_tilt")
 """Angles that motion's detector hears while a person lifts."""
+
+ISOMETRIC_RATE_HZ = 2000.0
+"""Rate of the isometric recordings [Hz]."""
+
+ISOMETRIC_TASKS = {"VL": 0, "BF": 1, "TA": 2}
+"""Agonists, with their column in the sheets; the gastrocnemius tells nothing of the force, says the data set."""
+
+ISOMETRIC_PEOPLE = sized(10, smallest=3)
+"""Number of people whose contractions are read."""
+
+ISOMETRIC_SETTLING_S = 2.0
+"""First part of a contraction that is left out: the recordings begin when it has begun [s]."""
+
+EMG_BAND_HZ = (30.0, 450.0)
+"""Causal band-pass of raw EMG [Hz]."""
+
+SEATED_BAND_HZ = (60.0, 400.0)
+"""The same in the virtual seated swings, above the mains and what cables do [Hz]."""
+
+ENVELOPE_LOWPASS_HZ = 6.0
+"""Causal low-pass of rectified EMG [Hz]."""
+
+FORCE_BAND_HZ = (0.3, 3.0)
+"""Band in which force and envelope fluctuate while somebody holds [Hz]; the same causal filter for both."""
+
+MAX_SHIFT_S = 0.6
+"""Largest shift that is tried, either way [s]."""
+
+SEATED_SEED = 31101
+"""Seed of the virtual people who swing, on which nothing was chosen."""
+
+SEATED_NAMES = sized(tuple(f"S{i}" for i in range(1, 9)), smallest=("S1",))
+"""Bodies of the rig file."""
 
 BOOTSTRAP_DRAWS = 2000
 """Number of resampled sets of events for an interval."""
@@ -81,32 +123,42 @@ def lead_rows() -> Iterator[ResultRow]:
             print(f"mission.lead.{name}: not measured, for {folder} is not on this machine")
             continue
         yield from rows_of(name, [compare_detectors(*fold) for fold in read(data)])
+    yield from rows_of("seated", [compare_detectors(*fold) for fold in seated()])
+    if (data / "elderly_isometric").is_dir():
+        pulls = isometric_pulls(data / "elderly_isometric")
+        yield from force_rows(pulls)
+        yield from rows_of("isometric", [compare_detectors(*fold) for fold in isometric(pulls)], rival="force_sensor")
+    else:
+        print("mission.lead.force: not measured, for elderly_isometric is not on this machine")
 
 
-def rows_of(name: str, found: list[Leads]) -> Iterator[ResultRow]:
-    """Return the rows of one task, whose judged parts were fitted by none of the detectors that they judge."""
+def rows_of(name: str, found: list[Leads], rival: str = "motion") -> Iterator[ResultRow]:
+    """Return the rows of one task, whose judged parts were fitted by none of the detectors that they judge.
+
+    `rival` names what the second detector hears.
+    """
     emg, motion = (np.concatenate([getattr(one, kind) for one in found]) for kind in ("emg", "motion"))
     alarms = [sum(one.false_alarms[i] for one in found) for i in (0, 1)]
     seconds = sum(one.seconds for one in found)
     note = (
         f"{len(emg)} judged events in {seconds:.0f} s; missed {np.isnan(emg).sum()} by EMG, {np.isnan(motion).sum()} "
-        f"by motion; false alarms {alarms[0]} and {alarms[1]}; thresholds fitted at {FALSE_ALARMS_PER_EVENT:g} an "
+        f"by {rival}; false alarms {alarms[0]} and {alarms[1]}; thresholds fitted at {FALSE_ALARMS_PER_EVENT:g} an "
         "event or less"
     )
     rivals = {
-        "motion": (motion - emg, f"torque told by EMG before torque told by motion, median; {note}"),
+        rival: (motion - emg, f"torque told by EMG before torque told by {rival}, median; {note}"),
         "torque": (-emg, "torque told by EMG before inverse dynamics' own rise, median"),
     }
-    for rival, (leads, words) in rivals.items():
+    for other, (leads, words) in rivals.items():
         leads = leads[np.isfinite(leads)]
         if not len(leads):
-            yield ResultRow(f"mission.lead.{name}.{rival}", None, "ms", "evidence", "heldout", None, words)
+            yield ResultRow(f"mission.lead.{name}.{other}", None, "ms", "evidence", "heldout", None, words)
             continue
         draws = np.median(np.random.default_rng(SEED).choice(leads, (BOOTSTRAP_DRAWS, len(leads))), axis=1)
         ends = "end of the 95 % interval over resampled events"
         figures = {"": (np.median(leads), words), ".low": (np.quantile(draws, 0.025), ends)}
         for end, (value, text) in {**figures, ".high": (np.quantile(draws, 0.975), ends)}.items():
-            row_id = f"mission.lead.{name}.{rival}{end}"
+            row_id = f"mission.lead.{name}.{other}{end}"
             yield ResultRow(row_id, 1e3 * float(value), "ms", "evidence", "heldout", None, text)
 
 
@@ -127,6 +179,115 @@ def lifting(data: Path) -> list[tuple[list[Stretch], list[Stretch]]]:
         for trial in ("squat5kg", "stoop5kg", "squat15kg")
     ]
     return [([other for other in made if other is not one], [one]) for one in made]
+
+
+@dataclass(frozen=True)
+class Pull:
+    """One isometric contraction, with the agonist's causal envelope and the force, at `RATE_HZ`."""
+
+    person: str
+    task: str
+    envelope: np.ndarray  # (n,) within `FORCE_BAND_HZ`, causal, over its own standard deviation
+    force: np.ndarray  # (n,) the same of the force sensor
+    reference: np.ndarray  # (n,) the same without delay, which says where the force rises
+
+
+def isometric_pulls(folder: Path) -> list[Pull]:
+    """Return every contraction in which EMG tells of force: of all agonists but the gastrocnemius."""
+    fs, pulls = ISOMETRIC_RATE_HZ, []
+    wide, band = (butter(2, edges, "bandpass", fs=fs, output="sos") for edges in (EMG_BAND_HZ, FORCE_BAND_HZ))
+    slow = butter(2, ENVELOPE_LOWPASS_HZ, "lowpass", fs=fs, output="sos")
+    every = slice(round(ISOMETRIC_SETTLING_S * fs), None, round(fs / RATE_HZ))
+    for path in sorted(folder.glob("*.xlsx"))[:ISOMETRIC_PEOPLE]:
+        columns = read_columns(path)
+        for task, number in ISOMETRIC_TASKS.items():
+            sheet = next(name for name in columns if name.startswith(("EMG_", "EMB_")) and f"_{task}." in name)
+            emg = np.asarray(columns[f"{sheet.split('.')[0]}.{number}"], float)
+            force = np.asarray(columns[f"DNM.{number}"], float)
+            if len(emg) != len(force):
+                print(f"mission.lead.force: {path.name}, {task}: left out, for EMG and force have other lengths")
+                continue
+            known = np.isfinite(emg) & np.isfinite(force)
+            emg, force = emg[known] - np.mean(emg[known]), force[known]
+            envelope = sosfilt(slow, np.abs(sosfilt(wide, emg)))
+            causal = [sosfilt(band, x)[every] for x in (envelope, force)]
+            both = sosfiltfilt(band, force)[every]
+            pulls.append(Pull(path.stem, task, *(x / np.std(x) for x in (*causal, both))))
+    return pulls
+
+
+def force_rows(pulls: list[Pull]) -> Iterator[ResultRow]:
+    """Return the shift at which the causal envelope goes best with the force, over people."""
+    found: dict[str, list[float]] = {}
+    sizes: list[float] = []
+    for pull in pulls:
+        lead, size = best_shift(pull.envelope, pull.force)
+        sizes.append(size)
+        found.setdefault(pull.person, []).append(lead)
+    people = np.array([np.median(own) for own in found.values()])
+    picks = np.random.default_rng(SEED).choice(people, (BOOTSTRAP_DRAWS, len(people)))
+    low, high = np.quantile(np.median(picks, axis=1), (0.025, 0.975))
+    note = (
+        f"EMG's causal envelope before the force sensor, both {FORCE_BAND_HZ[0]:g} to {FORCE_BAND_HZ[1]:g} Hz, by "
+        f"largest correlation ({np.median(sizes):.2f} in the median of {len(pulls)} contractions); median of "
+        f"{len(people)} people"
+    )
+    ends = "end of the 95 % interval over resampled people"
+    for end, value, words in (("", np.median(people), note), (".low", low, ends), (".high", high, ends)):
+        yield ResultRow(f"mission.lead.force{end}", 1e3 * float(value), "ms", "evidence", "heldout", None, words)
+
+
+def best_shift(early: np.ndarray, late: np.ndarray) -> tuple[float, float]:
+    """Return by how much `late` follows `early` where they correlate most [s], and that correlation."""
+    reach = round(MAX_SHIFT_S * RATE_HZ)
+    n = len(early)
+    sizes = [
+        float(np.corrcoef(early[max(0, -k) : n - max(0, k)], late[max(0, k) : n - max(0, -k)])[0, 1])
+        for k in range(-reach, reach + 1)
+    ]
+    best = int(np.argmax(sizes))
+    return (best - reach) / RATE_HZ, sizes[best]
+
+
+def isometric(pulls: list[Pull]) -> list[tuple[list[Stretch], list[Stretch]]]:
+    """Return both halves of the people, each judged by detectors of the other half."""
+
+    def stretch(pull: Pull) -> Stretch:
+        span = round(VELOCITY_SPAN_S * RATE_HZ)
+        slopes = [np.append(np.zeros(span), x[span:] - x[:-span]) for x in (pull.envelope, pull.force)]
+        return Stretch(
+            pull.reference, np.column_stack([pull.envelope, slopes[0]]), np.column_stack([pull.force, slopes[1]])
+        )
+
+    people = list(dict.fromkeys(pull.person for pull in pulls))
+    halves = [[stretch(p) for p in pulls if people.index(p.person) % 2 == which] for which in (0, 1)]
+    return [(halves[0], halves[1]), (halves[1], halves[0])]
+
+
+def seated() -> list[tuple[list[Stretch], list[Stretch]]]:
+    """Return each virtual person's second swing in the seated rig, judged by detectors of the first."""
+    rig = load_seated_rig().changed({"difference.seed": SEATED_SEED})
+    trials = [t for t in seated_trials(rig, SEATED_NAMES) if t.task == "swinging"]
+    _, recordings, taken = record_in_memory(rig, trials, seed=SEATED_SEED)
+    made: dict[str, list[Stretch]] = {}
+    for recording, one in zip(recordings, taken, strict=True):
+        made.setdefault(one.trial.subject.name, []).append(_seated_stretch(rig, recording, one.inside.truth))
+    return [([first], [second]) for first, second in made.values()]
+
+
+def _seated_stretch(rig: SeatedRig, recording, truth) -> Stretch:
+    stream = recording.streams["emg"]
+    fs = stream.fs
+    wide = butter(2, SEATED_BAND_HZ, "bandpass", fs=fs, output="sos")
+    slow = butter(2, ENVELOPE_LOWPASS_HZ, "lowpass", fs=fs, output="sos")
+    time = np.arange(1.0, recording.time[-1], 1.0 / RATE_HZ)
+    channels = [sosfilt(slow, np.abs(sosfilt(wide, stream[f"emg.{name}"]))) for name in rig.constants.emg.muscles]
+    heard = [x[np.searchsorted(stream.time, time, side="right") - 1] for x in channels]
+    angle = recording["position"][np.searchsorted(recording.time, time, side="right") - 1]
+    span = round(VELOCITY_SPAN_S * RATE_HZ)
+    late = np.append(np.repeat(angle[:1], span), angle[:-span])
+    moment = np.interp(time, recording.time, truth.muscle_torque)
+    return Stretch(moment, np.column_stack(heard), np.column_stack([angle, (angle - late) / VELOCITY_SPAN_S]))
 
 
 def _stretch(folder: Path, moment: str, sign: float, angles: tuple[str, ...], zero: tuple[str, ...]) -> Stretch:

@@ -1,10 +1,11 @@
 // A series-elastic orthosis strapped to a limb: three bodies under the actuator's own torque loop.
 //
 //   motor     J_m dv_m = u - tau_s - friction(q_m, v_m, tau_s)
-//   orthosis  J_e dv_e = tau_s + tau_c - m_e g l_e sin q_e - friction of its bearing,   tau_s = K (q_m - q_e) + D (v_m - v_e)
+//   orthosis  J_e dv_e = tau_s + tau_c + tau_b - m_e g l_e sin q_e - friction of its bearing,
+//             tau_s = K (q_m - q_e) + D (v_m - v_e)
 //   limb      J_k dv_k = tau_k - tau_c - m g l sin(q_k - q_c) - b_k v_k + passive tissue
 //
-// tau_c is the strap's torque, tau_k the muscles'. Everything is on the joint's side of the gear. The loop reads both
+// tau_c is the strap's torque, tau_k the muscles', tau_b what a moving thigh adds at the orthosis. Everything is on the joint's side of the gear. The loop reads both
 // encoders once a period and holds its command; all bodies move in substeps of semi-implicit Euler, and motor and
 // bearing can stick, to the bit; a motor whose contacts give does not. The substep must resolve the stiffest pair:
 // h sqrt(K / J) below about 1.
@@ -105,6 +106,7 @@ template <class S> struct CoupledPlantInput {
   S desired_torque{};  ///< tau_d, of the spring [N m]
   S muscle_torque{};   ///< tau_k [N m]
   S slip_jump{};       ///< angle by which the strap slips at once, now [rad]
+  S base_torque{};     ///< tau_b: of the base that moves, on the orthosis [N m]
 };
 
 /// What holds at one moment; `motor_torque` is of the period that ended there.
@@ -182,7 +184,7 @@ template <class S> CoupledPlantOutput<S> step(const CoupledPlantCoefficients<S>&
     const S spring = spring_torque(c, state);
     const StrapPull<S> strap = strap_pull(c, state);
     mask_t<S> rests{};
-    const S effort = spring + strap.robot;
+    const S effort = spring + strap.robot + input.base_torque;
     const S v_e = state.orthosis_velocity;
     const S a_e = acceleration(c.orthosis, gravity(c.orthosis, state.orthosis_position), v_e, effort, effort, rests);
     const S a_k = acceleration(c.limb, state.limb_position, state.limb_velocity, input.muscle_torque - strap.limb);

@@ -150,7 +150,9 @@ class Plant:
         self.commands.append(min(max(whole, -p["motor_limit"]), p["motor_limit"]))
         return self.commands[-1 - self.delay]
 
-    def step(self, desired: float, muscle: float, slip_jump: float = 0.0) -> tuple[float, ...]:
+    def step(
+        self, desired: float, muscle: float, slip_jump: float = 0.0, base_torque: float = 0.0
+    ) -> tuple[float, ...]:
         p, h = self.p, self.period / self.substeps
         u = self.command(desired, self.read()[2])
         self.slip += slip_jump
@@ -158,7 +160,7 @@ class Plant:
             spring, (strap, against), stretch = self.spring(), self.strap(), self.stretch()
             net = u - spring
             v_m = geared_reference.motor_after(p, self.contacts, self.q_m, self.v_m, net, spring, 0.0, h)
-            net, bearing = spring + strap - self.weight(self.q_e), p["bearing_coulomb"]
+            net, bearing = spring + strap + base_torque - self.weight(self.q_e), p["bearing_coulomb"]
             slowed = p["bearing_viscous"] * self.v_e
             v_e = geared_reference.after(self.v_e, net, bearing, bearing, slowed, p["orthosis_inertia"], h)
             depth = min((p["passive_angle"] - self.q_k) / p["passive_scale"], 5.0)

@@ -11,11 +11,11 @@ from pellucid import _core
 SETTINGS = dict(period=2e-3, substeps=10, delay=1, torque_span=3)
 
 
-def play(plant, desired, muscle, jumps=None):
+def play(plant, desired, muscle, jumps=None, base=None):
     """Outputs by name, from the start to the end of the last period."""
     rows = [plant.read()]
-    jumps = np.zeros(len(desired)) if jumps is None else jumps
-    for inputs in zip(desired.tolist(), muscle.tolist(), jumps.tolist(), strict=True):
+    jumps, base = (np.zeros(len(desired)) if x is None else x for x in (jumps, base))
+    for inputs in zip(desired.tolist(), muscle.tolist(), jumps.tolist(), base.tolist(), strict=True):
         rows.append(plant.step(*inputs))
     return dict(zip(reference.OUTPUTS, np.array(rows).T, strict=True))
 
@@ -25,7 +25,7 @@ def signals(n, rng):
     desired = 4 * np.sin(3 * t) + 2 * np.sign(np.sin(17 * t))
     jumps = np.zeros(n)
     jumps[n // 2] = 0.1
-    return desired, 5 * np.sin(5 * t + 1) + 3 * rng.standard_normal(), jumps
+    return desired, 5 * np.sin(5 * t + 1) + 3 * rng.standard_normal(), jumps, 4 * np.sin(11 * t) * (t > 0.3)
 
 
 def test_names():

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from evidence._lead import RATE_HZ, Stretch, compare_detectors, rows_of
+from evidence._lead import RATE_HZ, Stretch, best_shift, compare_detectors, rows_of
+from evidence._lead_control import LateEmg
 from evidence._loads import ratio_interval, with_fastened_load
 
 from pellucid.lab.elbow.rig import able_elbow
@@ -48,3 +49,26 @@ def test_the_interval_of_a_ratio_contains_it():
     ratio, low, high = ratio_interval([1.0, 2.0, 3.0], [2.0, 4.0, 5.0])
     assert ratio == pytest.approx(6.0 / 11.0)
     assert low <= ratio <= high
+
+
+def test_the_shift_of_a_force_behind_an_envelope_is_found(rng):
+    envelope = np.convolve(rng.standard_normal(1500), np.ones(12) / 12.0, "same")
+    lead, size = best_shift(envelope, np.roll(envelope, 17) + 0.05 * rng.standard_normal(1500))
+    assert lead == pytest.approx(0.17)
+    assert size > 0.9
+
+
+def test_late_emg_reaches_a_controller_as_many_periods_later():
+    heard = []
+
+    class Listener:
+        fault = "none"
+
+        def step(self, time, position, torque, emg=()):
+            heard.append(list(emg))
+            return 0.0
+
+    late = LateEmg(Listener(), 2)
+    for k in range(4):
+        late.step(0.0, 0.0, 0.0, [(float(k), 0.0)])
+    assert heard == [[], [], [(0.0, 0.0)], [(1.0, 0.0)]]

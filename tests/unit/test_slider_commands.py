@@ -68,8 +68,33 @@ def test_a_sound_study_is_fit(small):
     assert told(small, "refuse") == []
 
 
+def add_worn_recording(folder, along, across):
+    """A recording in which somebody turns the elbow slowly, whose axis lies beside the robot's [m]."""
+    time = np.arange(0.0, 30.0, 0.01)
+    limb = 1.3 + 0.6 * np.sin(0.9 * time)
+    cuff = 0.16 * np.exp(1j * limb) + along + 1j * across
+    head, body = "time,position,current,carriage,forearm", (
+        1e3 * time, np.angle(cuff), 0.4 * np.sign(np.cos(0.9 * time)) + 0.05 * np.sin(7.0 * time), np.abs(cuff), limb,
+    )  # fmt: skip
+    np.savetxt(folder / "recordings" / "worn.csv", np.column_stack(body), delimiter=",", header=head, comments="")
+    text = (folder / "study.toml").read_text(encoding="utf-8")
+    recording = """
+[[recordings]]
+name = "worn"
+file = "recordings/worn.csv"
+protocol = "free_carriage"
+channels.time = { column = "time", unit = "ms" }
+channels.position = { column = "position", unit = "rad", scale = 1.0 }
+channels.current = { column = "current", unit = "A", scale = 1.0 }
+channels.length.carriage = { column = "carriage", unit = "m" }
+channels.angle.limb = { column = "forearm", unit = "rad" }
+"""
+    (folder / "study.toml").write_text(text + recording, encoding="utf-8")
+
+
 @pytest.mark.slow
 def test_the_commands_go_through(elbow):
+    add_worn_recording(elbow, 0.010, -0.006)
     result = run(cli.app, ["check", str(elbow)])
     assert result.exit_code == 0, result.output
     result = run(cli.app, ["identify", str(elbow)])
@@ -82,6 +107,9 @@ def test_the_commands_go_through(elbow):
     assert rows["elbow.load.torque_error"].unit == "N*m"
     assert rows["elbow.slider.constant_1"].value == pytest.approx(0.12, abs=1e-3)
     assert rows["elbow.dissociated.coulomb_up"].unit == "N*m"
+    assert rows["elbow.axis_along.worn"].value == pytest.approx(0.010, abs=1e-3)
+    assert rows["elbow.axis_across.worn"].value == pytest.approx(-0.006, abs=1e-3)
+    assert "The wearer's axis beside the robot's" in result.output
     card = read_slider_card(elbow / "models" / "slider.load.json")
     assert card["inertia"].value == rows["elbow.load.inertia"].value
     assert card.model().names == tuple(p.name for p in card.parameters)

@@ -19,6 +19,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...signals.filters import runs
 
+FREE_CARRIAGE_NAME = "free_carriage"
+"""Protocol of recordings in which a wearer moves slowly and the carriage slides freely, as study.toml names it."""
+
 AXIS_TRAVEL_SD_M_RAD = 0.002
 """Prior standard deviation of how far a limb's axis moves per angle, along either direction [m/rad]."""
 

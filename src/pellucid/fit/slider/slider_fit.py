@@ -13,6 +13,7 @@ from ...models.slider_joint import SliderJointModel
 from ...signals.markers import Geometry
 from ...signals.slider_motion import SliderMotion
 from ..parameter import Parameter, Verdict
+from .axis_offset import AxisOffset
 
 SLIDER_METHODS: Mapping[str, str] = {
     "pooled": "three steps, one set of parameters",
@@ -76,6 +77,8 @@ class SliderFit:
     filter_note: str
     checksums: Mapping[str, str] = field(repr=False, default_factory=dict)
     travel: Parameter | None = None  # presliding travel; None where the recordings do not show it
+    # Place of the wearer's axis beside the robot's, by recording with a free carriage
+    axis_offsets: Mapping[str, AxisOffset] = field(default_factory=dict)
 
     def __getitem__(self, method: str) -> SliderEstimate:
         return self.estimates[method]

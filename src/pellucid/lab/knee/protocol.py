@@ -10,7 +10,7 @@ thesis's own values), so that its response is recorded again over 40 s per frequ
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -75,6 +75,16 @@ class Faults:
 NO_FAULTS = Faults()
 
 
+class Base(Protocol):
+    """What a thigh that moves, and the ground, do to orthosis and limb."""
+
+    def torques(self, k: int, orthosis: float, limb: float, velocity: float) -> tuple[float, float]:
+        """Return the torques on orthosis and limb in period `k` [N*m].
+
+        `orthosis` and `limb` are their angles [rad], and `velocity` is the limb's [rad/s].
+        """
+
+
 @dataclass(frozen=True)
 class KneeTrial(Trial):
     """One recording; its `reference` is an angle [rad] or a torque of the spring [N*m], as `mode` says."""
@@ -87,6 +97,7 @@ class KneeTrial(Trial):
     locked: bool = False  # whether the wearer's limb is clamped to a frame
     imu: Literal["ankle", "orthosis"] | None = None  # place of the IMU; None means that it does not record
     faults: Faults = NO_FAULTS
+    base: Base | None = None  # thigh that moves, and ground under the foot; None means that the thigh rests
 
     def __post_init__(self):
         if self.wearer is not None:

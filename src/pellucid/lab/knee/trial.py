@@ -123,7 +123,7 @@ def run_trial(
     reference, step = trial.reference.tolist(), plant.step
     reads_motor = getattr(controller, "reads_motor_encoder", False)
     readings, commands, slips = [], [], []
-    muscle, samples = 0.0, []
+    muscle, samples, base, limb_added, base_torque = 0.0, [], trial.base, 0.0, 0.0
     for k in range(n):
         readings.append(reading)
         position = reading[0]
@@ -139,7 +139,9 @@ def run_trial(
         commands.append(desired)
         slips.append(plant.slip)
         velocity = reading[6]
-        reading = step(desired, muscle, slip_by if k == slip_at else 0.0)
+        if base is not None:
+            base_torque, limb_added = base.torques(k, reading[3], reading[5], reading[6])
+        reading = step(desired, muscle + limb_added, slip_by if k == slip_at else 0.0, base_torque)
         if controller is not None and synthesis is not None:
             flexor, extensor = acting.amplitude[k]
             samples = synthesis.period(k, (extensor, flexor), (reading[6] - velocity) / period)

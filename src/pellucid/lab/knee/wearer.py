@@ -30,6 +30,8 @@ class Wearer:
     amplitude: tuple[float, float] | None = None  # Smallest and largest swing [rad], in place of the rig's
     # (n,) What is swung through, a sample a period [rad], in place of the rig's swings; rest follows
     path: np.ndarray | None = field(default=None, repr=False, compare=False)
+    # (n,) Torque of a moving thigh and of the ground along that path, which the plan counts with [N*m]
+    outside: np.ndarray | None = field(default=None, repr=False, compare=False)
 
 
 def relaxed(subject: KneeSubject, *, helps: bool = False) -> Wearer:
@@ -153,26 +155,35 @@ class Acting:
             + limb.viscous * speed
             - passive.torque * np.exp(np.minimum((passive.angle - wanted) / passive.scale, 5.0))
         )
+        if wearer.outside is not None:
+            torque -= np.pad(wearer.outside, (0, max(n + ahead - len(wearer.outside), 0)), mode="edge")[: n + ahead]
         if wearer.task == "counteracting":
             wanted[:n] += draw_noise((n,), w.drift, w.drift_memory, fs, rng)
+        # Whoever walks has learnt in a lifetime how their muscles weaken while they shorten, and expects no resistance.
+        practised = wearer.outside is not None
+        self._own_speed = (speed[ahead:] * practised).tolist()
         self._planned = (torque[ahead:] + tremor).tolist()
         self._against = np.tanh(speed[ahead:] / w.resistance_speed).tolist()
         self._against_now = np.tanh(speed[:n] / w.resistance_speed).tolist()
         self._wanted, self._speed = wanted[:n].tolist(), speed[:n].tolist()
-        self._resistance = w.resistance if wearer.task == "swinging" else 0.0
+        self._resistance = w.resistance if wearer.task == "swinging" and not practised else 0.0
         self._felt, self._standing = load, load
         if wearer.task == "counteracting":
             self._integral = load * (1.0 - w.load_share)
         else:
             self._integral = load
 
-    def _excite(self, torque: float, position: float) -> tuple[float, float]:
-        """Excitations that a wearer believes to give a torque [N*m], both sides never quite off."""
+    def _excite(self, torque: float, position: float, speed: float = 0.0) -> tuple[float, float]:
+        """Excitations that a wearer believes to give a torque [N*m], both sides never quite off.
+
+        `speed` is what the wearer counts with of the muscles' shortening [rad/s].
+        """
         m = self._muscles
         both = math.sqrt(torque * torque + 4.0 * self._both**2)
         stretch = m.angle_slope * (position - m.best_angle)
-        flexor = 0.5 * (both + torque) / (self._strength[0] * (1.0 + stretch))
-        extensor = 0.5 * (both - torque) / (self._strength[1] * (1.0 - stretch))
+        slowed = min(max(m.slowing * speed, -0.5), 0.5)
+        flexor = 0.5 * (both + torque) / (self._strength[0] * (1.0 + stretch) * (1.0 - slowed))
+        extensor = 0.5 * (both - torque) / (self._strength[1] * (1.0 - stretch) * (1.0 + slowed))
         bend, shape = self._bend, m.shape
         return (
             math.log1p(min(flexor, 1.0) * bend) / shape if flexor > 0.0 else 0.0,
@@ -198,7 +209,10 @@ class Acting:
         self._position.append(position)
         self._velocity.append(velocity)
         self._load.append(load)
-        sent = self._sent[k] if self._task in ("relaxed", "contracting") else self._excite(self._demand(k), position)
+        if self._task in ("relaxed", "contracting"):
+            sent = self._sent[k]
+        else:
+            sent = self._excite(self._demand(k), position, self._own_speed[k])
         waver = self._waver[k]
         first, second = sent[0] * waver[0], sent[1] * waver[1]
         sent = (1.0 if first > 1.0 else max(first, 0.0), 1.0 if second > 1.0 else max(second, 0.0))

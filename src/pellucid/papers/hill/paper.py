@@ -16,7 +16,8 @@ from ...pages.quantities import number
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
 from .recomputed import recomputed
-from .rows import step_rows, torque_rows, training_rows
+from .release_orders import errors_over_all_at_once
+from .rows import release_rows, step_rows, torque_rows, training_rows
 from .sections import step_sections
 from .steps import IdentifiedBody, find_body, find_leg
 from .subject_found import SubjectFound
@@ -69,6 +70,7 @@ class HillPaper(Paper):
         yield from step_rows(empty, {n: s.leg for n, s in people}, self.printed)
         yield from torque_rows({n: s.torque for n, s in people}, self.printed)
         yield from training_rows(empty, {n: (s.leg, s.training, s.torque) for n, s in people}, self.printed)
+        yield from release_rows({n: s.released for n, s in people})
         yield from recomputed(self.printed)
 
     def is_main(self, row: str) -> bool:
@@ -120,5 +122,8 @@ def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: IdentifiedBody, nam
     taken = take_subject(rig, made, subjects(rig)[name], seed)
     leg = find_leg(empty, taken)
     torque = find_torque(empty, leg, taken)
-    fitted = active_swing(taken, "swing_1", leg.body.corrected["rich"], flexors=True)
-    return SubjectFound(name, leg, torque, train(fitted.trial, torque.hill.choice.weight))
+    fitted, heldout = (
+        active_swing(taken, what, leg.body.corrected["rich"], flexors=True) for what in ("swing_1", "swing_2")
+    )
+    released = errors_over_all_at_once(fitted, heldout)
+    return SubjectFound(name, leg, torque, train(fitted.trial, torque.hill.choice.weight), released)

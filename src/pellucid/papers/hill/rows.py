@@ -196,3 +196,14 @@ def training_rows(
         )
     )
     return rows
+
+
+def release_rows(found: Mapping[str, Mapping[str, float]]) -> list[Reproduced]:
+    """Return rows on the outlook of section 3.3: orders in which parameters are released, `found` by subject."""
+    orders = dict.fromkeys(name for one in found.values() for name in one)
+    return [
+        _over(f"release.{name}", f"Error with parameters released {_words(name)}, over all at once", "1",
+              [one[name] for one in found.values()],
+              note="held-out swing, bounded least squares; section 3.3 wants orders tried, and prints none")
+        for name in orders
+    ]  # fmt: skip

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from .steps import IdentifiedLeg
 from .torque import TorqueComparison
@@ -17,3 +18,5 @@ class SubjectFound:
     leg: IdentifiedLeg
     torque: TorqueComparison
     training: Training
+    # Error on the held-out swing of each order of release over that of all parameters at once [1]
+    released: Mapping[str, float] = field(default_factory=dict)

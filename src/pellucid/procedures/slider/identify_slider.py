@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError, UnfitRecordingError
 from ...fit.parameter import Parameter, Verdict
+from ...fit.slider.axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
 from ...fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from ...fit.slider.reversals import MIN_TURN_COUNT, presliding_travel
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
@@ -18,6 +19,7 @@ from ...models.friction_terms import LOAD_FEATURE, features_of
 from ...models.slider_joint import SliderJointModel
 from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.recording import Recording
+from ...signals.filters import zero_phase_lowpass
 from ...signals.markers import Geometry, slider_geometry
 from ...signals.slider_motion import SliderMotion
 from ...studies.effort import command_of, drive_model
@@ -29,6 +31,13 @@ from ..procedure import Progress, quiet
 from .recorded_slider import slider_motions
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
+
+FREE_CARRIAGE_CHANNELS = ("position", "length.carriage", "angle.limb")
+"""Channels of a recording with a free carriage: the robot's angle, the carriage's distance from its axis, the limb's
+angle."""
+
+FREE_CARRIAGE_LOWPASS_HZ = 5.0
+"""Low-pass of these where study.toml states none [Hz]."""
 
 ALL_AT_ONCE_PROTOCOL = "fourier"
 """The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
@@ -51,7 +60,9 @@ def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
     fit = _fit(
         study.config, examined.geometry, examined.motions, travel, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s)
     )
-    return slider_result(study, fit)
+    offsets = axis_offsets_of(study.config, recordings)
+    verdicts = tuple(Verdict("note", axis_in_words(name, found)) for name, found in offsets.items())
+    return slider_result(study, replace(fit, axis_offsets=offsets, verdicts=(*fit.verdicts, *verdicts)))
 
 
 def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None) -> SliderFit:
@@ -81,6 +92,41 @@ def travel_of(config: StudyFile, recordings: Sequence[Recording]) -> Parameter |
         for span in recording.spans
     ]
     return presliding_travel(shown) if shown else None
+
+
+def axis_offsets_of(config: StudyFile, recordings: Sequence[Recording]) -> dict[str, AxisOffset]:
+    """Where the wearer's axis lies beside the robot's, by recording with a free carriage."""
+    found = {}
+    for recording in recordings:
+        if recording.protocol != FREE_CARRIAGE_NAME:
+            continue
+        missing = [name for name in FREE_CARRIAGE_CHANNELS if name not in recording.channels]
+        if missing:
+            raise IdentificationError(
+                f"{recording.name}: found no channel {', '.join(missing)}, expected in a recording of the protocol "
+                f'"{FREE_CARRIAGE_NAME}" {", ".join(FREE_CARRIAGE_CHANNELS)}'
+            )
+        processing = config.processing_of(recording.name)
+        cutoff = processing.lowpass or FREE_CARRIAGE_LOWPASS_HZ
+        signals = np.column_stack([recording[name] for name in FREE_CARRIAGE_CHANNELS])
+        longest = max(recording.spans, key=lambda span: span.stop - span.start)
+        smooth = zero_phase_lowpass(signals[longest], cutoff, processing.order, recording.fs)
+        position, carriage, limb = smooth.T
+        try:
+            found[recording.name] = estimate_axis_offset(position, carriage, limb, recording.fs)
+        except IdentificationError as error:
+            raise IdentificationError(f"{recording.name}: {error}") from error
+    return found
+
+
+def axis_in_words(recording: str, found: AxisOffset) -> str:
+    """Return a sentence on where the wearer's axis lies."""
+    (low, high), (under, over) = ([1e3 * end for end in ends] for ends in found.interval)
+    return (
+        f"In {recording} the wearer's axis lies {1e3 * found.along:.1f} mm ({low:.1f} to {high:.1f}) from the robot's "
+        f"along the link at the robot's zero, and {1e3 * found.across:.1f} mm ({under:.1f} to {over:.1f}) across it; "
+        f"the cuff is {1e3 * found.length:.0f} mm from the wearer's axis."
+    )
 
 
 def _fit(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
+from ...fit.slider.axis_offset import FREE_CARRIAGE_NAME
 from ...fit.slider.three_steps import STEP_PROTOCOLS, require_both_directions, require_places
 from ...protocols.reversals import REVERSALS_NAME
 from ...recordings.fault import Fault, warn_if_held_out
@@ -41,8 +42,9 @@ def slider_faults(study: Study) -> list[Fault]:
 
 
 def of_body(recordings: Sequence[Recording]) -> list[Recording]:
-    """Those that show the body; reversals show how its friction builds up, and nothing else."""
-    return [recording for recording in recordings if recording.protocol != REVERSALS_NAME]
+    """Those that show the body alone: reversals show how its friction builds up, a free carriage where a wearer is."""
+    others = (REVERSALS_NAME, FREE_CARRIAGE_NAME)
+    return [recording for recording in recordings if recording.protocol not in others]
 
 
 def examine(config: StudyFile, recordings: Sequence[Recording]) -> SliderExamination:

@@ -38,6 +38,7 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
         tables=(
             FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
             *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in PRINTED_METHODS),
+            *axis_tables(fit),
         ),
         verdicts=fit.verdicts,
         rows=tuple(slider_rows(fit)),
@@ -46,6 +47,18 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
         confidence=study.model.confidence,
         fit=fit,
     )
+
+
+def axis_tables(fit: SliderFit) -> tuple[FigureTable, ...]:
+    """Return the table of where a wearer's axis lies beside the robot's, if a recording shows it."""
+    if not fit.axis_offsets:
+        return ()
+    rows = tuple(
+        (name, *(1e3 * x for x in (o.along, *o.interval[0], o.across, *o.interval[1])))
+        for name, o in fit.axis_offsets.items()
+    )
+    head = ("recording", "along mm", "from", "to", "across mm", "from", "to")
+    return (FigureTable("The wearer's axis beside the robot's", head, rows),)
 
 
 def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> SliderCard:
@@ -102,6 +115,13 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     if fit.travel is not None:
         travel_note = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
         yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=travel_note)
+    for name, offset in fit.axis_offsets.items():
+        for which, value, (low, high) in zip(
+            ("along", "across"), (offset.along, offset.across), offset.interval, strict=True
+        ):
+            note = f"wearer's axis from the robot's; 95 % interval {1e3 * low:.2f} to {1e3 * high:.2f} mm"
+            row = replace(plain, id=f"{fit.study}.axis_{which}.{name}", value=value, unit="m", note=note)
+            yield replace(row, data_checksum=fit.checksums.get(name))
     split = {m.recording: m.split for m in fit.motions}
     for place in fit.geometry.placements:
         yield ResultRow(
