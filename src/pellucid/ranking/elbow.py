@@ -29,7 +29,7 @@ from ..lab.pointing.predicted_indices import change
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
 from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
-from ..lab.safety.fault_table import FAULT_KINDS, try_law
+from ..lab.safety.fault_table import DETECTABLE_FAULTS, try_law
 from ..lab.safety.worn_robot import WornRobot, make_worn_robot
 from .foreign_elbow import elbow_law_of
 from .foreign_law import ForeignLaw, ForeignProcess
@@ -46,9 +46,6 @@ AMPLIFICATION_FACTOR = 4.0
 
 TIMED_STEPS = 20_000
 """Number of steps for the median time of a step."""
-
-DETECTABLE_FAULTS = {kind.name for kind in FAULT_KINDS if not kind.hidden}
-"""Names of the faults that some sensor of the robot can detect."""
 
 
 def elbow_pair(index: int, pairs: int, seed: int, laws: Sequence[ForeignLaw] = ()) -> list[ControllerTrial]:

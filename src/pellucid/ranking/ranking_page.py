@@ -161,11 +161,10 @@ def _task_section(task: TaskRanking) -> Section:
 
 def _tables(task: TaskRanking) -> tuple[Table, Table]:
     """Return the table of ranks and torques, and that of everything else."""
-    elbow = CONTROLLER_FIELDS[task.task] == "elbow"
+    own, words_of_columns = TABLES[CONTROLLER_FIELDS[task.task]]
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
-    own = ELBOW_COLUMNS if elbow else KNEE_COLUMNS
     rows, more = [], []
     for i, name in enumerate(task.controllers):
         tried = task.tried[name]
@@ -178,7 +177,7 @@ def _tables(task: TaskRanking) -> tuple[Table, Table]:
     heads = ("controller", "strategy", "senses", "mean rank", "torque (N·m)",
              *(f"over {option_name(rival)}" for rival in rivals))  # fmt: skip
     caption = "Medians over pairs; of the torque also what 80 % of pairs are within. * told from the first."
-    further = "Energy a second, given to the person and taken. " + (ELBOW_CAPTION if elbow else KNEE_CAPTION)
+    further = "Energy a second, given to the person and taken. " + words_of_columns
     return (
         number_table(heads, rows, caption, words=3),
         number_table(("controller", *(head for head, _ in own)), more, further, words=1),
@@ -293,15 +292,38 @@ KNEE_COLUMNS = (
     ("gain margin (dB)", _extreme("gain", ".1f", min)),
     ("delay margin (ms)", _extreme("delay", ".0f", min, 1e3)),
     ("no sway", _holds),
+    ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the knee."""
 
 KNEE_CAPTION = (
     "Margins: smallest over pairs, of the linear loop with the strap 30 % off. No sway: without a linear form, whether "
-    "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more."
+    "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more. "
+    "Worst fault: the most energy that any single fault which a sensor can show gives the person in swings until the "
+    "robot is safe, over all pairs, behind the supervisor that an export has."
 )
 """Caption of the knee's tables."""
+
+ARM_COLUMNS = (
+    *ENERGY_COLUMNS,
+    ("off the motion (mrad)", _median("deviation", ".0f", 1e3)),
+    ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    ("gates shut", _faults),
+)
+"""Heads and cells of all columns beside the torque, for the arm."""
+
+ARM_CAPTION = (
+    "Torque: over the joints of the person. Off the motion: how far the joints are from where the person means them to "
+    "be. Worst fault: as at the elbow, with two encoders and a measured drive at each joint; faults take the joints in "
+    "turn."
+)
+"""Caption of the arm's table."""
+
+TABLES = {
+    "elbow": (ELBOW_COLUMNS, ELBOW_CAPTION), "knee": (KNEE_COLUMNS, KNEE_CAPTION), "arm": (ARM_COLUMNS, ARM_CAPTION)
+}  # fmt: skip
+"""Columns and caption of the second table of each robot."""
 
 
 def _method_section() -> Section:
