@@ -33,7 +33,14 @@ from pellucid.ranking.arm import ArmInUse
 from pellucid.ranking.board import add_to_board, share_over_before
 from pellucid.ranking.foreign_cost import count_instructions
 from pellucid.ranking.foreign_elbow import elbow_law_of
-from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, ForeignProcess, stopped_words
+from pellucid.ranking.foreign_law import (
+    STOPPED_WORDS,
+    ForeignController,
+    ForeignLaw,
+    ForeignProcess,
+    stopped_words,
+    why_stopped,
+)
 from pellucid.ranking.knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
@@ -228,9 +235,8 @@ def test_a_single_fault_at_the_knee_costs_joules_under_own_and_foreign_laws(monk
         def step(self, time, position, torque, emg=()):
             return 0.0
 
-    # A law that asks for nothing is the same law, whoever wrote it; the name seeds what the fault draws.
-    name = ForeignLaw.from_file(path).name
-    assert worst_knee_fault(worn, name, Rests) == foreign > 0.0
+    # A law that asks for nothing is the same law, whoever wrote it.
+    assert worst_knee_fault(worn, "rests", Rests) == foreign > 0.0
     assert worst_knee_fault(worn, "zero_impedance", lambda: None) is None
     path.write_text(
         "class Law:\n    def reset(self): ...\n    def step(self, *sample): return 99.0\n", encoding="utf-8"
@@ -245,6 +251,13 @@ def test_what_holds_no_law_is_told(tmp_path):
     assert answers(ForeignLaw.from_file(tmp_path / "empty.py"), 2)[1] == "not_loaded"
     with pytest.raises(PellucidError, match="name of its own"):
         rank(tmp_path / "out", laws=[tmp_path / "empty.py", tmp_path / "empty.py"])
+
+
+def test_a_law_that_nothing_stopped_is_not_said_to_be_stopped():
+    assert why_stopped(["none", "none"]) == ()
+    assert why_stopped(["none", "hung", "hung", "drive_stuck"]) == (
+        "did not answer in time", "the supervisor found: drive stuck"
+    )  # fmt: skip
 
 
 def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):

@@ -59,8 +59,12 @@ def elbow_pair(index: int, pairs: int, seed: int, laws: Sequence[ForeignLaw] = (
 def try_elbow(
     rig: PointingRig, person: Person, index: int, seed: int, *,
     only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK)), laws: Sequence[ForeignLaw] = (),
+    faults: bool = True,
 ) -> list[ControllerTrial]:  # fmt: skip
-    """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person."""
+    """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person.
+
+    Single faults are tried, and steps timed, if `faults`.
+    """
     own, cards = elbow_laws(rig.robot, rig, person, only)
     unworn = point(rig, person, None, [seed, index])
     free = session_indices(unworn)
@@ -83,7 +87,7 @@ def try_elbow(
 
     for name, law in own.items():
         tried = wear(name, law)
-        if isinstance(law, ControlLaw):
+        if faults and isinstance(law, ControlLaw):
             energy = _worst_fault_energy(worn, index, name, worn.watched(law))
             tried = replace(tried, fault_energy=energy, cost=float(np.median(step_times(law, TIMED_STEPS))))
         made.append(tried)
@@ -93,10 +97,10 @@ def try_elbow(
                 continue
             tried = wear(foreign.name, elbow_law_of(process, worn, start_up=False))
             fault = process.fault if process.fault != NO_FAULT else tried.fault
-            if fault == NO_FAULT:
+            if fault == NO_FAULT and faults:
                 supervised_law = elbow_law_of(process, worn, start_up=True)
                 tried = replace(tried, fault_energy=_worst_fault_energy(worn, index, foreign.name, supervised_law))
-            else:
+            elif fault != NO_FAULT:
                 tried = replace(tried, torque=float("nan"), fault=fault)
             made.append(tried)
     return made

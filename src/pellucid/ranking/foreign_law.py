@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -257,6 +257,11 @@ def identified_drive(rig: KneeMachine) -> dict[str, float]:
         "actuator_coulomb": max(actuator.coulomb_positive, actuator.coulomb_negative),
         "actuator_inertia": actuator.inertia,
     }
+
+
+def why_stopped(faults: Iterable[str]) -> tuple[str, ...]:
+    """Return in words, once each, why a law was stopped in trials that ended with these faults."""
+    return tuple(dict.fromkeys(stopped_words(fault) for fault in faults if fault != NO_FAULT))
 
 
 class ForeignController:

@@ -22,6 +22,7 @@ from .foreign_cost import count_instructions
 from .foreign_law import ForeignLaw
 from .index_section import compare_indices, index_rows
 from .knee import knee_pair
+from .law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
 from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
@@ -176,6 +177,10 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
             values = [v for one in ranking.tried[name] if (v := getattr(one, quantity)) is not None]
             if values and np.all(np.isfinite(values)):
                 figures[quantity] = (float(PAIR_SUMMARIES.get(quantity, np.median)(values)), unit, "")
+        certified = certify_controller(ranking.tried[name])
+        if certified is not None:
+            told = certificate_note(certified, len(ranking.tried[name]))
+            figures["certificate"] = (CERTIFICATE_VALUES[certified.verdict], "1", told)
         made += [
             ResultRow(f"ranking.{head}.{name}.{quantity}", float(value), unit, COMMAND_NAME, "simulated", note=note)
             for quantity, (value, unit, note) in figures.items()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..assessment.mean_test import MIN_PEOPLE
 from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
@@ -15,6 +16,7 @@ from ..pages.tables import Row, Table, number_table
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
 from .index_section import index_section
+from .law_certificate import certificate_words
 from .ranking_figures import Line, ranked_torque
 from .strategies import (
     CONTROLLER_FIELDS,
@@ -275,6 +277,7 @@ ELBOW_COLUMNS = (
     ("duration (%)", _median("duration", "+.0f")),
     ("peak velocity (%)", _median("peak_velocity", "+.0f")),
     ("EMG/Acc (%)", _median("emg", "+.0f")),
+    ("certificate", certificate_words),
     ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
     ("step (ns)", _median("cost", ".0f", 1e9)),
     ("gates shut", _faults),
@@ -283,7 +286,9 @@ ELBOW_COLUMNS = (
 
 ELBOW_CAPTION = (
     "Duration, peak velocity and EMG over acceleration: change from no robot. Worst fault: the most energy that any "
-    "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here."
+    "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here. "
+    "Certificate: whether mean duration and mean peak velocity of people are shown to lie within 10 % of those without "
+    f"a robot; it takes {MIN_PEOPLE} people (--pairs {MIN_PEOPLE})."
 )
 """Caption of the elbow's table."""
 
