@@ -232,3 +232,8 @@ def cell_text(value: str | float | int | None) -> str:
     if value is None:
         return "–"
     return str(value) if isinstance(value, int) else number(value, digits=3)
+
+
+def typeset_cell(value: str | float | int | None) -> str:
+    """Return a cell of a page's table as text, with minus signs before numbers."""
+    return re.sub(r"(?<!\S)-(?=\d)", MINUS_SIGN, cell_text(value))

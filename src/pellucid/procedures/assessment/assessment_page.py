@@ -10,7 +10,7 @@ from ...assessment.certificate import FAIL, PASS
 from ...assessment.indices import SHOWN_INDICES, index_names, leading_index
 from ...drawing.drawing import draw
 from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
-from ...pages.quantities import MINUS_SIGN, cell_text, number, typeset_sentence, unit_text
+from ...pages.quantities import MINUS_SIGN, number, typeset_cell, typeset_sentence, unit_text
 from ...pages.tables import Row, Table
 from ...pages.values import Value
 from ...studies.study import Study
@@ -249,7 +249,7 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
 
 
 def _table(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    rows = tuple(Row(tuple(typeset_cell(cell) for cell in row)) for row in table.rows)
     words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
     words = 2 if table.heads[:2] == ("", "") or table.heads[0] == "Condition" else words
     words = 3 if table.heads[2:3] == ("Analysis",) else words

@@ -10,7 +10,7 @@ from ..._errors import StudyError
 from ...assessment.equivalence import FAR_MARGIN_COUNT
 from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...pages.page import Page, Section, Tile, write_page
-from ...pages.quantities import cell_text, typeset_sentence
+from ...pages.quantities import typeset_cell, typeset_sentence
 from ...pages.tables import Row, Table
 from ...studies.study import checksum
 from ..procedure import quiet
@@ -76,8 +76,9 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple], caption: str, words: int = 1) -> Table:
-    made = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in rows)
-    return Table(heads, made, frozenset(range(words, len(heads))), caption, True)
+    made = tuple(Row(tuple(typeset_cell(cell) for cell in row)) for row in rows)
+    # A table of words alone is as narrow as the screen, where one that fills the page would go on behind its edge.
+    return Table(heads, made, frozenset(range(words, len(heads))), caption, words < len(heads))
 
 
 def _result(found: AssessmentResult) -> Section:
