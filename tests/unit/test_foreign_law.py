@@ -175,10 +175,12 @@ def test_a_hostile_law_is_stopped_at_the_elbow_and_a_lying_force_sensor_is_found
 
 
 def known_card(rig):
-    """The card of the bodies as they were drawn, without friction."""
+    """The card of the bodies as they were drawn, with as much friction as its supervisor has to expect."""
+    friction = np.zeros((4, len(COLUMNS["joints"])))
+    friction[:, [COLUMNS["joints"].index(f"coulomb_{way}") for way in ("positive", "negative")]] = 3.0
     estimate = SimpleNamespace(
         name="built", method="known", robot=rig.robot, families=((),) * 4,
-        links=lambda: rig.drawing.links_array, joints=lambda: np.zeros((4, len(COLUMNS["joints"]))),
+        links=lambda: rig.drawing.links_array, joints=lambda: friction,
     )  # fmt: skip
     return card_of(rig, estimate)
 

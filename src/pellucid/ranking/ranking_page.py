@@ -114,8 +114,9 @@ def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
         rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
     heads = ("strategy", "reviewed for", *(task.task for task in tasks))
     caption = (
-        "The name that --controller takes, the place by mean rank of the interaction torque, and its median over pairs "
-        "as a share of the robot's without power. A dash: no such controller at that joint."
+        "The name that --controller takes (of an arm's fc it is full, and its force_sensors is not exported), the place "
+        "by mean rank of the interaction torque, and its median over pairs as a share of the robot's without power. A "
+        "dash: no such controller of that robot."
     )
     table = Table(heads, tuple(rows), caption=caption, wide=True)
     return Section("strategies", "By strategy", (), (table,))
