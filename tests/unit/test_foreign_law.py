@@ -240,9 +240,7 @@ def test_a_single_fault_at_the_knee_costs_joules_under_own_and_foreign_laws(monk
     # A law that asks for nothing is the same law, whoever wrote it.
     assert worst_knee_fault(worn, "rests", Rests) == foreign > 0.0
     assert worst_knee_fault(worn, "zero_impedance", lambda: None) is None
-    path.write_text(
-        "class Law:\n    def reset(self): ...\n    def step(self, *sample): return 99.0\n", encoding="utf-8"
-    )
+    path.write_text(path.read_text(encoding="utf-8").replace("0.0", "float('nan')"), encoding="utf-8")
     assert worst_foreign_knee_fault(worn, ForeignLaw.from_file(path)) is None  # stopped before any fault
 
 

@@ -38,7 +38,7 @@ FAULT_WATCH_S = 3.0
 FAULT_AFTER_S = 0.05
 """Time after a fault was found for which the simulation goes on [s]."""
 
-UNPOWERED = "unpowered"
+UNPOWERED_ARM = "unpowered"
 """Name of the arm without power."""
 
 HIDDEN_FAULTS = frozenset(kind.name for kind in FAULT_KINDS if kind.hidden and kind.group == "drive")
@@ -154,7 +154,7 @@ def arm_pair(
     wanted = tuple(strategies_of_task(REACHING_TASK)) if only is None else only
     in_use, made = draw_arm_in_use(index, seed, wanted), []
     for name in wanted:
-        if name == UNPOWERED:
+        if name == UNPOWERED_ARM:
             made.append(_trial(name, index, in_use.wear(UnpoweredArm())))
             continue
         law = in_use.faulty(name)

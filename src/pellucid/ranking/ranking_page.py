@@ -114,9 +114,9 @@ def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
         rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
     heads = ("strategy", "reviewed for", *(task.task for task in tasks))
     caption = (
-        "The name that --controller takes (of an arm's fc it is full, and its force_sensors is not exported), the place "
-        "by mean rank of the interaction torque, and its median over pairs as a share of the robot's without power. A "
-        "dash: no such controller of that robot."
+        "The name that --controller takes (an arm's fc is called full there, and force_sensors is not exported), the "
+        "place by mean rank of the interaction torque, and its median over pairs as a share of the robot's without "
+        "power. A dash: no such controller of that robot."
     )
     table = Table(heads, tuple(rows), caption=caption, wide=True)
     return Section("strategies", "By strategy", (), (table,))
@@ -164,7 +164,7 @@ def _task_section(task: TaskRanking) -> Section:
 
 def _tables(task: TaskRanking) -> tuple[Table, Table]:
     """Return the table of ranks and torques, and that of everything else."""
-    own, words_of_columns = TABLES[CONTROLLER_FIELDS[task.task]]
+    own, words_of_columns = ROBOT_COLUMNS[CONTROLLER_FIELDS[task.task]]
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
@@ -326,7 +326,7 @@ ARM_CAPTION = (
 )
 """Caption of the arm's table."""
 
-TABLES = {
+ROBOT_COLUMNS = {
     "elbow": (ELBOW_COLUMNS, ELBOW_CAPTION), "knee": (KNEE_COLUMNS, KNEE_CAPTION), "arm": (ARM_COLUMNS, ARM_CAPTION)
 }  # fmt: skip
 """Columns and caption of the second table of each robot."""
