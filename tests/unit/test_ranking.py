@@ -97,6 +97,7 @@ def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
     text = unescape(text)
     assert all(one.name in text for task in CONTROLLER_FIELDS for one in strategies_of_task(task).values())
     assert "beyond search" in text
+    assert "M4F instructions" not in text  # a column without a value is left out
     assert all(index.words in text and index.source in text for index in TRANSPARENCY_INDICES)
     assert "Its weakness" in text
     rows = {row.id: row for task in tasks for row in rows_of(task)}

@@ -153,7 +153,7 @@ def _task_section(task: TaskRanking) -> Section:
     )
     drawing = draw(
         ranked_torque, lines, f"ranked_{anchor}",
-        caption="A dot for each pair, a bar their median; the simplest rivals in the darker colour. Logarithmic.",
+        caption="A dot for each pair, a bar their median; the simplest rivals without a hue. Logarithmic.",
     )  # fmt: skip
     ranked, more = _tables(task)
     return Section(
@@ -168,6 +168,7 @@ def _tables(task: TaskRanking) -> tuple[Table, Table]:
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
+    own = [(head, cell) for head, cell in own if any(cell(tried) != EMPTY_CELL for tried in task.tried.values())]
     rows, more = [], []
     for i, name in enumerate(task.controllers):
         tried = task.tried[name]
@@ -273,6 +274,9 @@ def _faults(tried: Sequence[ControllerTrial]) -> str:
 ENERGY_COLUMNS = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
 """Heads and cells of the columns on power, for every task."""
 
+COST_COLUMN = ("M4F instructions", _median("instructions", ".0f"))
+"""Head and cells of the column on what a step of a foreign law in C costs on a Cortex-M4F."""
+
 ELBOW_COLUMNS = (
     *ENERGY_COLUMNS,
     ("duration (%)", _median("duration", "+.0f")),
@@ -281,6 +285,7 @@ ELBOW_COLUMNS = (
     ("certificate", certificate_words),
     ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
     ("step (ns)", _median("cost", ".0f", 1e9)),
+    COST_COLUMN,
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the elbow."""
@@ -299,6 +304,7 @@ KNEE_COLUMNS = (
     ("delay margin (ms)", _extreme("delay", ".0f", min, 1e3)),
     ("no sway", _holds),
     ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    COST_COLUMN,
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the knee."""
@@ -315,6 +321,7 @@ ARM_COLUMNS = (
     *ENERGY_COLUMNS,
     ("off the motion (mrad)", _median("deviation", ".0f", 1e3)),
     ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    COST_COLUMN,
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the arm."""
