@@ -70,7 +70,7 @@ An input is NaN where its sensor says nothing. Time that goes back to 0 begins a
 class KneeInUse:
     """A wearer in the orthosis, who swings the shank under any law."""
 
-    rig: KneeRig  # of one wearer
+    rig: KneeRig  # a rig with a single wearer
     emg_gain: float  # torque estimated from EMG over the true torque of the muscles [1]
     seed: int
     reading: DriveReading = EXACT_READING  # measurement of the spring's torque for the supervisor
