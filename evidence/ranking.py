@@ -14,7 +14,7 @@
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -62,13 +62,13 @@ INDEX_CONTROLLERS = ("unpowered", "clpc", "pcfr", "fc", "transparent", "dithered
                      "residual")  # fmt: skip
 """Controllers whose order is compared between indices."""
 
-ARM_CONTROLLERS = ("unpowered", "fc", "force_sensors")
+ARM_CONTROLLERS = sized(("unpowered", "fc", "force_sensors"), smallest=("unpowered",))
 """Own controllers beside which foreign laws drive the arm."""
 
 ARM_PERIODS = sized(3000, smallest=400)
 """Number of control periods in which foreign laws are compared at the arm, of 1 ms."""
 
-CERTIFIED_PEOPLE = sized(12, smallest=1)
+CERTIFIED_PEOPLE = sized(12, smallest=2)
 """Number of drawn people of the certificates."""
 
 HOSTILE_LAWS = {
@@ -105,12 +105,18 @@ def foreign_rows() -> Iterator[ResultRow]:
         if one.fault_energy is not None:
             yield _row(f"swings.fault_energy.{_plain(name)}", one.fault_energy, "J", "worst single fault, one wearer")
     worn, wrong, of = draw_worn_robot(0, SEED), 0, 0
-    arm = draw_arm_in_use(0, SEED, ())
+    arm = compared_arm()
     for answered in (_commands, partial(_elbow_commands, worn), partial(_arm_commands, arm)):
         commands = [answered(law)[0] for law in laws]
         wrong += int(np.sum(commands[0].view(np.int64) != commands[1].view(np.int64)))
         of += len(commands[0])
     yield _row("foreign_law.wrong_bits", wrong, "1", f"of {of} commands at knee, elbow and arm, C against Python")
+
+
+@cache
+def compared_arm() -> ArmInUse:
+    """Return the drawn arm at which commands of foreign laws are compared."""
+    return draw_arm_in_use(0, SEED, ())
 
 
 def example_laws() -> list[ForeignLaw]:
@@ -154,7 +160,7 @@ def _certified_pair(index: int) -> list[ControllerTrial]:
 
 def hostile_rows() -> Iterator[ResultRow]:
     """Hostile laws that were not stopped."""
-    survived, said, worn, arm = 0, [], draw_worn_robot(0, SEED), draw_arm_in_use(0, SEED, ())
+    survived, said, worn, arm = 0, [], draw_worn_robot(0, SEED), compared_arm()
     with TemporaryDirectory() as place:
         for name, does in HOSTILE_LAWS.items():
             path = Path(place) / f"{name}.py"
