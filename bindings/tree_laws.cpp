@@ -87,8 +87,8 @@ watches : (m, s)
 whole_watch : (w,)
     What is watched of all, in the order of model_fields()["tree_watch_whole"].
 commanded : bool
-    Efforts are those that `step` is told as its `command`, in place of the law's; the supervisor knows the robot by the
-    law's numbers all the same.)";
+    Efforts are those that `step` is told as its `command`, in place of the law's; the supervisor knows the robot by
+    the law's numbers all the same.)";
 constexpr const char* supervised_init_sig =
     "def __init__(self, links: ArrayLike, gravity: ArrayLike, joints: ArrayLike, shares: ArrayLike, whole: ArrayLike, "
     "watches: ArrayLike, whole_watch: ArrayLike, *, turns: ArrayLike | None = None, motors: ArrayLike | None = None, "
@@ -110,8 +110,8 @@ joint : (m,)
 token : int
     The challenge of a fault, from an operator who asks for a reset.
 command : (m,)
-    Effort that each joint is to have, of a law that is commanded [N m; N]; one that is no number stops it. Left out: as
-    before.)";
+    Effort that each joint is to have, of a law that is commanded [N m; N]; one that is no number stops it. Left
+    out: as before.)";
 constexpr const char* time_doc = R"(Nanoseconds of single control steps on a smooth motion, each timed by itself, (cycles,).)";
 
 template <class S> S at(const Array* array, std::size_t i) {

@@ -26,8 +26,8 @@ drive_reading : (4,), optional
     How the torque of the spring is measured for the supervisor, in the order of DRIVE_READING_NAMES, SI; left out:
     exactly. The law reads it exactly.
 command : callable, optional
-    Function of the time [s], the encoder [rad] and the spring's torque [N m], NaN where it says nothing, that gives the
-    effort of a law "joint" in each period [N m], as `WornElbow.live` takes it; NaN stops the law.)";
+    Function of the time [s], the encoder [rad] and the spring's torque [N m], NaN where it says nothing, that gives
+    the effort of a law "joint" in each period [N m], as `WornElbow.live` takes it; NaN stops the law.)";
 
 constexpr const char* step_doc = R"(One control period.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -185,6 +186,11 @@ def _trial(name: str, index: int, trial: WornTrial, fault: str = NO_FAULT) -> Co
     )  # fmt: skip
 
 
+def _is_over(law: FaultyLaw, time: float) -> bool:
+    """Return whether a trial with a fault may end at a `time` [s]."""
+    return time >= min(FAULT_ONSET_S + FAULT_WATCH_S, law.found + FAULT_AFTER_S)
+
+
 def _worst_fault(in_use: ArmInUse, make: Callable[[str, int], FaultyLaw]) -> float | None:
     """Return the most energy that a single fault gives the person until the robot is safe [J].
 
@@ -199,6 +205,6 @@ def _worst_fault(in_use: ArmInUse, make: Callable[[str, int], FaultyLaw]) -> flo
         if fault in HIDDEN_FAULTS or (kind["needs"] == "interaction" and law.points is None):
             continue
         faulty = make(fault, number % len(law.law.card.names))
-        trial = in_use.wear(faulty, lambda time, law=faulty: time >= min(until, law.found + FAULT_AFTER_S))
+        trial = in_use.wear(faulty, partial(_is_over, faulty))
         worst = max(worst, compare_with_healthy(trial, healthy, faulty).safe_excess)
     return worst

@@ -164,11 +164,11 @@ def _task_section(task: TaskRanking) -> Section:
 
 def _tables(task: TaskRanking) -> tuple[Table, Table]:
     """Return the table of ranks and torques, and that of everything else."""
-    own, words_of_columns = ROBOT_COLUMNS[CONTROLLER_FIELDS[task.task]]
+    columns, words_of_columns = ROBOT_COLUMNS[CONTROLLER_FIELDS[task.task]]
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
-    own = [(head, cell) for head, cell in own if any(cell(tried) != EMPTY_CELL for tried in task.tried.values())]
+    own = [(head, cell) for head, cell in columns if any(cell(tried) != EMPTY_CELL for tried in task.tried.values())]
     rows, more = [], []
     for i, name in enumerate(task.controllers):
         tried = task.tried[name]

@@ -178,6 +178,8 @@ class FaultyLaw(CardLaw):
         Which of both force sensors have a fault of force sensors: 0 the cuff's, 1 the handle's.
     """
 
+    running: _core.SupervisedTreeLaw
+
     def __init__(
         self,
         law: TreeLaw,
