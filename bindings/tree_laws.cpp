@@ -3,6 +3,7 @@
 #include "laws.hpp"
 #include "tree.hpp"
 
+#include <pellucid/commanded_tree.hpp>
 #include <pellucid/tree_supervisor.hpp>
 
 #include <nanobind/stl/string.h>
@@ -84,15 +85,18 @@ links, gravity, joints, shares, whole, turns, motors, single
 watches : (m, s)
     What is watched of each joint, in the order of model_fields()["tree_watch_joint"].
 whole_watch : (w,)
-    What is watched of all, in the order of model_fields()["tree_watch_whole"].)";
+    What is watched of all, in the order of model_fields()["tree_watch_whole"].
+commanded : bool
+    Efforts are those that `step` is told as its `command`, in place of the law's; the supervisor knows the robot by
+    the law's numbers all the same.)";
 constexpr const char* supervised_init_sig =
     "def __init__(self, links: ArrayLike, gravity: ArrayLike, joints: ArrayLike, shares: ArrayLike, whole: ArrayLike, "
     "watches: ArrayLike, whole_watch: ArrayLike, *, turns: ArrayLike | None = None, motors: ArrayLike | None = None, "
-    "single: bool = False) -> None";
+    "single: bool = False, commanded: bool = False) -> None";
 constexpr const char* supervised_step_sig =
     "def step(self, time: float, position: ArrayLike, interaction: ArrayLike | None = None, muscle: ArrayLike | None = "
     "None, wrench: ArrayLike | None = None, *, drive: ArrayLike | None = None, joint: ArrayLike | None = None, token: int "
-    "= 0) -> NDArray[float64]";
+    "= 0, command: ArrayLike | None = None) -> NDArray[float64]";
 constexpr const char* supervised_step_doc = R"(One control period: the effort of each motor, (m,) [N m; N].
 
 Parameters
@@ -104,7 +108,10 @@ drive : (m,)
 joint : (m,)
     What a second encoder of each joint says [rad; m]; NaN or left out: nothing.
 token : int
-    The challenge of a fault, from an operator who asks for a reset.)";
+    The challenge of a fault, from an operator who asks for a reset.
+command : (m,)
+    Effort that each joint is to have, of a law that is commanded [N m; N]; one that is no number stops it. Left
+    out: as before.)";
 constexpr const char* time_doc = R"(Nanoseconds of single control steps on a smooth motion, each timed by itself, (cycles,).)";
 
 template <class S> S at(const Array* array, std::size_t i) {
@@ -321,10 +328,11 @@ class AnySupervisedTree {
   virtual nb::object effort() const = 0;
   virtual nb::list log() const = 0;
   virtual void flip(std::size_t bit) = 0;
+  virtual void command(const double*) { throw nb::value_error("command: expected a law that is commanded"); }
 };
 
-template <class S> class SupervisedTreeIn : public AnySupervisedTree {
-  using L = Law<S>;
+template <class L> class SupervisedTreeIn : public AnySupervisedTree {
+  using S = typename L::Scalar;
 
  public:
   SupervisedTreeIn(const Numbers& numbers, nb::handle watches, nb::handle whole) {
@@ -376,21 +384,45 @@ template <class S> class SupervisedTreeIn : public AnySupervisedTree {
     bytes[byte] = static_cast<unsigned char>(bytes[byte] ^ (1u << bit % 8));
   }
 
- private:
+ protected:
   p::TreeSupervised<L> law_;
   p::TreeSupervisorOutput<S, most_law_links> out_;
+};
+
+template <class S> class CommandedTreeIn : public SupervisedTreeIn<p::CommandedTree<S, most_law_links>> {
+ public:
+  using SupervisedTreeIn<p::CommandedTree<S, most_law_links>>::SupervisedTreeIn;
+  void command(const double* efforts) override {
+    for (std::size_t k = 0; k < this->joints(); ++k) {
+      if (!std::isfinite(efforts[k])) return this->stop();
+      this->law_.controller.state.command[k] = static_cast<S>(efforts[k]);
+    }
+  }
+};
+
+template <class T> struct Type {
+  using type = T;
 };
 
 struct SupervisedTreeLaw {
   std::unique_ptr<AnySupervisedTree> law;
   SupervisedTreeLaw(nb::handle links, nb::handle gravity, nb::handle joints, nb::handle shares, nb::handle whole,
-                    nb::handle watches, nb::handle whole_watch, nb::handle turns, nb::handle motors, bool single) {
+                    nb::handle watches, nb::handle whole_watch, nb::handle turns, nb::handle motors, bool single,
+                    bool commanded) {
     const Numbers numbers{links, gravity, joints, shares, whole, turns, motors};
-    if (single) law = std::make_unique<SupervisedTreeIn<float>>(numbers, watches, whole_watch);
-    else law = std::make_unique<SupervisedTreeIn<double>>(numbers, watches, whole_watch);
+    const auto made = [&](auto of) { law = std::make_unique<typename decltype(of)::type>(numbers, watches, whole_watch); };
+    if (commanded && single) made(Type<CommandedTreeIn<float>>{});
+    else if (commanded) made(Type<CommandedTreeIn<double>>{});
+    else if (single) made(Type<SupervisedTreeIn<Law<float>>>{});
+    else made(Type<SupervisedTreeIn<Law<double>>>{});
   }
   nb::object step(double time, nb::handle position, nb::handle interaction, nb::handle muscle, nb::handle wrench,
-                  nb::handle drive, nb::handle joint, std::uint32_t token) {
+                  nb::handle drive, nb::handle joint, std::uint32_t token, nb::handle command) {
+    if (!command.is_none()) {
+      const Array efforts = read_array("command", command);
+      efforts.expect(text({law->joints()}), {law->joints()});
+      law->command(efforts.data);
+    }
     const Read read(law->joints(), position,
                     {{"interaction", interaction}, {"muscle", muscle}, {"wrench", wrench}, {"drive", drive}, {"joint", joint}},
                     nullptr);
@@ -445,16 +477,15 @@ void add_tree_laws(nb::module_& m) {
            nb::sig("def time(self, cycles: int) -> NDArray[float64]"), time_doc);
   nb::class_<SupervisedTreeLaw>(m, "SupervisedTreeLaw", supervised_doc)
       .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle,
-                    nb::handle, bool>(),
+                    nb::handle, bool, bool>(),
            nb::arg("links").none(), nb::arg("gravity").none(), nb::arg("joints").none(), nb::arg("shares").none(),
            nb::arg("whole").none(), nb::arg("watches").none(), nb::arg("whole_watch").none(), nb::kw_only(),
            nb::arg("turns") = nb::none(), nb::arg("motors") = nb::none(), nb::arg("single") = false,
-           nb::sig(supervised_init_sig))
+           nb::arg("commanded") = false, nb::sig(supervised_init_sig))
       .def("step", &SupervisedTreeLaw::step, nb::arg("time"), nb::arg("position").none(),
            nb::arg("interaction") = nb::none(), nb::arg("muscle") = nb::none(), nb::arg("wrench") = nb::none(),
            nb::kw_only(), nb::arg("drive") = nb::none(), nb::arg("joint") = nb::none(), nb::arg("token") = 0,
-           nb::sig(supervised_step_sig),
-           supervised_step_doc)
+           nb::arg("command") = nb::none(), nb::sig(supervised_step_sig), supervised_step_doc)
       .def("stop", [](SupervisedTreeLaw& l) { l.law->stop(); }, "From the next step on it stops.")
       .def_prop_ro("fault", [](const SupervisedTreeLaw& l) { return fault_name(l.law->fault().fault); },
                    "The first one, latched; 'none' while all is well.")

@@ -29,14 +29,16 @@ struct Healthy {
 
 /// Somebody's effort in place of a law's: a joint's compensation without a body, whose constant offset it is each period.
 struct LawCommand {
-  std::function<double(double, double, double)> ask;  ///< of the time [s], encoder [rad] and force sensor; NaN stops
+  std::function<double(double, double, double)> ask;  ///< of the time [s], encoder [rad] and sensor [N m]; NaN stops
   pellucid::JointCompensationParams<double> params{};  ///< the law's numbers but for the offset
+  bool of_spring = false;                              ///< the sensor is the spring, not the force sensor
 
   template <class Law> void tell(Law& law, const pellucid::Samples<double>& read, std::int64_t now) {
     if constexpr (std::is_same_v<typename Law::Law, pellucid::JointCompensation<double>>) {
       const double none = std::nan("");
+      const pellucid::Sample<double>& sensor = of_spring ? read.torque : read.interaction;
       const double effort = ask(1e-6 * static_cast<double>(now), read.position.valid ? read.position.value : none,
-                                read.interaction.valid ? read.interaction.value : none);
+                                sensor.valid ? sensor.value : none);
       if (!std::isfinite(effort)) return pellucid::stop(law);
       params.body.offset = effort;
       pellucid::adjust(law, params);

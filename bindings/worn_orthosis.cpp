@@ -24,7 +24,10 @@ supervisor : (m,)
     In the order of SUPERVISOR_FIELDS, SI.
 drive_reading : (4,), optional
     How the torque of the spring is measured for the supervisor, in the order of DRIVE_READING_NAMES, SI; left out:
-    exactly. The law reads it exactly.)";
+    exactly. The law reads it exactly.
+command : callable, optional
+    Function of the time [s], the encoder [rad] and the spring's torque [N m], NaN where it says nothing, that gives
+    the effort of a law "joint" in each period [N m], as `WornElbow.live` takes it; NaN stops the law.)";
 
 constexpr const char* step_doc = R"(One control period.
 
@@ -47,7 +50,7 @@ class WornOrthosis {
  public:
   WornOrthosis(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
                double position0, const char* law, nb::handle law_parameters, nb::handle supervisor,
-               nb::handle drive_reading)
+               nb::handle drive_reading, nb::handle command)
       : reading_(read_drive_reading(drive_reading, period)), period_(period) {
     auto params = read_coupled_plant(parameters, period, substeps, delay, torque_span);
     on_ = p::coefficients(params);
@@ -56,6 +59,15 @@ class WornOrthosis {
     params.loop.kp = params.loop.ki = params.loop.kd = 0;
     off_ = p::coefficients(params);
     law_ = read_supervised<double>(law, law_parameters, supervisor);
+    if (!command.is_none()) {
+      const std::string commanded = pellucid::JointCompensation<double>::name;
+      if (law != commanded) throw nb::value_error(("command: expected a law \"" + commanded + "\"").c_str());
+      command_.params = read_params<p::JointCompensationParams<double>, double>("law_parameters", law_parameters);
+      command_.of_spring = true;
+      command_.ask = [asked = nb::borrow(command)](double time, double position, double torque) {
+        return nb::cast<double>(asked(time, position, torque));
+      };
+    }
     seal();
   }
   WornOrthosis(const WornOrthosis& other) = default;
@@ -76,7 +88,8 @@ class WornOrthosis {
     samples.muscle = {emg, 0, 0, std::isfinite(emg)};
     const double measured = p::step(reading_, reading_state_, seen.torque, reading_noise);
     if (!fault_.hangs())
-      step_worn_law(law_, samples, fault_.measured(measured), seen.motor_position, now, fault_, out);
+      step_worn_law(law_, samples, fault_.measured(measured), seen.motor_position, now, fault_, out,
+                    command_.ask ? &command_ : nullptr);
     const bool power = p::step(watchdog_, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;
     const double asked = fault_.given(out.effort);
@@ -103,6 +116,7 @@ class WornOrthosis {
   p::DriveReadingCoefficients<double> reading_;
   p::DriveReadingState<double> reading_state_{};
   SingleFault fault_{"none", 0, 0};
+  LawCommand command_{};
   double period_;
   std::uint64_t ticks_ = 0;
 };
@@ -112,13 +126,13 @@ class WornOrthosis {
 void add_worn_orthosis(nb::module_& m) {
   nb::class_<WornOrthosis>(m, "WornOrthosis", class_doc)
       .def(nb::init<nb::handle, double, nb::handle, nb::handle, nb::handle, double, const char*, nb::handle, nb::handle,
-                    nb::handle>(),
+                    nb::handle, nb::handle>(),
            nb::arg("parameters"), nb::kw_only(), nb::arg("period"), nb::arg("substeps"), nb::arg("delay"),
            nb::arg("torque_span"), nb::arg("position0"), nb::arg("law"), nb::arg("law_parameters"), nb::arg("supervisor"),
-           nb::arg("drive_reading").none() = nb::none(),
+           nb::arg("drive_reading").none() = nb::none(), nb::arg("command").none() = nb::none(),
            nb::sig("def __init__(self, parameters: ArrayLike, *, period: float, substeps: int, delay: int, torque_span: "
                    "int, position0: float, law: str, law_parameters: ArrayLike, supervisor: ArrayLike, drive_reading: "
-                   "ArrayLike | None = None) -> None"))
+                   "ArrayLike | None = None, command: Callable[[float, float, float], float] | None = None) -> None"))
       .def("step", &WornOrthosis::step, nb::arg("muscle_torque"), nb::arg("emg"), nb::arg("reading_noise") = 0.0,
            nb::sig("def step(self, muscle_torque: float, emg: float, reading_noise: float = 0.0) -> tuple[float, ...]"),
            step_doc)

@@ -36,8 +36,22 @@ MARGIN = Margin.of_ratio(0.10)
 LOOK_SHARES = (0.6, 0.8, 1.0)
 """Shares of the planned participants at the looks of a sequential study."""
 
-CASES = ("plain", "at_margin", "missing_few", "missing_many", "periods", "look", "lost_people", "one_slowed")
-"""What is done to the studies of a case."""
+CASES = ("plain", "at_margin", "missing_few", "missing_many", "periods", "look", "lost_people", "one_slowed",
+         "hidden_by_period", "last_look")  # fmt: skip
+"""What is done to the studies of a case.
+
+Movements are missing for one person or for all; periods are stated, and more people have control first; a sequential
+study is at its second or its last look; some people lack a condition; one person is slowed; or nearly everybody has
+control first, and an effect of the period hides a change that is at the margin."""
+
+FIRST_COUNTS = {"periods": 10, "hidden_by_period": 13}
+"""Number of participants who have control first, in the cases with periods."""
+
+PERIOD_EFFECTS = {"periods": -0.01, "hidden_by_period": -0.03}
+"""Change of a participant who has the robot in the second period, in logarithms; the opposite in the first."""
+
+LOOKS = {"look": 2, "last_look": 3}
+"""Look at which a sequential study is, from 1."""
 
 
 def rows() -> Iterator[tuple[str, float, str, str]]:
@@ -58,17 +72,17 @@ def rows() -> Iterator[tuple[str, float, str, str]]:
 def _assessed(case: str, i: int) -> tuple[float, float]:
     """Return the expected and the found verdict: 1 for transparent, 0.5 for "cannot say"."""
     rng = np.random.default_rng([SEED, CASES.index(case), i])
-    centre = MARGIN.high if case == "at_margin" else 0.0
+    centre = MARGIN.high if case in ("at_margin", "hidden_by_period") else 0.0
     changes = centre + 0.02 * rng.standard_normal(PEOPLE_COUNT)
     if case == "one_slowed":
         changes[3] = np.log(1.6)
-    first = np.arange(PEOPLE_COUNT) < 10  # more people have control first
+    first = np.arange(PEOPLE_COUNT) < FIRST_COUNTS.get(case, 0)
     later = np.where(first, 1.0, -1.0)
-    if case == "periods":
-        changes = changes - 0.01 * later
+    changes = changes + PERIOD_EFFECTS.get(case, 0.0) * later
+    paces = 0.1 * rng.standard_normal(PEOPLE_COUNT)  # logarithms
     with TemporaryDirectory() as place:
         folder = Path(place)
-        _write_study(folder, case, changes, first, rng)
+        _write_study(folder, case, changes, first, paces)
         from pellucid.cli import app
 
         done = CliRunner().invoke(app, ["assess", str(folder)])
@@ -78,21 +92,23 @@ def _assessed(case: str, i: int) -> tuple[float, float]:
     verdict = next(row["value"] for row in found["figures"] if row["id"].endswith("certificate.robot.transparent"))
     if case in ("missing_many", "lost_people"):
         return 0.5, verdict
-    alpha = looks(LOOK_SHARES, 0.05).level[1] if case == "look" else 0.05
-    drawn = SimulatedStudies(changes[None, :, None], later if case == "periods" else None)
+    alpha = looks(LOOK_SHARES, 0.05).level[LOOKS[case] - 1] if case in LOOKS else 0.05
+    # Where periods are stated, the command also looks for carry-over, which people's levels take part in.
+    stated = {"later": later, "levels": paces[None, :, None]} if case in FIRST_COUNTS else {}
+    drawn = SimulatedStudies(changes[None, :, None], **stated)
     return (1.0 if are_transparent(drawn, [MARGIN], alpha=alpha)[0] else 0.5), verdict
 
 
-def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray, rng: np.random.Generator) -> None:
+def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray, paces: np.ndarray) -> None:
     told = ['name = "made"', "[rig]", 'joint = "elbow"', 'motion = "rotary"', 'lifts = "flexion"', "[channels]"]
     told += [f'{c} = {{ column = "{c}", unit = "{u}" }}' for c, u in
              (("time", "s"), ("position", "rad"), ("target", "rad"))]  # fmt: skip
     told += ["[assessment]", 'control = "free"']
-    told += [f"looks = {list(LOOK_SHARES)}", "look = 2"] if case == "look" else []
+    told += [f"looks = {list(LOOK_SHARES)}", f"look = {LOOKS[case]}"] if case in LOOKS else []
     told += ["[assessment.margins]", 'vmax = "10 %"']
     for i, change in enumerate(changes):
         told += [f"[participants.P{i}]", 'mass = "70 kg"']
-        pace = float(np.exp(0.1 * rng.standard_normal()))
+        pace = float(np.exp(paces[i]))
         for condition, factor in (("free", 1.0), ("robot", float(np.exp(change)))):
             if case == "lost_people" and i < 4 and condition == "robot":
                 continue
@@ -102,7 +118,7 @@ def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray
             _write_recording(folder / f"{name}.csv", 1.2 / pace / factor, gaps)
             told += ["[[recordings]]", f'name = "{name}"', f'file = "{name}.csv"', f'participant = "P{i}"']
             told += [f'condition = "{condition}"']
-            if case == "periods":
+            if case in FIRST_COUNTS:
                 told.append(f"period = {1 if (condition == 'free') == first[i] else 2}")
     (folder / "study.toml").write_text("\n".join(told) + "\n", encoding="utf-8")
 

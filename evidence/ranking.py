@@ -1,8 +1,11 @@
 """Foreign laws and indices: are strangers' laws ranked, stopped where they must be, and measured by what?
 
-- A C file and a Python class with the same law drive the virtual knee beside the lab's plain modes, and the virtual
-  elbow; their commands are compared bit by bit. Four hostile laws must be stopped on either robot: one never answers,
-  one crashes, one asks for 4 GB, one answers no number.
+- A C file and a Python class with the same law drive the virtual knee beside the lab's plain modes, the virtual elbow
+  and an arm of four joints; their commands are compared bit by bit. Four hostile laws must be stopped on each robot:
+  one never answers, one crashes, one asks for 4 GB, one answers no number.
+- The worst single fault under them at the knee and at the arm, in joules, beside own laws.
+- The certificate of the law at the elbow, on twelve drawn people, beside the robot without power and the toolkit's law
+  with a force sensor.
 - The indices of `transparency_indices` on the same sessions: which orders of controllers they give, how far these agree
   with those by indices of other kinds, and how far pairs of people and robots agree on the order. The robot's friction
   has the form that the models suppose, as in the whole ranking.
@@ -10,6 +13,8 @@
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,6 +23,7 @@ from benchmarks._size import sized
 
 import pellucid.ranking.elbow as elbow
 from pellucid._processes import ordered_results
+from pellucid.assessment.certificate import CANNOT_SAY
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.lab.knee.protocol import swing_trial
 from pellucid.lab.knee.rig import knee_orthosis
@@ -27,11 +33,14 @@ from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import simulate_session
 from pellucid.lab.safety.fault_table import draw_worn_robot
 from pellucid.lab.safety.worn_robot import WornRobot
+from pellucid.ranking.arm import ArmInUse, arm_pair, draw_arm_in_use
 from pellucid.ranking.foreign_elbow import elbow_law_of
 from pellucid.ranking.foreign_law import ForeignController, ForeignLaw, ForeignProcess, stopped_words
 from pellucid.ranking.knee import knee_pair
+from pellucid.ranking.law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
 from pellucid.ranking.strategies import SWING_TASK
 from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
+from pellucid.ranking.tried import ControllerTrial
 from pellucid.studies.results import ResultRow
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
@@ -53,6 +62,15 @@ INDEX_CONTROLLERS = ("unpowered", "clpc", "pcfr", "fc", "transparent", "dithered
                      "residual")  # fmt: skip
 """Controllers whose order is compared between indices."""
 
+ARM_CONTROLLERS = sized(("unpowered", "fc", "force_sensors"), smallest=("unpowered",))
+"""Own controllers beside which foreign laws drive the arm."""
+
+ARM_PERIODS = sized(3000, smallest=400)
+"""Number of control periods in which foreign laws are compared at the arm, of 1 ms."""
+
+CERTIFIED_PEOPLE = sized(12, smallest=2)
+"""Number of drawn people of the certificates."""
+
 HOSTILE_LAWS = {
     "hangs": "while True: pass",
     "crashes": "import ctypes; ctypes.string_at(0)",
@@ -65,6 +83,8 @@ HOSTILE_LAWS = {
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from foreign_rows()
+    yield from arm_rows()
+    yield from certificate_rows()
     yield from hostile_rows()
     yield from index_rows()
 
@@ -75,33 +95,84 @@ def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
 
 def foreign_rows() -> Iterator[ResultRow]:
     """Foreign laws in the ranking, and their bits."""
-    laws = [ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}") for ending in (".c", ".py")]
-    plain = ("no_control", "zero_impedance")
+    laws, plain = example_laws(), ("no_control", "zero_impedance", "body")
     tried = knee_pair(0, SEED, only=plain, laws=laws)
     found = {one.controller: one for one in tried if one.task == SWING_TASK}
     ranked = [law for law in laws if np.isfinite(found[law.name].torque)]
     yield _row("foreign_laws", len(ranked), "1", f"ranked beside {', '.join(plain)} on one drawn wearer")
     for name, one in found.items():
-        yield _row(f"swings.torque.{name.replace('law:', '').replace('.', '_')}", one.torque, "N*m", "RMS, strap")
+        yield _row(f"swings.torque.{_plain(name)}", one.torque, "N*m", "RMS, strap")
+        if one.fault_energy is not None:
+            yield _row(f"swings.fault_energy.{_plain(name)}", one.fault_energy, "J", "worst single fault, one wearer")
     worn, wrong, of = draw_worn_robot(0, SEED), 0, 0
-    for commands in ([_commands(law)[0] for law in laws], [_elbow_commands(worn, law)[0] for law in laws]):
+    arm = compared_arm()
+    for answered in (_commands, partial(_elbow_commands, worn), partial(_arm_commands, arm)):
+        commands = [answered(law)[0] for law in laws]
         wrong += int(np.sum(commands[0].view(np.int64) != commands[1].view(np.int64)))
         of += len(commands[0])
-    yield _row("foreign_law.wrong_bits", wrong, "1", f"of {of} commands at knee and elbow, C against Python")
+    yield _row("foreign_law.wrong_bits", wrong, "1", f"of {of} commands at knee, elbow and arm, C against Python")
+
+
+@cache
+def compared_arm() -> ArmInUse:
+    """Return the drawn arm at which commands of foreign laws are compared."""
+    return draw_arm_in_use(0, SEED, ())
+
+
+def example_laws() -> list[ForeignLaw]:
+    """Return the example of a foreign law in C and in Python."""
+    return [ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}") for ending in (".c", ".py")]
+
+
+def _plain(controller: str) -> str:
+    """Return a controller's name for an id."""
+    return controller.replace("law:", "").replace(".", "_")
+
+
+def arm_rows() -> Iterator[ResultRow]:
+    """Torque and worst single fault of a foreign law on one drawn arm, beside own laws."""
+    for one in arm_pair(0, SEED, ARM_CONTROLLERS, example_laws()):
+        yield _row(f"reaching.torque.{_plain(one.controller)}", one.torque, "N*m", "RMS over joints, one wearer")
+        if one.fault_energy is not None:
+            yield _row(f"reaching.fault_energy.{_plain(one.controller)}", one.fault_energy, "J", "worst single fault")
+
+
+def certificate_rows() -> Iterator[ResultRow]:
+    """What the certificate says of a foreign law and of own laws, on drawn people who point."""
+    jobs = [(_certified_pair, i) for i in range(CERTIFIED_PEOPLE)]
+    tried = [one for made in ordered_results(jobs) for one in made]
+    for name in dict.fromkeys(one.controller for one in tried):
+        own = [one for one in tried if one.controller == name]
+        found = certify_controller(own)
+        value = CERTIFICATE_VALUES[CANNOT_SAY if found is None else found.verdict]
+        note = CANNOT_SAY if found is None else certificate_note(found, len(own))
+        yield _row(f"certificate.{_plain(name)}", value, "1", note)
+
+
+def _certified_pair(index: int) -> list[ControllerTrial]:
+    robot = drawn_rigs(able_elbow(), index + 1, seed=elbow.ROBOTS_SEED + SEED)[index]
+    rig = elbow_participants(robot)
+    person = draw_people(rig, np.random.default_rng([elbow.ROBOTS_SEED, SEED]), count=CERTIFIED_PEOPLE)[index]
+    return elbow.try_elbow(
+        rig, person, index, SEED, only=("unpowered", "force_sensor"), laws=example_laws()[:1], faults=False
+    )  # fmt: skip
 
 
 def hostile_rows() -> Iterator[ResultRow]:
     """Hostile laws that were not stopped."""
-    survived, said, worn = 0, [], draw_worn_robot(0, SEED)
+    survived, said, worn, arm = 0, [], draw_worn_robot(0, SEED), compared_arm()
     with TemporaryDirectory() as place:
         for name, does in HOSTILE_LAWS.items():
             path = Path(place) / f"{name}.py"
             body = f"self.n += 1\n        if self.n > 100:\n            {does}\n        return 1.0"
             head = "class Law:\n    def reset(self): self.n = 0\n    def step(self, *sample):\n        "
-            path.write_text(f"{head}{body}\n    elbow_step = step\n")
+            arm_step = "def arm_step(self, *sample):\n        return [self.step()] * 4"
+            path.write_text(f"{head}{body}\n    elbow_step = step\n    {arm_step}\n")
             law = ForeignLaw.from_file(path)
-            # At the elbow a damped stop holds the robot with little effort.
-            for (commands, fault), most in ((_commands(law), 1e-9), (_elbow_commands(worn, law), 0.1)):
+            # At the elbow a damped stop holds the robot with little effort, at the arm against the weight too.
+            for (commands, fault), most in (
+                (_commands(law), 1e-9), (_elbow_commands(worn, law), 0.1), (_arm_commands(arm, law), 30.0)
+            ):  # fmt: skip
                 survived += fault == "none" or not np.isfinite(commands).all() or abs(commands[-1]) > most
                 said.append(f"{name}: {stopped_words(fault)}")
     yield _row("hostile_laws.survived", survived, "1", "; ".join(said))
@@ -124,6 +195,13 @@ def _elbow_commands(worn: WornRobot, law: ForeignLaw) -> tuple[np.ndarray, str]:
         supervised = elbow_law_of(process, worn, start_up=False)
         session = simulate_session(worn.rig, worn.person, "worn", supervised, np.random.default_rng(SEED), LIFTS_RAD)
     return session.signals["command"], process.fault
+
+
+def _arm_commands(arm: ArmInUse, law: ForeignLaw) -> tuple[np.ndarray, str]:
+    short = replace(arm, motion=replace(arm.motion, position=arm.motion.position[:ARM_PERIODS]))
+    with closing(ForeignProcess(law)) as process:
+        effort = short.wear(short.commanded(process)).effort
+    return effort.ravel(), process.fault
 
 
 def index_pair(index: int) -> dict[str, dict[str, float]]:

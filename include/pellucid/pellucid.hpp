@@ -4,6 +4,7 @@
 #include "activation.hpp"
 #include "adaptive_oscillator.hpp"
 #include "biquad.hpp"
+#include "commanded_tree.hpp"
 #include "coupled_plant.hpp"
 #include "cuff.hpp"
 #include "directional_compensation.hpp"

@@ -243,16 +243,14 @@ void compensate(const TreeCompensationCoefficients<S, N>& c, TreeCompensationSta
   for (std::size_t k = 0; k < n; ++k) taken[k] = s.gate.output[k] - taken[k];
   step(c.whole.observer_bandwidth, c.gate.joint[0].params.period, n, s.observer, taken, s.weight, p, transported);
 }
-}  // namespace detail
 
-/// One control period: what goes to the drives. A fault of any joint latches the gate, and efforts go to 0 together.
+/// Estimates the motion of all joints, and what the law wants at it; false where any joint's motion is not known.
 template <class S, std::size_t N>
-TreeCommand<S, N> step(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S, N>& s,
-                       const TreeSamples<S, N>& samples) noexcept {
-  const std::size_t n = c.gate.joints;
-  S wanted[N]{}, q[N]{}, v[N]{};
+bool follow(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S, N>& s,
+            const TreeSamples<S, N>& samples, S* wanted, S* v) noexcept {
+  S q[N]{};
   bool known = c.gate.valid;
-  for (std::size_t k = 0; k < n; ++k) {
+  for (std::size_t k = 0; k < c.gate.joints; ++k) {
     wanted[k] = q[k] = v[k] = S(0);
     if (!c.gate.valid) continue;
     MotionEstimatorState<S>& m = s.joint[k].motion;
@@ -265,13 +263,30 @@ TreeCommand<S, N> step(const TreeCompensationCoefficients<S, N>& c, TreeCompensa
     q[k] = m.position;
     v[k] = m.velocity;
   }
-  if (known) detail::compensate(c, s, samples, q, v, wanted);
+  if (known) compensate(c, s, samples, q, v, wanted);
   else s.observer = {};
+  return known;
+}
+
+/// What of the wanted efforts the gate lets through.
+template <class S, std::size_t N>
+TreeCommand<S, N> pass_gate(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S, N>& s,
+                            const TreeSamples<S, N>& samples, const S* wanted, const S* v) noexcept {
   step(c.gate, s.gate, wanted, v, samples.position, s.end_speed);
   TreeCommand<S, N> command;
-  for (std::size_t k = 0; k < n; ++k) command.effort[k] = s.gate.output[k];
-  motor_effort(c.drives, n, command.effort, command.drive);
+  for (std::size_t k = 0; k < c.gate.joints; ++k) command.effort[k] = s.gate.output[k];
+  motor_effort(c.drives, c.gate.joints, command.effort, command.drive);
   return command;
+}
+}  // namespace detail
+
+/// One control period: what goes to the drives. A fault of any joint latches the gate, and efforts go to 0 together.
+template <class S, std::size_t N>
+TreeCommand<S, N> step(const TreeCompensationCoefficients<S, N>& c, TreeCompensationState<S, N>& s,
+                       const TreeSamples<S, N>& samples) noexcept {
+  S wanted[N]{}, v[N]{};
+  detail::follow(c, s, samples, wanted, v);
+  return detail::pass_gate(c, s, samples, wanted, v);
 }
 
 template <class S, std::size_t N> void reset(TreeCompensationState<S, N>& state) noexcept {

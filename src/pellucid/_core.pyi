@@ -1566,6 +1566,9 @@ class WornOrthosis:
     drive_reading : (4,), optional
         How the torque of the spring is measured for the supervisor, in the order of DRIVE_READING_NAMES, SI; left out:
         exactly. The law reads it exactly.
+    command : callable, optional
+        Function of the time [s], the encoder [rad] and the spring's torque [N m], NaN where it says nothing, that gives
+        the effort of a law "joint" in each period [N m], as `WornElbow.live` takes it; NaN stops the law.
     """
 
     def __init__(
@@ -1581,6 +1584,7 @@ class WornOrthosis:
         law_parameters: ArrayLike,
         supervisor: ArrayLike,
         drive_reading: ArrayLike | None = None,
+        command: Callable[[float, float, float], float] | None = None,
     ) -> None: ...
     def step(self, muscle_torque: float, emg: float, reading_noise: float = 0.0) -> tuple[float, ...]:
         """
@@ -2456,6 +2460,9 @@ class SupervisedTreeLaw:
         What is watched of each joint, in the order of model_fields()["tree_watch_joint"].
     whole_watch : (w,)
         What is watched of all, in the order of model_fields()["tree_watch_whole"].
+    commanded : bool
+        Efforts are those that `step` is told as its `command`, in place of the law's; the supervisor knows the robot by
+        the law's numbers all the same.
     """
 
     def __init__(
@@ -2471,6 +2478,7 @@ class SupervisedTreeLaw:
         turns: ArrayLike | None = None,
         motors: ArrayLike | None = None,
         single: bool = False,
+        commanded: bool = False,
     ) -> None: ...
     def step(
         self,
@@ -2483,6 +2491,7 @@ class SupervisedTreeLaw:
         drive: ArrayLike | None = None,
         joint: ArrayLike | None = None,
         token: int = 0,
+        command: ArrayLike | None = None,
     ) -> NDArray[float64]:
         """
         One control period: the effort of each motor, (m,) [N m; N].
@@ -2497,6 +2506,9 @@ class SupervisedTreeLaw:
             What a second encoder of each joint says [rad; m]; NaN or left out: nothing.
         token : int
             The challenge of a fault, from an operator who asks for a reset.
+        command : (m,)
+            Effort that each joint is to have, of a law that is commanded [N m; N]; one that is no number stops it. Left
+            out: as before.
         """
 
     def stop(self) -> None:

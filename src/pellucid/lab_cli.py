@@ -121,12 +121,12 @@ def reproduce(
 
 def rank(
     pairs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each joint.")
+        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each robot.")
     ] = 7,
     seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
     law: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Law of your own for knee, elbow or both: .c, .so or .py; may be repeated."),
+        typer.Option(metavar="FILE", help="Law of your own for knee, elbow or arm: .c, .so or .py; may be repeated."),
     ] = None,
     sealed: Annotated[
         bool, typer.Option("--sealed", help="Draw the seed after the laws were read, so that none was tuned on it.")
@@ -135,10 +135,10 @@ def rank(
 ) -> None:
     """Rank every controller, and laws of your own, on one page.
 
-    The page ranks the controllers of the elbow and those of the knee; your own laws stand beside them.
+    The page ranks controllers of the elbow, the knee and an arm; your own laws stand beside them.
     """
     from .procedures.print_result import fitting_tables
-    from .ranking.foreign_law import stopped_words
+    from .ranking.foreign_law import why_stopped
     from .ranking.rank import rank as run
     from .ranking.strategies import controller_words
 
@@ -161,10 +161,9 @@ def rank(
             console.print(table)
     for task in made.tasks:
         for name in (each.name for each in made.laws if each.name in task.tried):
-            why = dict.fromkeys(stopped_words(one.fault) for one in task.tried[name])
-            why.pop("none", None)
+            why = why_stopped(one.fault for one in task.tried[name])
             if why:
-                print_line(console, f"{controller_words(task.task, name)}, {task.task}: stopped; it {', '.join(why)}")
+                print_line(console, f"{controller_words(task.task, name)}, {task.task}: stopped: {', '.join(why)}")
     if sealed:
         print_line(console, f"The seed was {made.seed}.")
     print_line(console, f"Page: {made.page}")

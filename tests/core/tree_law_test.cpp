@@ -338,10 +338,46 @@ void nothing() {
   check(none.fault.fault == p::SafetyFault::configuration && none.command.effort[0] == 0.0f, "nonsense is not run");
 }
 
+/// Commanded efforts pass the same gate: within limits and rates, and to 0 together where one is no number.
+void commanded() {
+  using C = p::CommandedTree<double, links>;
+  p::TreeController<C> law;
+  check(p::configure(law, law_params<double>()), "commanded");
+  std::uint32_t i = 0;
+  p::TreeCommand<double, links> out;
+  const auto wait = [&](std::uint32_t periods) {
+    for (const std::uint32_t end = i + periods; i < end; ++i) {
+      p::TreeSamples<double, links> read;
+      const std::int64_t now = 1000 + 1000 * static_cast<std::int64_t>(i);
+      for (std::size_t k = 0; k < 3; ++k) read.position[k] = {0.1, now, i, true};
+      out = p::step(law, read, now);
+    }
+  };
+  wait(1);
+  check(out.effort[0] == 0 && out.effort[1] == 0 && out.effort[2] == 0, "nothing before a command");
+  law.state.command[0] = 1;
+  law.state.command[1] = 1000;
+  law.state.command[2] = -2;
+  wait(1);
+  check(out.effort[0] == 1 && out.effort[1] == 5 && out.effort[2] == -2, "no faster than the rate");
+  wait(50);
+  check(out.effort[0] == 1 && out.effort[1] == 60 && out.effort[2] == -2, "no more than the limit");
+  check(law.state.weight[0] != 0 && law.fault.fault == p::SafetyFault::none, "the robot is known all the same");
+  check(p::abs(law.state.observer.residual[1]) > 1, "and what the command does not explain is seen");
+  law.state.command[2] = std::numeric_limits<double>::quiet_NaN();
+  wait(1);
+  check(law.fault.fault == p::SafetyFault::not_finite && law.fault.joint == 2 && out.effort[1] < 60, "no number");
+  wait(50);
+  check(out.effort[0] == 0 && out.effort[1] == 0 && out.effort[2] == 0, "all to 0");
+  p::reset(law);
+  check(law.state.command[1] == 0 && law.fault.fault == p::SafetyFault::none, "a reset forgets commands");
+}
+
 }  // namespace
 
 int main() {
   momentum();
+  commanded();
   one_joint<double>(1e-12);
   one_joint<float>(2e-4);
   together<double>();

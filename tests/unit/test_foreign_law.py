@@ -5,24 +5,43 @@ import shutil
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
+from pellucid.control.instruments import Instruments
+from pellucid.control.tree_laws import carried, with_force_sensor
 from pellucid.deployment.microcontroller import missing_tools
+from pellucid.lab.arm.card_law import card_of
+from pellucid.lab.arm.human_motion import generated_motion
+from pellucid.lab.arm.rig import able_arm
+from pellucid.lab.arm.wearer import drawn_people
 from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.knee.drawn import drawn_rig
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.pointing.conditions import identify_cards
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import simulate_session
+from pellucid.lab.safety import worn_knee
 from pellucid.lab.safety.worn_robot import make_worn_robot
+from pellucid.models.tree_card import COLUMNS
 from pellucid.ranking import foreign_law
+from pellucid.ranking.arm import ArmInUse
 from pellucid.ranking.board import add_to_board, share_over_before
 from pellucid.ranking.foreign_cost import count_instructions
 from pellucid.ranking.foreign_elbow import elbow_law_of
-from pellucid.ranking.foreign_law import STOPPED_WORDS, ForeignController, ForeignLaw, ForeignProcess, stopped_words
+from pellucid.ranking.foreign_law import (
+    STOPPED_WORDS,
+    ForeignController,
+    ForeignLaw,
+    ForeignProcess,
+    stopped_words,
+    why_stopped,
+)
+from pellucid.ranking.knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
@@ -155,6 +174,76 @@ def test_a_hostile_law_is_stopped_at_the_elbow_and_a_lying_force_sensor_is_found
         assert worn.live(law, "force_rail", onset=1.0, seconds=1.0, longest=3.0)["fault"] == "force_sensor"
 
 
+def known_card(rig):
+    """The card of the bodies as they were drawn, with as much friction as its supervisor has to expect."""
+    friction = np.zeros((4, len(COLUMNS["joints"])))
+    friction[:, [COLUMNS["joints"].index(f"coulomb_{way}") for way in ("positive", "negative")]] = 3.0
+    estimate = SimpleNamespace(
+        name="built", method="known", robot=rig.robot, families=((),) * 4,
+        links=lambda: rig.drawing.links_array, joints=lambda: friction,
+    )  # fmt: skip
+    return card_of(rig, estimate)
+
+
+@pytest.fixture(scope="module")
+def arm_in_use():
+    """A person in an arm whose bodies are known, for a second of reaching."""
+    rig = able_arm()
+    law = with_force_sensor(carried(known_card(rig), instruments=Instruments(joint_encoder=True, drive=True)))
+    motion = generated_motion(1, rig.constants.sampling.rate, 1.0)
+    return ArmInUse(rig, drawn_people(1, 5)[0], motion, {}, law)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_the_arm_asks_a_law_in_c_and_in_python_for_the_same_bits(arm_in_use):
+    efforts = []
+    for ending in (".c", ".py"):
+        with closing(ForeignProcess(ForeignLaw.from_file(EXAMPLES / f"spring_to_zero{ending}"))) as process:
+            law = arm_in_use.commanded(process)
+            efforts.append(arm_in_use.wear(law).effort)
+            assert (process.robots, process.fault, law.said) == (("knee", "elbow", "arm"), "none", "none")
+    assert np.ptp(efforts[0], axis=0).min() > 0.02
+    assert efforts[0].tobytes() == efforts[1].tobytes()
+
+
+def test_a_law_of_several_joints_is_stopped_where_it_answers_too_little_or_no_number(arm_in_use, tmp_path):
+    for name, answer, why in (("few", "[0.0] * 3", "ended"), ("nan", "[0.0, float('nan'), 0.0, 0.0]", "not_finite")):
+        path = tmp_path / f"{name}.py"
+        path.write_text(
+            "class Law:\n    def reset(self): self.n = 0\n    def arm_step(self, time, position, torque):\n"
+            f"        self.n += 1\n        return {answer} if self.n > 300 else [0.5] * 4\n",
+            encoding="utf-8",
+        )
+        with closing(ForeignProcess(ForeignLaw.from_file(path))) as process:
+            law = arm_in_use.commanded(process)
+            effort = arm_in_use.wear(law).effort
+        assert (process.robots, process.fault, law.said) == (("arm",), why, "stopped")
+        assert effort[250] == pytest.approx(0.5)
+        assert np.abs(effort[-1]).max() < 12.0
+        assert not np.allclose(effort[-1], 0.5)
+
+
+def test_a_single_fault_at_the_knee_costs_joules_under_own_and_foreign_laws(monkeypatch, tmp_path):
+    kinds = {kind.name: kind for kind in worn_knee.KINDS}
+    monkeypatch.setattr(worn_knee, "KINDS", tuple(kinds[name] for name in ("drive_stuck", "encoder_nan")))
+    monkeypatch.setattr(worn_knee, "MAX_WATCH_S", 1.0)
+    monkeypatch.setattr(worn_knee, "ONSET_RANGE_S", (0.3, 0.5))
+    worn = knee_in_use(drawn_rig(RIG, 401), 1)
+    path = tmp_path / "rests.py"
+    path.write_text("class Law:\n    def reset(self): ...\n    def step(self, *sample): return 0.0\n", encoding="utf-8")
+    foreign = worst_foreign_knee_fault(worn, ForeignLaw.from_file(path))
+
+    class Rests:
+        def step(self, time, position, torque, emg=()):
+            return 0.0
+
+    # A law that asks for nothing is the same law, whoever wrote it.
+    assert worst_knee_fault(worn, "rests", Rests) == foreign > 0.0
+    assert worst_knee_fault(worn, "zero_impedance", lambda: None) is None
+    path.write_text(path.read_text(encoding="utf-8").replace("0.0", "float('nan')"), encoding="utf-8")
+    assert worst_foreign_knee_fault(worn, ForeignLaw.from_file(path)) is None  # stopped before any fault
+
+
 def test_what_holds_no_law_is_told(tmp_path):
     with pytest.raises(PellucidError, match=r"\.c, \.so, \.py"):
         ForeignLaw.from_file(tmp_path / "law.txt")
@@ -162,6 +251,13 @@ def test_what_holds_no_law_is_told(tmp_path):
     assert answers(ForeignLaw.from_file(tmp_path / "empty.py"), 2)[1] == "not_loaded"
     with pytest.raises(PellucidError, match="name of its own"):
         rank(tmp_path / "out", laws=[tmp_path / "empty.py", tmp_path / "empty.py"])
+
+
+def test_a_law_that_nothing_stopped_is_not_said_to_be_stopped():
+    assert why_stopped(["none", "none"]) == ()
+    assert why_stopped(["none", "hung", "hung", "drive_stuck"]) == (
+        "did not answer in time", "the supervisor found: drive stuck"
+    )  # fmt: skip
 
 
 def test_foreign_laws_stand_in_the_ranking_and_on_the_board(tmp_path):

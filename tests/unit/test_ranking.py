@@ -1,6 +1,7 @@
 """Controllers ranked: the stated rule, who is told from the first, and a page on which every controller stands."""
 
 import json
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
+from pellucid.ranking.law_certificate import certificate_words, certify_controller
 from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import (
@@ -95,6 +97,7 @@ def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
     text = unescape(text)
     assert all(one.name in text for task in CONTROLLER_FIELDS for one in strategies_of_task(task).values())
     assert "beyond search" in text
+    assert "M4F instructions" not in text  # a column without a value is left out
     assert all(index.words in text and index.source in text for index in TRANSPARENCY_INDICES)
     assert "Its weakness" in text
     rows = {row.id: row for task in tasks for row in rows_of(task)}
@@ -107,3 +110,27 @@ def test_the_page_has_every_controller_and_the_worst_of_what_is_safe(tmp_path):
 def test_no_pairs_are_refused(tmp_path):
     with pytest.raises(PellucidError, match="found 0 pairs and seed 1, expected 1 or more"):
         rank(tmp_path, pairs=0)
+
+
+def test_a_controller_is_certified_by_what_people_do_and_by_twelve_of_them():
+    rng = np.random.default_rng(5)
+
+    def worn(count, slower=0.0):
+        return [
+            ControllerTrial(POINTING_TASK, "fc", i, 0.3, 0.0, 0.0, duration=slower + d, peak_velocity=v)
+            for i, (d, v) in enumerate(rng.normal(0.0, 2.0, (count, 2)))
+        ]
+
+    assert certificate_words(worn(12)) == "transparent"
+    assert certificate_words(worn(7)) == "cannot say: 7 of 12 people"
+    assert certificate_words(worn(12, slower=30.0)) == "not transparent"
+    assert certificate_words(worn(12, slower=10.0)) == "cannot say"
+    never = worn(12)
+    never[3] = replace(never[3], duration=float("nan"))
+    assert certificate_words(never) == "cannot say"
+    assert certify_controller([ControllerTrial(SWING_TASK, "body", 0, 0.3, 0.0, 0.0)]) is None
+    tried = [replace(one, duration=0.5 * one.pair) for one in made_up(POINTING_TASK, pairs=12)]
+    found = rank_task(POINTING_TASK, tried)
+    rows = {row.id: row for row in rows_of(found)}
+    assert rows["ranking.elbow_pointing.fc.certificate"].value == 1.0
+    assert "duration +2.7 %" in rows["ranking.elbow_pointing.fc.certificate"].note

@@ -14,7 +14,15 @@ from pellucid.drawing.style import COLOURS, css_variables
 from pellucid.fit.parameter import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.pages.quantities import number, parameter_interval, percent, relative_sd, typeset_sentence, unit_text
+from pellucid.pages.quantities import (
+    number,
+    parameter_interval,
+    percent,
+    relative_sd,
+    typeset_cell,
+    typeset_sentence,
+    unit_text,
+)
 from pellucid.pages.series import busiest, join_stretches, running_median
 from pellucid.procedures.joint import joint_figures as figures
 from pellucid.procedures.run import report as write_report
@@ -246,6 +254,13 @@ def test_a_bound_makes_an_interval_one_sided():
     assert parameter_interval(held, 0.95) == "0.00 to 0.98"
     assert relative_sd(held) == "–"
     assert relative_sd(Parameter("offset", "N", 1e-9, 0.5)) == "> 1000"
+
+
+def test_cells_of_a_page_have_minus_signs_before_numbers_alone():
+    assert typeset_cell("-5.5 to -0.2 %") == "−5.5 to −0.2 %"
+    assert typeset_cell("P-1 of 2026-11-27, carry-over") == "P-1 of 2026-11-27, carry-over"
+    assert typeset_cell(None) == "–"
+    assert typeset_cell(-2) == "−2"
 
 
 def test_prose():

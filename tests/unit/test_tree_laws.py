@@ -329,3 +329,25 @@ def test_misuse_is_told():
         law.start().step(0.0, np.zeros(3))
     with pytest.raises(ValueError, match=r"wrench: got shape \(4,\), expected \(6,\)"):
         law.start().step(0.0, np.zeros(4), wrench=np.zeros(4))
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_commanded_efforts_pass_the_supervisor_of_the_law(single):
+    law = tree_laws.carried(arm())
+    running, position, wanted = law.supervised(single=single, commanded=True), np.zeros(M), [1.0, -0.5, 2.0, 0.5]
+    _, carries = settled(law, position)
+    for i in range(60):
+        # Somebody holds the arm against what is asked of it.
+        given = running.step(PERIOD * i, position, command=wanted)
+    assert running.fault == "none"
+    assert given == pytest.approx(wanted)
+    assert not np.allclose(carries.drive, given)
+    running.step(PERIOD * 60, position, command=[0.0, np.nan, 0.0, 0.0])
+    for i in range(61, 400):
+        given = running.step(PERIOD * i, position, command=wanted)
+    assert (running.fault, running.mode) == ("stopped", "damped_stop")
+    assert given == pytest.approx(np.zeros(M))
+    with pytest.raises(ValueError, match="expected a law that is commanded"):
+        law.supervised(single=single).step(0.0, position, command=wanted)
+    with pytest.raises(ValueError, match=r"command: got shape \(3,\), expected \(4,\)"):
+        law.supervised(commanded=True).step(0.0, position, command=np.zeros(3))

@@ -168,13 +168,14 @@ class TreeLaw:
         """One of it at rest, behind its front; `single` in float32, as on a microcontroller."""
         return _core.TreeLaw(**self.numbers, single=single)
 
-    def supervised(self, *, single: bool = False) -> _core.SupervisedTreeLaw:
-        """The same under its supervisor."""
+    def supervised(self, *, single: bool = False, commanded: bool = False) -> _core.SupervisedTreeLaw:
+        """The same under its supervisor; `commanded`: with efforts that are told in each step in place of the law's."""
         return _core.SupervisedTreeLaw(
             **self.numbers,
             watches=_rows(self.watches, tuple(_defaults("tree_watch_joint"))),
             whole_watch=_rows((self.whole_watch,), tuple(_defaults("tree_watch_whole")))[0],
             single=single,
+            commanded=commanded,
         )
 
     def changed(self, joint: str | None = None, **values: float) -> TreeLaw:

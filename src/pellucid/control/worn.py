@@ -147,6 +147,21 @@ class WornCompensator:
         self.strap = (design.coupling.strap_stiffness, design.coupling.strap_damping)
 
     @property
+    def law(self) -> ControlLaw:
+        """Law of the core, with the strap as it is taken to be now."""
+        return self._law
+
+    @property
+    def listens(self) -> bool:
+        """Whether the law gets torque from EMG."""
+        return self._emg is not None
+
+    @property
+    def learns(self) -> bool:
+        """Whether the strap is estimated while it is worn."""
+        return self._strap is not None
+
+    @property
     def fault(self) -> str:
         """As of its supervisor."""
         return self.core.fault

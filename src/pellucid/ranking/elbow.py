@@ -29,7 +29,7 @@ from ..lab.pointing.predicted_indices import change
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
 from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
-from ..lab.safety.fault_table import FAULT_KINDS, try_law
+from ..lab.safety.fault_table import DETECTABLE_FAULTS, try_law
 from ..lab.safety.worn_robot import WornRobot, make_worn_robot
 from .foreign_elbow import elbow_law_of
 from .foreign_law import ForeignLaw, ForeignProcess
@@ -47,9 +47,6 @@ AMPLIFICATION_FACTOR = 4.0
 TIMED_STEPS = 20_000
 """Number of steps for the median time of a step."""
 
-DETECTABLE_FAULTS = {kind.name for kind in FAULT_KINDS if not kind.hidden}
-"""Names of the faults that some sensor of the robot can detect."""
-
 
 def elbow_pair(index: int, pairs: int, seed: int, laws: Sequence[ForeignLaw] = ()) -> list[ControllerTrial]:
     """Identify robot `index` of `pairs`, and let person `index` wear each of its laws and of foreign `laws`."""
@@ -62,8 +59,12 @@ def elbow_pair(index: int, pairs: int, seed: int, laws: Sequence[ForeignLaw] = (
 def try_elbow(
     rig: PointingRig, person: Person, index: int, seed: int, *,
     only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK)), laws: Sequence[ForeignLaw] = (),
+    faults: bool = True,
 ) -> list[ControllerTrial]:  # fmt: skip
-    """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person."""
+    """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person.
+
+    Single faults are tried, and steps timed, if `faults`.
+    """
     own, cards = elbow_laws(rig.robot, rig, person, only)
     unworn = point(rig, person, None, [seed, index])
     free = session_indices(unworn)
@@ -86,7 +87,7 @@ def try_elbow(
 
     for name, law in own.items():
         tried = wear(name, law)
-        if isinstance(law, ControlLaw):
+        if faults and isinstance(law, ControlLaw):
             energy = _worst_fault_energy(worn, index, name, worn.watched(law))
             tried = replace(tried, fault_energy=energy, cost=float(np.median(step_times(law, TIMED_STEPS))))
         made.append(tried)
@@ -96,10 +97,10 @@ def try_elbow(
                 continue
             tried = wear(foreign.name, elbow_law_of(process, worn, start_up=False))
             fault = process.fault if process.fault != NO_FAULT else tried.fault
-            if fault == NO_FAULT:
+            if fault == NO_FAULT and faults:
                 supervised_law = elbow_law_of(process, worn, start_up=True)
                 tried = replace(tried, fault_energy=_worst_fault_energy(worn, index, foreign.name, supervised_law))
-            else:
+            elif fault != NO_FAULT:
                 tried = replace(tried, torque=float("nan"), fault=fault)
             made.append(tried)
     return made

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..deployment.microcontroller import missing_tools
 from .foreign_law import COMPILER_FLAGS, ForeignLaw
-from .foreign_worker import C_FUNCTIONS
+from .foreign_worker import C_FUNCTIONS, JOINT_COUNTS
 
 COUNTED_STEPS = 500
 """Number of steps whose instructions are counted."""
@@ -46,15 +46,10 @@ COUNTER_PROGRAM = """
 #include <stdint.h>
 #include "say.h"
 #define SYSTICK ((volatile uint32_t*)0xE000E010u)
-double FUNCTION(double time, double position, double torque);
+ASKED
 void law_reset(void);
 static const double samples[STEPS][3] = {SAMPLES};
 static volatile double sum;
-__attribute__((noinline)) static double nothing(double time, double position, double torque) {
-  __asm volatile("" ::: "memory");
-  (void)position, (void)torque;
-  return time;
-}
 static uint32_t ticks(double (*volatile step)(double, double, double)) {
   const uint32_t start = SYSTICK[2];
   for (int i = 0; i < STEPS; ++i) sum = step(samples[i][0], samples[i][1], samples[i][2]);
@@ -65,12 +60,42 @@ int main(void) {
   SYSTICK[2] = 0;
   SYSTICK[0] = 5;
   law_reset();
-  const uint32_t with = ticks(FUNCTION), without = ticks(nothing);
+  const uint32_t with = ticks(ASK), without = ticks(nothing);
   say("instructions", with > without ? 40u * (with - without) : 0u);
   return 0;
 }
 """
 """Program that counts; SysTick counts every 40 instructions."""
+
+
+ASKED_ONE = """
+double FUNCTION(double time, double position, double torque);
+#define ASK FUNCTION
+__attribute__((noinline)) static double nothing(double time, double position, double torque) {
+  __asm volatile("" ::: "memory");
+  (void)position, (void)torque;
+  return time;
+}
+"""
+"""How a law of one joint is called, and a function that does nothing."""
+
+ASKED_SEVERAL = """
+void FUNCTION(double time, const double position[], const double torque[], double effort[]);
+static double at[JOINTS], felt[JOINTS], effort[JOINTS];
+__attribute__((noinline)) static double nothing(double time, double position, double torque) {
+  for (int k = 0; k < JOINTS; ++k) at[k] = position, felt[k] = torque;
+  __asm volatile("" ::: "memory");
+  return time;
+}
+__attribute__((noinline)) static double ask(double time, double position, double torque) {
+  for (int k = 0; k < JOINTS; ++k) at[k] = position, felt[k] = torque;
+  __asm volatile("" ::: "memory");
+  FUNCTION(time, at, felt, effort);
+  return time;
+}
+#define ASK ask
+"""
+"""How a law of several joints is called, and a function that does all else."""
 
 
 def count_instructions(law: ForeignLaw, robot: str) -> float | None:
@@ -80,7 +105,7 @@ def count_instructions(law: ForeignLaw, robot: str) -> float | None:
     ----------
     law : ForeignLaw
     robot : str
-        ``"knee"`` or ``"elbow"``: whose function of the law is counted.
+        ``"knee"``, ``"elbow"`` or ``"arm"``: whose function of the law is counted.
 
     Returns
     -------
@@ -95,7 +120,9 @@ def count_instructions(law: ForeignLaw, robot: str) -> float | None:
         for name in ("m4.c", "m4.ld", "say.h"):
             shutil.copy(TEMPLATES / f"{name}.j2", folder / name)
         rows = ",".join(f"{{{time!r},{position!r},{torque!r}}}" for time, position, torque in _samples())
-        text = COUNTER_PROGRAM.replace("FUNCTION", C_FUNCTIONS[robot]).replace("SAMPLES", rows)
+        joints = JOINT_COUNTS[robot]
+        asked = (ASKED_SEVERAL if joints > 1 else ASKED_ONE).replace("JOINTS", str(joints))
+        text = COUNTER_PROGRAM.replace("ASKED", asked).replace("FUNCTION", C_FUNCTIONS[robot]).replace("SAMPLES", rows)
         (folder / "count.c").write_text(text.replace("STEPS", str(COUNTED_STEPS)), encoding="utf-8")
         exact = [flag for flag in COMPILER_FLAGS if flag not in ("-fPIC", "-shared", "-lm")]
         sources = [str(law.path), "count.c", "m4.c"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -37,15 +36,4 @@ def elbow_law_of(process: ForeignProcess, worn: WornRobot, *, start_up: bool) ->
     """
     plain = commanded_law(ELBOW_LIMITS, worn.rig.period)
     watched = worn.watched(plain.using("interaction"), start_up=start_up)
-    last = float("inf")
-
-    def command(time: float, position: float, torque: float) -> float:
-        nonlocal last
-        if time < last:
-            process.reset()
-        last = time
-        if not math.isfinite(position):
-            return 0.0  # the supervisor stops a law without an encoder; nobody has to answer to it
-        return process.effort("elbow", time, position, torque)
-
-    return CommandedElbowLaw(watched.law, watched.supervision, command)
+    return CommandedElbowLaw(watched.law, watched.supervision, process.command_of("elbow"))

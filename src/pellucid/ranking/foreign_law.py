@@ -16,13 +16,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError
 from ..control.commanded import CommandedLaw, commanded_law
 from ..control.limits import Limits
+from ..control.supervised import SupervisedLaw
 from ..control.supervisor_faults import NO_FAULT
 from ..control.worn import watched_worn
 from ..lab.knee.machine import KneeMachine
@@ -88,16 +89,44 @@ class ForeignProcess:
         self._begin()
 
     def effort(self, robot: str, time: float, position: float, torque: float) -> float:
-        """Return the effort that the law asks for on a robot [N m]; NaN once it was stopped."""
+        """Return the effort that the law asks for on a robot of one joint [N m]; NaN once it was stopped."""
+        return self.efforts(robot, time, (position,), (torque,))[0]
+
+    def efforts(self, robot: str, time: float, position: Sequence[float], torque: Sequence[float]) -> tuple[float, ...]:
+        """Return the effort that the law asks for at each joint of a robot [N m]; NaN once it was stopped.
+
+        `time` [s]; `position` [rad] and `torque` [N m] have a number for each joint.
+        """
+        joints = foreign_worker.JOINT_COUNTS[robot]
         if self.fault != NO_FAULT:
-            return math.nan
+            return (math.nan,) * joints
+        unused = (0.0,) * (foreign_worker.MAX_JOINTS - joints)
+        number = float(foreign_worker.ROBOT_NAMES.index(robot))
         try:
-            command = self._ask(float(foreign_worker.ROBOT_NAMES.index(robot)), time, position, torque)
+            answered = self._ask(number, time, *position, *unused, *torque, *unused)[:joints]
         except _StoppedError as stopped:
             self.stop(stopped.why)
-            return math.nan
-        if not math.isfinite(command):
+            return (math.nan,) * joints
+        if not all(map(math.isfinite, answered)):
             self.stop("not_finite")
+        return answered
+
+    def command_of(self, robot: str) -> Callable[[float, float, float], float]:
+        """Return what gives the law's effort on a robot [N m] of time [s], angle [rad] and torque [N m].
+
+        The law is reset whenever time begins anew, and is not asked without an angle.
+        """
+        last = math.inf
+
+        def command(time: float, position: float, torque: float) -> float:
+            nonlocal last
+            if time < last:
+                self.reset()
+            last = time
+            if not math.isfinite(position):
+                return 0.0  # the supervisor stops a law without an encoder; nobody has to answer to it
+            return self.effort(robot, time, position, torque)
+
         return command
 
     def reset(self) -> None:
@@ -107,7 +136,7 @@ class ForeignProcess:
             self._begin()
             return
         try:
-            self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
+            self._reset()
         except _StoppedError as stopped:
             self.stop(stopped.why)
 
@@ -148,14 +177,17 @@ class ForeignProcess:
         os.close(outside)
         found = self._read(len(foreign_worker.ROBOT_NAMES), MAX_LOAD_S)
         self.robots = tuple(robot for robot, has in zip(foreign_worker.ROBOT_NAMES, found, strict=True) if has)
-        self._ask(foreign_worker.RESET_REQUEST, 0.0, 0.0, 0.0)
+        self._reset()
 
-    def _ask(self, kind: float, *sample: float) -> float:
+    def _reset(self) -> None:
+        self._ask(foreign_worker.RESET_REQUEST, *[0.0] * (1 + 2 * foreign_worker.MAX_JOINTS))
+
+    def _ask(self, kind: float, *sample: float) -> tuple[float, ...]:
         try:
             os.write(self._to, foreign_worker.REQUEST_FORMAT.pack(kind, *sample))
         except OSError:
             raise _StoppedError(self._why_ended()) from None
-        return foreign_worker.REPLY_FORMAT.unpack(self._read(foreign_worker.REPLY_FORMAT.size, MAX_STEP_S))[0]
+        return foreign_worker.REPLY_FORMAT.unpack(self._read(foreign_worker.REPLY_FORMAT.size, MAX_STEP_S))
 
     def _read(self, size: int, limit: float) -> bytes:
         poll = select.poll()
@@ -211,6 +243,27 @@ def stopped_words(fault: str) -> str:
     return STOPPED_WORDS.get(fault, f"the supervisor found: {fault.replace('_', ' ')}")
 
 
+def watched_command(rig: KneeMachine, limits: Limits | None = None) -> SupervisedLaw:
+    """Return a law of commanded effort at the knee under the supervisor that an exported law has there."""
+    return watched_worn(
+        commanded_law(limits or Limits(), rig.period), rig.instruments, actuator=identified_drive(rig)
+    )  # fmt: skip
+
+
+def identified_drive(rig: KneeMachine) -> dict[str, float]:
+    """Return what of the orthosis's drive the supervisor of a law without these numbers is told, SI."""
+    actuator = rig.constants.actuator
+    return {
+        "actuator_coulomb": max(actuator.coulomb_positive, actuator.coulomb_negative),
+        "actuator_inertia": actuator.inertia,
+    }
+
+
+def why_stopped(faults: Iterable[str]) -> tuple[str, ...]:
+    """Return in words, once each, why a law was stopped in trials that ended with these faults."""
+    return tuple(dict.fromkeys(stopped_words(fault) for fault in faults if fault != NO_FAULT))
+
+
 class ForeignController:
     """A foreign law as a controller of the knee orthosis, supervised as an exported law; `fault` says why it stopped.
 
@@ -226,13 +279,8 @@ class ForeignController:
     reads_motor_encoder = True
 
     def __init__(self, law: ForeignLaw, rig: KneeMachine, limits: Limits | None = None) -> None:
-        instruments, actuator = rig.instruments, rig.constants.actuator
-        drive = {
-            "actuator_coulomb": max(actuator.coulomb_positive, actuator.coulomb_negative),
-            "actuator_inertia": actuator.inertia,
-        }
-        plain = commanded_law(limits or Limits(), rig.period)
-        self._supervised = CommandedLaw(watched_worn(plain, instruments, actuator=drive))
+        instruments = rig.instruments
+        self._supervised = CommandedLaw(watched_command(rig, limits))
         self._drive_is_measured = instruments.drive
         self._process = ForeignProcess(law)
 

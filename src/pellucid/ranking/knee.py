@@ -19,6 +19,7 @@ from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
 from .foreign_law import ForeignControllers, ForeignLaw
+from .knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
 
@@ -44,7 +45,7 @@ def knee_pair(
     Foreign `laws` are tried on the same wearer with the same noise, each trial in a new process.
 
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
-    the time.
+    the time. Single faults are tried in swings.
     """
     identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
@@ -54,6 +55,7 @@ def knee_pair(
     built = {"no_control": BuiltController(lambda: None), **built}
     plain = without_control(rig, name) if sway else None
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
+    worn = knee_in_use(rig, WEARERS_PER_SEED * seed + index)
     made = []
     for kind in only:
         one, where = built[kind], without_power(rig) if kind == "no_control" else rig
@@ -62,6 +64,7 @@ def knee_pair(
         if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
             held = holds_margins(rig, name, one.build, plain)
         safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
+        safety["fault_energy"] = worst_knee_fault(worn, kind, one.build)
         for task in (SWING_TASK, WALKING_TASK):
             controller: Controller | None = one.build()
             subject = rig.subjects[name]
@@ -85,9 +88,10 @@ def knee_pair(
                 continue
             if plain is not None and first.fault == NO_FAULT:
                 held = holds_margins(rig, name, build, plain)
+        joules = worst_foreign_knee_fault(worn, law)
         for task in (SWING_TASK, WALKING_TASK):
             tried = _try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session)
-            made.append(replace(tried, holds=held))
+            made.append(replace(tried, holds=held, fault_energy=joules))
     return made
 
 

@@ -15,13 +15,15 @@ from .._given import require_folder
 from .._processes import ordered_results
 from ..assessment.friedman import friedman, nemenyi
 from ..studies.results import ResultRow, require_own_page, write_rows
+from .arm import arm_pair
 from .board import add_to_board
 from .elbow import elbow_pair
 from .foreign_cost import count_instructions
 from .foreign_law import ForeignLaw
 from .index_section import compare_indices, index_rows
 from .knee import knee_pair
-from .strategies import CONTROLLER_FIELDS, POINTING_TASK, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
+from .law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
+from .strategies import CONTROLLER_FIELDS, SIMPLE_RIVALS, SWING_TASK, strategies_of_task
 from .task_ranking import SIGNIFICANCE_LEVEL, TaskRanking
 from .tried import ControllerTrial
 
@@ -59,22 +61,23 @@ def rank(
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> ControllerRanking:
-    """Rank every controller on the elbow and on the knee, and write the page.
+    """Rank every controller on the elbow, on the knee and on an arm of four joints, and write the page.
 
     Parameters
     ----------
     out : path-like
         Folder, which is created if it does not exist.
     pairs : int
-        Number of pairs of a drawn person and a drawn robot, for each joint.
+        Number of pairs of a drawn person and a drawn robot, for each robot.
     seed : int, optional
         Seed of people, robots and noise, from 1. None draws one after the laws were read, so that nobody can have tuned
         a law on these people; it is told on the page.
     laws : sequence of path-like
         Files with laws of your own: a Python class ``Law`` with ``reset()``, with ``step(time, position, torque)`` for
-        the knee orthosis and ``elbow_step`` of the same for the elbow robot, or with one of them; or a C file or shared
-        library with ``law_reset``, ``law_step`` and ``elbow_step``. Each runs in a process of
-        its own with limited time and memory; it is a stranger's code nevertheless, and no sandbox holds it.
+        the knee orthosis, ``elbow_step`` of the same for the elbow robot and ``arm_step`` of lists for the arm of four
+        joints, or with some of them; or a C file or shared library with ``law_reset``, ``law_step``, ``elbow_step`` and
+        ``arm_step``. Each runs in a process of its own with limited time and memory; it is a stranger's code
+        nevertheless, and no sandbox holds it.
     workers : int, optional
         Number of processes; by default one per processor.
     on_progress : callable, optional
@@ -112,6 +115,7 @@ def rank(
     sways = [i < SWAY_TESTED_COUNT and pairs > SWAY_TESTED_COUNT for i in range(pairs)]
     jobs: list[tuple] = [(knee_pair, i, seed, sways[i], knee, read) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed, read) for i in range(pairs)]
+    jobs += [(arm_pair, i, seed, None, read) for i in range(pairs)]
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
     )
@@ -128,9 +132,9 @@ def rank(
 def _with_cost(tried: Sequence[ControllerTrial], laws: Sequence[ForeignLaw]) -> list[ControllerTrial]:
     """Return the trials with the instructions of foreign laws in C on a Cortex-M4F, where they can be counted."""
     names = {law.name: law for law in laws}
-    asked = dict.fromkeys((one.controller, one.task == POINTING_TASK) for one in tried if one.controller in names)
-    counted = {key: count_instructions(names[key[0]], "elbow" if key[1] else "knee") for key in asked}
-    return [replace(one, instructions=counted.get((one.controller, one.task == POINTING_TASK))) for one in tried]
+    asked = dict.fromkeys((one.controller, CONTROLLER_FIELDS[one.task]) for one in tried if one.controller in names)
+    counted = {(name, robot): count_instructions(names[name], robot) for name, robot in asked}
+    return [replace(one, instructions=counted.get((one.controller, CONTROLLER_FIELDS[one.task]))) for one in tried]
 
 
 def rank_task(task: str, tried: Sequence[ControllerTrial]) -> TaskRanking:
@@ -173,6 +177,10 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
             values = [v for one in ranking.tried[name] if (v := getattr(one, quantity)) is not None]
             if values and np.all(np.isfinite(values)):
                 figures[quantity] = (float(PAIR_SUMMARIES.get(quantity, np.median)(values)), unit, "")
+        certified = certify_controller(ranking.tried[name])
+        if certified is not None:
+            told = certificate_note(certified, len(ranking.tried[name]))
+            figures["certificate"] = (CERTIFICATE_VALUES[certified.verdict], "1", told)
         made += [
             ResultRow(f"ranking.{head}.{name}.{quantity}", float(value), unit, COMMAND_NAME, "simulated", note=note)
             for quantity, (value, unit, note) in figures.items()
@@ -181,7 +189,7 @@ def rows_of(ranking: TaskRanking) -> list[ResultRow]:
 
 
 FIGURE_UNITS: Mapping[str, str] = {
-    "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "emg": "percent",
+    "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "deviation": "rad", "emg": "percent",
     "fault_energy": "J", "cost": "s", "instructions": "1", "gain": "dB", "delay": "s", "holds": "1",
 }  # fmt: skip
 """Unit of each attribute of `ControllerTrial` that is written beside the torque."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..assessment.mean_test import MIN_PEOPLE
 from ..control.supervisor_faults import NO_FAULT
 from ..drawing.drawing import draw
 from ..pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
@@ -15,6 +16,7 @@ from ..pages.tables import Row, Table, number_table
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
 from .index_section import index_section
+from .law_certificate import certificate_words
 from .ranking_figures import Line, ranked_torque
 from .strategies import (
     CONTROLLER_FIELDS,
@@ -112,8 +114,9 @@ def _strategy_section(tasks: Sequence[TaskRanking]) -> Section:
         rows.append(Row((one.name, one.reviewed or EMPTY_CELL, *cells)))
     heads = ("strategy", "reviewed for", *(task.task for task in tasks))
     caption = (
-        "The name that --controller takes, the place by mean rank of the interaction torque, and its median over pairs "
-        "as a share of the robot's without power. A dash: no such controller at that joint."
+        "The name that --controller takes (an arm's fc is called full there, and force_sensors is not exported), the "
+        "place by mean rank of the interaction torque, and its median over pairs as a share of the robot's without "
+        "power. A dash: no such controller of that robot."
     )
     table = Table(heads, tuple(rows), caption=caption, wide=True)
     return Section("strategies", "By strategy", (), (table,))
@@ -150,7 +153,7 @@ def _task_section(task: TaskRanking) -> Section:
     )
     drawing = draw(
         ranked_torque, lines, f"ranked_{anchor}",
-        caption="A dot for each pair, a bar their median; the simplest rivals in the darker colour. Logarithmic.",
+        caption="A dot for each pair, a bar their median; the simplest rivals without a hue. Logarithmic.",
     )  # fmt: skip
     ranked, more = _tables(task)
     return Section(
@@ -161,11 +164,11 @@ def _task_section(task: TaskRanking) -> Section:
 
 def _tables(task: TaskRanking) -> tuple[Table, Table]:
     """Return the table of ranks and torques, and that of everything else."""
-    elbow = CONTROLLER_FIELDS[task.task] == "elbow"
+    columns, words_of_columns = ROBOT_COLUMNS[CONTROLLER_FIELDS[task.task]]
     low, middle, high = task.spread(task.torque)
     rivals = SIMPLE_RIVALS[task.task]
     over = [np.median(task.over(rival), axis=0) for rival in rivals]
-    own = ELBOW_COLUMNS if elbow else KNEE_COLUMNS
+    own = [(head, cell) for head, cell in columns if any(cell(tried) != EMPTY_CELL for tried in task.tried.values())]
     rows, more = [], []
     for i, name in enumerate(task.controllers):
         tried = task.tried[name]
@@ -178,7 +181,7 @@ def _tables(task: TaskRanking) -> tuple[Table, Table]:
     heads = ("controller", "strategy", "senses", "mean rank", "torque (N·m)",
              *(f"over {option_name(rival)}" for rival in rivals))  # fmt: skip
     caption = "Medians over pairs; of the torque also what 80 % of pairs are within. * told from the first."
-    further = "Energy a second, given to the person and taken. " + (ELBOW_CAPTION if elbow else KNEE_CAPTION)
+    further = "Energy a second, given to the person and taken. " + words_of_columns
     return (
         number_table(heads, rows, caption, words=3),
         number_table(("controller", *(head for head, _ in own)), more, further, words=1),
@@ -271,20 +274,27 @@ def _faults(tried: Sequence[ControllerTrial]) -> str:
 ENERGY_COLUMNS = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
 """Heads and cells of the columns on power, for every task."""
 
+COST_COLUMN = ("M4F instructions", _median("instructions", ".0f"))
+"""Head and cells of the column on what a step of a foreign law in C costs on a Cortex-M4F."""
+
 ELBOW_COLUMNS = (
     *ENERGY_COLUMNS,
     ("duration (%)", _median("duration", "+.0f")),
     ("peak velocity (%)", _median("peak_velocity", "+.0f")),
     ("EMG/Acc (%)", _median("emg", "+.0f")),
+    ("certificate", certificate_words),
     ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
     ("step (ns)", _median("cost", ".0f", 1e9)),
+    COST_COLUMN,
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the elbow."""
 
 ELBOW_CAPTION = (
     "Duration, peak velocity and EMG over acceleration: change from no robot. Worst fault: the most energy that any "
-    "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here."
+    "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here. "
+    "Certificate: whether mean duration and mean peak velocity of people are shown to lie within 10 % of those without "
+    f"a robot; it takes {MIN_PEOPLE} people (--pairs {MIN_PEOPLE})."
 )
 """Caption of the elbow's table."""
 
@@ -293,15 +303,40 @@ KNEE_COLUMNS = (
     ("gain margin (dB)", _extreme("gain", ".1f", min)),
     ("delay margin (ms)", _extreme("delay", ".0f", min, 1e3)),
     ("no sway", _holds),
+    ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    COST_COLUMN,
     ("gates shut", _faults),
 )
 """Heads and cells of all columns beside the torque, for the knee."""
 
 KNEE_CAPTION = (
     "Margins: smallest over pairs, of the linear loop with the strap 30 % off. No sway: without a linear form, whether "
-    "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more."
+    "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more. "
+    "Worst fault: the most energy that any single fault which a sensor can show gives the person in swings until the "
+    "robot is safe, over all pairs, behind the supervisor that an export has."
 )
 """Caption of the knee's tables."""
+
+ARM_COLUMNS = (
+    *ENERGY_COLUMNS,
+    ("off the motion (mrad)", _median("deviation", ".0f", 1e3)),
+    ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    COST_COLUMN,
+    ("gates shut", _faults),
+)
+"""Heads and cells of all columns beside the torque, for the arm."""
+
+ARM_CAPTION = (
+    "Torque: over the joints of the person. Off the motion: how far the joints are from where the person means them to "
+    "be. Worst fault: as at the elbow, with two encoders and a measured drive at each joint; faults take the joints in "
+    "turn."
+)
+"""Caption of the arm's table."""
+
+ROBOT_COLUMNS = {
+    "elbow": (ELBOW_COLUMNS, ELBOW_CAPTION), "knee": (KNEE_COLUMNS, KNEE_CAPTION), "arm": (ARM_COLUMNS, ARM_CAPTION)
+}  # fmt: skip
+"""Columns and caption of the second table of each robot."""
 
 
 def _method_section() -> Section:

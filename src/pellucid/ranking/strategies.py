@@ -14,6 +14,8 @@ class Strategy:
     elbow: str | None  # controller at the elbow; None if there is none
     knee: str | None  # controller at the knee; None if there is none
     senses: tuple[str, str]  # sensors that it reads, at the elbow and at the knee
+    arm: str | None = None  # controller at the arm of four joints; None if there is none
+    arm_senses: str = ""  # sensors that it reads there
 
 
 WITH_ENCODER = "encoder"
@@ -29,12 +31,22 @@ EMG_SUFFIX = ", EMG"
 """Text that is appended for a strategy that also reads EMG."""
 
 RANKED_STRATEGIES: tuple[Strategy, ...] = (
-    Strategy("no power", "", "unpowered", "no_control", ("nothing", "nothing")),
+    Strategy("no power", "", "unpowered", "no_control", ("nothing", "nothing"), "unpowered", "nothing"),
     Strategy("torque loop alone (zero impedance)", "knee", "zero_impedance", "zero_impedance", (WITH_FORCE, "spring")),
     Strategy("position control (CLPC)", "elbow", "clpc", None, (WITH_ENCODER, "")),
     Strategy("model by direction, no friction (PCFr)", "elbow", "pcfr", None, (WITH_ENCODER, "")),
     Strategy("model by direction, friction (FC)", "elbow", "fc", None, (WITH_ENCODER, "")),
-    Strategy("model of one body", "elbow, knee", "transparent", "body", (WITH_ENCODER, WITH_ENCODER)),
+    Strategy("model of all bodies, friction (FC)", "", None, None, ("", ""), "fc", WITH_ENCODER),
+    Strategy("model of all bodies, four fifths of friction", "", None, None, ("", ""), "carried", WITH_ENCODER),
+    Strategy(
+        "model of one body, or of all",
+        "elbow, knee",
+        "transparent",
+        "body",
+        (WITH_ENCODER, WITH_ENCODER),
+        "transparent",
+        WITH_ENCODER,
+    ),
     Strategy("model, kept from sticking by dither", "", "dithered", None, (WITH_ENCODER, "")),
     Strategy("model led by EMG", "elbow, knee", "emg", None, (WITH_ENCODER + EMG_SUFFIX, "")),
     Strategy(
@@ -49,7 +61,13 @@ RANKED_STRATEGIES: tuple[Strategy, ...] = (
     Strategy("disturbance observer", "", "disturbance_observer", "disturbance_observer", (WITH_FORCE, WITH_SPRING)),
     Strategy("PID on the strap's torque", "", None, "pid", ("", WITH_SPRING + EMG_SUFFIX)),
     Strategy(
-        "model, strap's torque driven to zero", "elbow", "force_sensor", "residual_no_emg", (WITH_FORCE, WITH_SPRING)
+        "model, strap's torque driven to zero",
+        "elbow",
+        "force_sensor",
+        "residual_no_emg",
+        (WITH_FORCE, WITH_SPRING),
+        "force_sensors",
+        WITH_FORCE,
     ),
     Strategy(
         "model led by EMG, torque to zero",
@@ -72,13 +90,19 @@ SWING_TASK = "knee swings"
 WALKING_TASK = "knee walking"
 """Task of walking with the knee orthosis."""
 
-CONTROLLER_FIELDS: dict[str, str] = {POINTING_TASK: "elbow", SWING_TASK: "knee", WALKING_TASK: "knee"}
+REACHING_TASK = "arm reaching"
+"""Task of reaching with an arm of four joints."""
+
+CONTROLLER_FIELDS: dict[str, str] = {
+    POINTING_TASK: "elbow", SWING_TASK: "knee", WALKING_TASK: "knee", REACHING_TASK: "arm"
+}  # fmt: skip
 """Tasks in the order of the page, each with the attribute of `Strategy` that holds its controller."""
 
 SIMPLE_RIVALS: dict[str, tuple[str, ...]] = {
     POINTING_TASK: ("unpowered", "fc", "pcfr"),
     SWING_TASK: ("no_control", "zero_impedance"),
     WALKING_TASK: ("no_control", "zero_impedance"),
+    REACHING_TASK: ("unpowered", "fc"),
 }
 """Simplest rivals of each task. Every controller's torque is also given relative to theirs."""
 
@@ -96,6 +120,8 @@ def controller_words(task: str, controller: str) -> str:
 
 def sensors_read(task: str, controller: str) -> str:
     """Return the sensors that a controller reads in a task."""
-    if controller not in strategies_of_task(task):
-        return WITH_SPRING
-    return strategies_of_task(task)[controller].senses[0 if CONTROLLER_FIELDS[task] == "elbow" else 1]
+    robot, known = CONTROLLER_FIELDS[task], strategies_of_task(task)
+    if controller not in known:
+        return WITH_SPRING if robot == "knee" else WITH_FORCE
+    one = known[controller]
+    return one.arm_senses if robot == "arm" else one.senses[0 if robot == "elbow" else 1]

@@ -20,6 +20,7 @@ class ControllerTrial:
     taken: float  # energy that the robot took from the person, per second of the task [W]
     duration: float | None = None  # change of a movement's duration against no robot [%]
     peak_velocity: float | None = None  # change of a movement's peak velocity against no robot [%]
+    deviation: float | None = None  # RMS of how far the person's joints are from the intended motion [rad]
     emg: float | None = None  # change of EMG over acceleration against no robot [%]
     fault_energy: float | None = None  # largest energy given by a single detectable fault until the robot is safe [J]
     cost: float | None = None  # median time of a step on this machine [s]

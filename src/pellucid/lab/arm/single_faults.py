@@ -178,6 +178,8 @@ class FaultyLaw(CardLaw):
         Which of both force sensors have a fault of force sensors: 0 the cuff's, 1 the handle's.
     """
 
+    running: _core.SupervisedTreeLaw
+
     def __init__(
         self,
         law: TreeLaw,
@@ -240,9 +242,7 @@ class FaultyLaw(CardLaw):
             lies = np.isin([0, 1], self.lying)[:, None]
             read = told._replace(wrench=np.where(lies, told.wrench, read.wrench))
         felt, handle = self.forces(read)
-        asked = self.running.step(
-            read.time, read.position, interaction=felt, wrench=handle, drive=self.measured, joint=self.second
-        )
+        asked = self.ask(read, felt, handle)
         if self.said == NO_FAULT and self.running.fault != NO_FAULT:
             self.found, self.said = time, self.running.fault
         given, said = asked.copy(), asked.copy()
@@ -255,6 +255,12 @@ class FaultyLaw(CardLaw):
             given[self.joint], said[self.joint] = DRIVE_FAULTS[self.fault](wanted[self.joint], self.asked[self.joint])
         self.measured = self.read(said)
         return given
+
+    def ask(self, read: LawInput, felt: np.ndarray | None, handle: np.ndarray | None) -> np.ndarray:
+        """Return the torque that the supervised law asks of each drive, (4,) [N m], with what it is given of forces."""
+        return self.running.step(
+            read.time, read.position, interaction=felt, wrench=handle, drive=self.measured, joint=self.second
+        )
 
     def forces(self, read: LawInput) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Return what the law is given of force sensors: at joints, shape (4,) [N m], and on the link of the handle."""

@@ -74,6 +74,9 @@ class FaultKind:
 FAULT_KINDS: tuple[FaultKind, ...] = tuple(FaultKind(**kind) for kind in _core.single_faults())
 """Every single fault, in the core's order."""
 
+DETECTABLE_FAULTS = frozenset(kind.name for kind in FAULT_KINDS if not kind.hidden)
+"""Names of the faults that some sensor of a robot can show."""
+
 
 @dataclass(frozen=True)
 class FaultTrial:

@@ -7,7 +7,7 @@ and uses no model of the wearer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -60,15 +60,46 @@ POWER_OFF_PERIODS = 3
 """Number of control periods after which the power stage must have obeyed a command to switch off."""
 
 
-@dataclass(frozen=True)
-class WornKnee:
-    """A wearer in the orthosis, and the controller that was designed for them."""
+LawCommand = Callable[[float, float, float], float]
+"""Function that gives an effort [N m] at a time [s] and an angle [rad], with the spring's torque [N m].
 
-    rig: KneeRig
-    known: ResidualDesign  # controller, designed from imperfectly identified parameters
+An input is NaN where its sensor says nothing. Time that goes back to 0 begins anew."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KneeInUse:
+    """A wearer in the orthosis, who swings the shank under any law."""
+
+    rig: KneeRig  # a rig with a single wearer
     emg_gain: float  # torque estimated from EMG over the true torque of the muscles [1]
     seed: int
     reading: DriveReading = EXACT_READING  # measurement of the spring's torque for the supervisor
+
+    def wear(
+        self, law: SupervisedLaw, periods: int, command: LawCommand | None = None
+    ) -> tuple[_core.WornOrthosis, Acting]:
+        """Return the orthosis under a `law` and the wearer at rest, before `periods` control periods of swinging.
+
+        `command` gives the effort of a `commanded_law`.
+        """
+        rig = self.rig
+        (subject,) = rig.subjects.values()
+        position, loop = rig["swing"]["centre"], rig["torque_loop"]
+        plant = _core.WornOrthosis(
+            rig.plant(subject), period=rig.period, substeps=loop["substeps"], delay=loop["delay"],
+            torque_span=loop["torque_span"], position0=position, law=law.kind, law_parameters=law.parameters,
+            supervisor=law.supervisor, drive_reading=self.reading.numbers, command=command,
+        )  # fmt: skip
+        load = -rig.orthosis_load(position)
+        acting = Acting(rig, swinging(subject), periods, position, load, np.random.default_rng([self.seed, 1]))
+        return plant, acting
+
+
+@dataclass(frozen=True, kw_only=True)
+class WornKnee(KneeInUse):
+    """A wearer in the orthosis, and the controller that was designed for them."""
+
+    known: ResidualDesign  # controller, designed from imperfectly identified parameters
 
     def law(self) -> SupervisedLaw:
         """Return the controller under its supervisor."""
@@ -76,17 +107,7 @@ class WornKnee:
 
     def start(self, periods: int) -> tuple[_core.WornOrthosis, Acting]:
         """Return the orthosis and the wearer at rest, before `periods` control periods of swinging."""
-        rig, law = self.rig, self.law()
-        (subject,) = rig.subjects.values()
-        position, loop = rig["swing"]["centre"], rig["torque_loop"]
-        plant = _core.WornOrthosis(
-            rig.plant(subject), period=rig.period, substeps=loop["substeps"], delay=loop["delay"],
-            torque_span=loop["torque_span"], position0=position, law=law.kind, law_parameters=law.parameters,
-            supervisor=law.supervisor, drive_reading=self.reading.numbers,
-        )  # fmt: skip
-        load = -rig.orthosis_load(position)
-        acting = Acting(rig, swinging(subject), periods, position, load, np.random.default_rng([self.seed, 1]))
-        return plant, acting
+        return self.wear(self.law(), periods)
 
 
 def draw_worn_knee(seed: int) -> WornKnee:
@@ -113,17 +134,17 @@ def draw_worn_knee(seed: int) -> WornKnee:
     # The design must be stable on straps that are stiffer, softer, or damped otherwise by 30 %.
     other_straps = [known.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
     controller = within(design(known, rig.period), [known, *other_straps], **MARGINS)
-    return WornKnee(rig, controller, error["emg"], seed)
+    return WornKnee(rig=rig, known=controller, emg_gain=error["emg"], seed=seed)
 
 
 def _simulate_periods(
-    worn: WornKnee, name: str, plant: _core.WornOrthosis, acting: Acting, first: int, periods: int
+    worn: KneeInUse, listens: bool, plant: _core.WornOrthosis, acting: Acting, first: int, periods: int
 ) -> Iterator[tuple[float, float, float, float]]:
-    """Simulate `periods` control periods from period `first` on, under the law of a name.
+    """Simulate `periods` control periods from period `first` on, under a law that `listens` to EMG or does not.
 
     Each yields the power on the limb [W], the torques of strap and spring [N m], and the orthosis's velocity [rad/s].
     """
-    emg_gain = worn.emg_gain if LAWS[name] else float("nan")
+    emg_gain = worn.emg_gain if listens else float("nan")
     noise = worn.reading.draw_noise(worn.seed)
     position, velocity, strap, spring, orthosis_velocity = plant.step(0.0, float("nan")) if first == 0 else acting.last
     for k in range(first, first + periods):
@@ -148,18 +169,18 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
     All faults of a law begin in the same period of the same healthy simulation.
     """
     trials, healthy, period = [], [], worn.rig.period
-    for name in LAWS:
+    for name, listens in LAWS.items():
         rng = np.random.default_rng([worn.seed, 3, len(name)])
         onset, watched = round(rng.uniform(*ONSET_RANGE_S) / period), round(MAX_WATCH_S / period)
         last = max(round(3600.0 * hours / len(LAWS) / period), onset + watched)
         plant, acting = worn.start(last + 1)
         periods_before_alarm, work = 0, 0.0
-        for _ in _simulate_periods(worn, name, plant, acting, 0, onset):
+        for _ in _simulate_periods(worn, listens, plant, acting, 0, onset):
             periods_before_alarm += plant.fault == NO_FAULT
         at_onset = plant.copy(), _copy_wearer(acting)
         early = plant.fault != NO_FAULT
         healthy_work = np.zeros(watched)
-        for k, (power, *_) in enumerate(_simulate_periods(worn, name, plant, acting, onset, last - onset)):
+        for k, (power, *_) in enumerate(_simulate_periods(worn, listens, plant, acting, onset, last - onset)):
             work += period * max(power, 0.0)
             periods_before_alarm += plant.fault == NO_FAULT
             if k < watched:
@@ -169,21 +190,65 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
         duration = period * max(periods_before_alarm, 1)
         healthy.append(HealthyLife(name, worn.seed, duration / 3600.0, plant.fault, work / duration, {}))
         for kind in KINDS:
-            if kind.needs == "muscle" and not LAWS[name]:
+            if kind.needs == "muscle" and not listens:
                 continue
             plant, acting = at_onset[0].copy(), _copy_wearer(at_onset[1])
             plant.begin(kind.name, int(rng.integers(1, 2**60)))
-            trials.append(_try_fault(worn, name, kind.name, plant, acting, onset, healthy_work, early))
+            trials.append(_try_fault(worn, name, listens, kind.name, plant, acting, onset, healthy_work, early))
     return FaultTable(tuple(trials), tuple(healthy))
 
 
-def _try_fault(worn, name, kind, plant, acting, onset, healthy_work, early) -> FaultTrial:
+def try_worn_law(
+    worn: KneeInUse, name: str, law: SupervisedLaw, *, listens: bool = False, command: LawCommand | None = None
+) -> Iterator[FaultTrial]:
+    """Try every fault that one supervised law can have on a wearer, each begun and drawn alike under every law.
+
+    Parameters
+    ----------
+    worn : KneeInUse
+    name : str
+        Name of the law in the trials.
+    law : SupervisedLaw
+        Law of the core that reads encoder, spring and EMG.
+    listens : bool
+        Whether it reads EMG, whose faults are then tried.
+    command : callable, optional
+        What gives the effort of a `commanded_law`. It is run from the start again for every fault, since what it
+        remembers cannot be copied.
+    """
+    period = worn.rig.period
+    rng = np.random.default_rng([worn.seed, 5])
+    onset, watched = round(rng.uniform(*ONSET_RANGE_S) / period), round(MAX_WATCH_S / period)
+
+    def at_onset() -> tuple[_core.WornOrthosis, Acting]:
+        plant, acting = worn.wear(law, onset + watched + 1, command)
+        for _ in _simulate_periods(worn, listens, plant, acting, 0, onset):
+            pass
+        return plant, acting
+
+    plant, acting = at_onset()
+    kept, early = (plant.copy(), _copy_wearer(acting)), plant.fault != NO_FAULT
+    power = [power for power, *_ in _simulate_periods(worn, listens, plant, acting, onset, watched)]
+    healthy_work = period * np.cumsum(np.maximum(power, 0.0))
+    for kind in KINDS:
+        drawn = int(rng.integers(1, 2**60))
+        if kind.needs == "muscle" and not listens:
+            continue
+        plant, acting = (kept[0].copy(), _copy_wearer(kept[1])) if command is None else at_onset()
+        plant.begin(kind.name, drawn)
+        yield _try_fault(worn, name, listens, kind.name, plant, acting, onset, healthy_work, early)
+
+
+def _try_fault(
+    worn: KneeInUse, name: str, listens: bool, kind: str, plant: _core.WornOrthosis, acting: Acting, onset: int,
+    healthy_work: np.ndarray, early: bool,
+) -> FaultTrial:  # fmt: skip
     """Simulate a fault from its onset until the output is safe; `healthy_work` is that of the run without it [J]."""
     period, work, excess, peak, impulse = worn.rig.period, 0.0, 0.0, 0.0, 0.0
     found = safe = float("nan")
     fault, onset_speed = NO_FAULT, 0.0
     for k, (power, strap, spring, velocity) in enumerate(
-        _simulate_periods(worn, name, plant, acting, onset, len(healthy_work))
+        _simulate_periods(worn, listens, plant, acting, onset, len(healthy_work))
     ):
         work += period * max(power, 0.0)
         excess = max(excess, work - healthy_work[k])

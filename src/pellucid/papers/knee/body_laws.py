@@ -33,6 +33,7 @@ class BodyLaw:
     """A law of the core that reads the encoder alone, called as the orthosis calls its controllers."""
 
     def __init__(self, law: ControlLaw):
+        self.law = law
         self._running = law.start()
 
     @property

@@ -1,0 +1,51 @@
+"""The certificate of one controller: do drawn people move with it as they do without a robot?
+
+What `pellucid assess` says of a study's participants is said here of the drawn people of a ranking, each with a robot
+of their own. Nobody stated the margins for a study; they are those of the virtual rigs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..assessment.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
+from ..assessment.equivalence import Margin
+from ..assessment.mean_test import MIN_PEOPLE
+from .tried import ControllerTrial
+
+LAW_MARGINS = {"duration": Margin.of_ratio(0.10), "peak_velocity": Margin.of_ratio(0.10)}
+"""Margin of each attribute of `ControllerTrial` that a certificate tests, as a ratio to movements without a robot.
+
+The same person's durations differ by 7 % from movement to movement."""
+
+CERTIFICATE_VALUES = {PASS: 1.0, CANNOT_SAY: 0.5, FAIL: 0.0}
+"""Value in results.json of each verdict."""
+
+
+def certify_controller(tried: Sequence[ControllerTrial]) -> Certificate | None:
+    """Return the certificate of a controller from its trials on several people, the mean being tested.
+
+    None where the changes are not known of everybody: a task without them, or a person who never arrived.
+    """
+    seen = {name: [getattr(one, name) for one in tried] for name in LAW_MARGINS}
+    if not all(value is not None and np.isfinite(value) for values in seen.values() for value in values):
+        return None
+    changes = {name: np.log1p(np.array(values, float) / 100.0) for name, values in seen.items()}
+    return certificate(changes, LAW_MARGINS)
+
+
+def certificate_note(found: Certificate, people: int) -> str:
+    """Return what a certificate says of each end point of a number of `people`."""
+    changes = (f"{name} {100.0 * np.expm1(one.estimate):+.1f} %" for name, one in found.end_points.items())
+    return f"{found.verdict}; means of {people} people: {', '.join(changes)}; margins 10 %"
+
+
+def certificate_words(tried: Sequence[ControllerTrial]) -> str:
+    """Return a certificate's verdict in words, and why it cannot say anything where people are too few."""
+    found = certify_controller(tried)
+    if found is None:
+        return CANNOT_SAY
+    few = found.verdict == CANNOT_SAY and len(tried) < MIN_PEOPLE
+    return f"{found.verdict}: {len(tried)} of {MIN_PEOPLE} people" if few else found.verdict
