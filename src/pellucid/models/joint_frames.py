@@ -35,7 +35,7 @@ class JointFrame:
     place: Vector  # [m]
     turned: Vector  # roll, pitch and yaw [rad]
     axis: Vector  # in the joint's frame, of length 1
-    body: Pose = IDENTITY_POSE  # of the frame in which the body is stated, in the joint's frame
+    body: Pose = IDENTITY_POSE  # frame in which the body is stated, in the joint's frame
 
 
 @dataclass(frozen=True)

@@ -203,7 +203,7 @@ def make_estimate(
             model.names, found.values, found.jacobian, found.residual, states, statistical
         )
         drift = find_parameter_drift(model.names, found, data, level)
-        between = find_recording_drift(model.names, found, data, discrepancy.covariance, level)
+        between = find_recording_drift(model.names, found, data, neglected=discrepancy.covariance, level=level)
         if drift is not None and drift.is_told.any():
             discrepancy = add_drift(discrepancy, drift.covariance)
         if between is not None and between.is_told.any():

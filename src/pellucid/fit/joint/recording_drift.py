@@ -50,7 +50,7 @@ class RecordingDrift:
 
 
 def find_recording_drift(
-    names: Sequence[str], found: Solution, data: Stack[Motion], neglected: np.ndarray, level: float = 0.95
+    names: Sequence[str], found: Solution, data: Stack[Motion], *, neglected: np.ndarray, level: float = 0.95
 ) -> RecordingDrift | None:
     """Return the parameters by recording of the solution `found` on `data`.
 

@@ -28,7 +28,7 @@ from .tree_table import TreeTable
 BASE_LINK_NAME = "base"
 """Name of the fixed base link if no file names it."""
 
-ZERO: Vector = (0.0, 0.0, 0.0)
+ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
 """No way, or no turn."""
 
 
@@ -122,7 +122,7 @@ def _frames_of(joints: dict[str, RigJoint], convention: str | None) -> dict[str,
                 before = None if carrier == BASE_LINK_NAME else joints[carrier].through
                 made[name] = frame_of_screw(joint.axis, joint.through, before)
             else:
-                made[name] = JointFrame(joint.place or ZERO, joint.turned or ZERO, joint.axis or ZERO)
+                made[name] = JointFrame(joint.place or ZERO_VECTOR, joint.turned or ZERO_VECTOR, joint.axis or ZERO_VECTOR)
         return made[name]
 
     return {name: frame(name) for name in joints}
