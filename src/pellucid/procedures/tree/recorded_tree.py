@@ -122,7 +122,9 @@ def _frames_of(joints: dict[str, RigJoint], convention: str | None) -> dict[str,
                 before = None if carrier == BASE_LINK_NAME else joints[carrier].through
                 made[name] = frame_of_screw(joint.axis, joint.through, before)
             else:
-                made[name] = JointFrame(joint.place or ZERO_VECTOR, joint.turned or ZERO_VECTOR, joint.axis or ZERO_VECTOR)
+                made[name] = JointFrame(
+                    joint.place or ZERO_VECTOR, joint.turned or ZERO_VECTOR, joint.axis or ZERO_VECTOR
+                )
         return made[name]
 
     return {name: frame(name) for name in joints}
