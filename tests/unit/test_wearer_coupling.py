@@ -7,7 +7,6 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.strap.strap_decision import decide_strap
 from pellucid.fit.strap.strap_model import CORE_NAMES
 from pellucid.fit.strap.strap_slip import find_slip
 from pellucid.fit.strap.wearer_coupling import coupling_verdicts, identify_wearer
@@ -126,7 +125,7 @@ def test_verdicts_on_one_strap_never_contradict_each_other(found, holds, rejecte
     limb = replace(other, stiffness=replace(fit.stiffness, value=limb_factor * fit.stiffness.value))
     strap = replace(found.strap, holds=holds)
     changed = replace(found, orthosis_side=replace(fit, stiffness=stiffness), limb_side=limb, strap=strap)
-    said, decision = coupling_verdicts(changed), decide_strap(changed)
+    said, decision = coupling_verdicts(changed), changed.decision
     no_model = any("no model of the strap holds" in v.text for v in said)
     stopped = any("is rejected" in v.text for v in said)
     praised = [v.text for v in said if v.kind == "good"]

@@ -7,14 +7,12 @@ parameters is rejected; two estimates are said to agree only beside the numbers 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..parameter import Parameter
-
-if TYPE_CHECKING:
-    from .wearer_coupling import WearerCoupling
+from .coupled_impedance import CouplingFit
+from .identified_strap import IdentifiedStrap
 
 MIN_CEILING_SHARE = 0.8
 """A strap predicts well if it reaches this share of the fit that the IMU's error allows."""
@@ -36,18 +34,21 @@ class StrapDecision:
         return self.holds and not self.rejected and self.predicts
 
 
-def decide_strap(found: WearerCoupling) -> StrapDecision:
-    """Decide what is held of a strap."""
-    fit, other = found.orthosis_side, found.limb_side
-    ceiling = found.mean_ceiling()
-    reached = found.mean_fit()
+def decide_strap(
+    fit: CouplingFit, other: CouplingFit | None, strap: IdentifiedStrap | None, *, reached: float, ceiling: float
+) -> StrapDecision:
+    """Decide what is held of a strap.
+
+    `fit` and `other` are the spring and damper by the orthosis's and by the limb's balance. Of the mismatch in swings
+    that were not fitted, `reached` is explained, and the IMU's error allows `ceiling` [%]; NaN where that is unknown.
+    """
     low, high = fit.inertia.interval()
     agree = None
     if other is not None:
         apart = abs(other.stiffness.value - fit.stiffness.value)
         agree = bool(apart <= 1.96 * np.hypot(other.stiffness.standard_error, fit.stiffness.standard_error))
     return StrapDecision(
-        holds=found.strap is None or found.strap.fits,
+        holds=strap is None or strap.fits,
         rejected=tuple(p for p in (fit.stiffness, fit.damping) if p.at_bound),
         predicts=bool(reached > MIN_CEILING_SHARE * (ceiling if np.isfinite(ceiling) else 100.0)),
         has_inertia=not low <= 0.0 <= high,

@@ -106,6 +106,12 @@ class WearerCoupling:
         of = self.orthosis_side
         return KELVIN_VOIGT.core({"stiffness": of.stiffness.value, "damping": of.damping.value})
 
+    @property
+    def decision(self) -> StrapDecision:
+        """What is held of the strap, which every verdict reads."""
+        reached, ceiling = self.mean_fit(), self.mean_ceiling()
+        return decide_strap(self.orthosis_side, self.limb_side, self.strap, reached=reached, ceiling=ceiling)
+
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Return the mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
         found = [j.fit[model] for j in self.evaluated if j.split == split and model in j.fit]
@@ -174,7 +180,7 @@ def identify_wearer(
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
     """Return the verdicts on one wearer's coupling; `no_limb` says why there is no estimate by the limb's balance."""
-    who, fit, decision = found.participant, found.orthosis_side, decide_strap(found)
+    who, fit, decision = found.participant, found.orthosis_side, found.decision
     said = [
         Verdict(
             "warning",
