@@ -18,7 +18,7 @@ ALLOWED: dict[str, int] = {
     "papers": 198,
     "procedures": 505,
     "ranking": 12,
-    "studies": 105,
+    "studies": 100,
 }
 """Errors that mypy still finds in a room. Lower a number when its room improves."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -150,8 +150,14 @@ class Loop(StudyTable):
         return self
 
 
-PositionInMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
-"""Three coordinates [m]."""
+if TYPE_CHECKING:
+    LengthInMetres = float
+    AngleInRadians = float
+    PositionInMetres = tuple[float, float, float]
+else:
+    LengthInMetres = quantity("m")
+    AngleInRadians = quantity("rad")
+    PositionInMetres = tuple[LengthInMetres, LengthInMetres, LengthInMetres]
 
 
 class JointLimits(StudyTable):
@@ -261,10 +267,10 @@ class DenavitHartenberg(StudyTable):
     `theta` (of a slide: `d`) is the one where the joint's coordinate is 0. ``[tree] dh`` says the convention.
     """
 
-    a: quantity("m") = 0.0
-    alpha: quantity("rad") = 0.0
-    d: quantity("m") = 0.0
-    theta: quantity("rad") = 0.0
+    a: LengthInMetres = 0.0
+    alpha: AngleInRadians = 0.0
+    d: LengthInMetres = 0.0
+    theta: AngleInRadians = 0.0
 
 
 class RigJoint(JointTable):
