@@ -16,7 +16,7 @@ ALLOWED: dict[str, int] = {
     "drawing": 5,
     "lab": 122,
     "papers": 198,
-    "procedures": 505,
+    "procedures": 491,
     "ranking": 12,
     "studies": 100,
 }
