@@ -45,8 +45,8 @@ constexpr std::size_t numbers_of_contact = p::field_count<p::StrapContactParams<
 constexpr std::size_t block = 8;
 
 template <class S, class Out>
-void along(const p::StrapParams<S>& params, const p::StrapContactParams<S>& contact, const Array& robot, const Array& torque, double still, double period,
-           const Out& out) {
+void along(const p::StrapParams<S>& params, const p::StrapContactParams<S>& contact, const Array& robot,
+           const Array& torque, double still, double period, const Out& out) {
   const auto c = p::coefficients(params);
   p::StrapResponseState<S> state;
   for (std::size_t i = 0; i < robot.shape[0]; ++i) {
@@ -116,7 +116,8 @@ constexpr const char* response_sig =
 void add_strap_response(nb::module_& m) {
   m.attr("STRAP_CONTACT_NAMES") = names_of<p::StrapContactParams<double>>();
   m.def("strap_response", &strap_response, nb::arg("parameters"), nb::arg("robot_position"), nb::arg("torque"),
-        nb::kw_only(), nb::arg("period"), nb::arg("still"), nb::arg("active"), nb::arg("contact") = nb::make_tuple(0.0, 0.0, 0.0), nb::sig(response_sig), response_doc);
+        nb::kw_only(), nb::arg("period"), nb::arg("still"), nb::arg("active"),
+        nb::arg("contact") = nb::make_tuple(0.0, 0.0, 0.0), nb::sig(response_sig), response_doc);
 }
 
 }  // namespace bindings

@@ -16,9 +16,9 @@ ALLOWED: dict[str, int] = {
     "drawing": 5,
     "lab": 122,
     "papers": 198,
-    "procedures": 505,
+    "procedures": 491,
     "ranking": 12,
-    "studies": 105,
+    "studies": 100,
 }
 """Errors that mypy still finds in a room. Lower a number when its room improves."""
 

@@ -8,7 +8,7 @@ from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
 from pellucid.fit.parameter import Parameter
-from pellucid.fit.strap.coupled_impedance import align, fit_coupling, mismatch, seen_mismatch
+from pellucid.fit.strap.coupled_impedance import align, decay_time, fit_coupling, mismatch, seen_mismatch
 from pellucid.fit.strap.published_coupling import (
     PublishedCoupling,
     fit_two_poles,
@@ -233,3 +233,9 @@ def test_printed_subjects_swing_and_are_no_straps():
     # fit = 100 (1 - rmse/sd): the standard deviation of each subject's mismatch.
     sd = np.array([0.1297, 0.0338, 0.06134]) / (1.0 - np.array([57.8, 61.94, 30.15]) / 100.0)
     assert sd == pytest.approx([0.307, 0.089, 0.088], abs=1e-3)
+
+
+def test_friction_that_looks_like_damping_leaves_something_to_fit():
+    assert decay_time(20.0, 0.6) == pytest.approx(0.09)
+    # A spring and a damper of 11.6 N*m/rad and 8.1 N*m*s/rad, as a strap that rubs was fitted, forget within 2 s.
+    assert decay_time(11.6, 8.1) == 0.3

@@ -271,7 +271,7 @@ def test_defects_of_each_joint_are_cut(tmp_path):
         ([("motor_position.elbow =", "motor_position.wrist =")], 'found the joint "wrist", expected one of shoulder'),
         ([("[tree]\ngravity = [0, 0, -2]", "")], "shoulder: found turns|found rotor_inertia|expected a table .tree."),
         ([("gravity = [0, 0, -2]", "gravity = [0, 0, 0]")], "points nowhere"),
-        ([("axis = [0, 1, 0]\n", "")], r"\[\[rig.joints\]\] elbow: found no axis, expected place, axis and body"),
+        ([("axis = [0, 1, 0]\n", "")], r"\[\[rig.joints\]\] elbow: found place, expected place and axis"),
         ([("turns = { shoulder = -50.0 }", "turns = { elbow = 2.0 }")], "how often the motor turns with shoulder"),
         ([("turns = { shoulder = -50.0 }", "turns = { shoulder = 2.0, arm = 1.0 }")], 'turns: found "arm"'),
         ([("[tree]", "[tree]\nsegments = { other = [\"1 s\", \"2 s\"] }")], 'segments: found "other", expected names'),

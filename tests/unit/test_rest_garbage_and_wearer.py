@@ -5,6 +5,7 @@ import pytest
 
 import pellucid as pl
 from pellucid.fit.joint.friction_drift import find_friction_drift
+from pellucid.procedures.joint.velocity_faults import velocity_faults
 from pellucid.recordings.defects.magnitude import find_implausible
 from pellucid.recordings.defects.worn import find_worn
 from pellucid.recordings.recording import Channel
@@ -132,6 +133,38 @@ def test_a_velocity_without_a_position_is_integrated(make_study):
     assert not said(study, "missing_channel")
     moved = columns["q"] - columns["q"][0]
     assert np.abs(recording["position"] - moved).max() < 2e-3
+
+
+def at_speeds(speeds, rng, fs: float = 200.0, seconds: float = 6.0) -> dict[str, np.ndarray]:
+    """A joint that turns at one speed after another, as for a map of its friction."""
+    ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(60) / 60.0)
+    shape = np.concatenate([ramp, np.ones(round(seconds * fs) - 120), ramp[::-1]])
+    v = np.concatenate([speed * shape for speed in speeds])
+    friction = 0.2 * np.tanh(v / 0.01) + 0.1 * v + 0.05 * np.gradient(v) * fs
+    return {
+        "t": np.arange(len(v)) / fs, "q": np.cumsum(v) / fs, "v": v,
+        "i": friction + 0.002 * rng.standard_normal(len(v)),
+    }  # fmt: skip
+
+
+NO_GRAVITY = ("[processing]", '[model]\ngravity = "none"\n\n[processing]\ndead_band = "0.05 rad/s"')
+
+
+def test_a_map_at_constant_speeds_is_not_refused(make_study, rng):
+    columns = at_speeds((0.5, -0.5, 2.0, -2.0, 5.0, -5.0), rng)
+    (fault,) = said(make_study(columns, NO_GRAVITY), "magnitude")
+    assert (fault.severity, "turns at constant speeds, which looks like deg" in fault.found) == ("warn", True)
+    result = pl.identify(make_study(columns, NO_GRAVITY), families=["symmetric"], thorough=False)
+    assert result["coulomb"].value == pytest.approx(0.4, rel=0.02)  # 2 N*m/A
+    assert result["viscous"].value == pytest.approx(0.2, rel=0.02)
+
+
+def test_a_map_whose_speed_alone_is_recorded_has_nothing_to_doubt(make_study, rng):
+    columns = at_speeds((0.5, -0.5, 2.0, -2.0, 5.0, -5.0), rng)
+    only = ('position = { column = "q", unit = "rad" }', 'velocity = { column = "v", unit = "rad/s" }')
+    assert not said(make_study(columns, only, NO_GRAVITY), "magnitude")
+    columns["v"] = np.full(len(columns["t"]), 3.0) + 1e-3 * rng.standard_normal(len(columns["t"]))
+    assert not velocity_faults(make_study(columns, only, NO_GRAVITY))
 
 
 def test_a_length_that_a_program_rounded_is_zero():

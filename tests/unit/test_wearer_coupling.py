@@ -9,7 +9,7 @@ from two_bodies import Pair, record, swing
 from pellucid._errors import IdentificationError
 from pellucid.fit.strap.strap_model import CORE_NAMES
 from pellucid.fit.strap.strap_slip import find_slip
-from pellucid.fit.strap.wearer_coupling import identify_wearer
+from pellucid.fit.strap.wearer_coupling import coupling_verdicts, identify_wearer
 from pellucid.fit.transfer.transfer_function_fit import fit_percent
 
 PAIR = Pair()
@@ -114,3 +114,25 @@ def test_no_slip_is_seen_in_coloured_noise():
 def test_nothing_to_fit_is_refused(swings):
     with pytest.raises(IdentificationError, match="S1: found no swing to fit"):
         identify_wearer("S1", [replace(s, split="heldout") for s in swings], PAIR.orthosis)
+
+
+@pytest.mark.parametrize("holds", [0.5, 0.001])
+@pytest.mark.parametrize("rejected", [False, True])
+@pytest.mark.parametrize("limb_factor", [1.0, 3.0])
+def test_verdicts_on_one_strap_never_contradict_each_other(found, holds, rejected, limb_factor):
+    fit, other = found.orthosis_side, found.limb_side
+    stiffness = replace(fit.stiffness, at_bound=rejected)
+    limb = replace(other, stiffness=replace(fit.stiffness, value=limb_factor * fit.stiffness.value))
+    strap = replace(found.strap, holds=holds)
+    changed = replace(found, orthosis_side=replace(fit, stiffness=stiffness), limb_side=limb, strap=strap)
+    said, decision = coupling_verdicts(changed), changed.decision
+    no_model = any("no model of the strap holds" in v.text for v in said)
+    stopped = any("is rejected" in v.text for v in said)
+    praised = [v.text for v in said if v.kind == "good"]
+    assert (no_model, stopped) == (not decision.holds, bool(decision.rejected)) == (holds < 0.05, rejected)
+    assert bool(praised) == (not no_model and not stopped)
+    (sides,) = [v.text for v in said if "stiffnesses" in v.text]
+    assert ("stiffnesses agree" in sides) == (limb_factor == 1.0)
+    # Numbers that are said to agree are those that stand in the sentence.
+    assert f"{limb.stiffness.value:.3g} ±" in sides
+    assert f"{stiffness.value:.3g} ±" in sides

@@ -12,7 +12,7 @@ import numpy as np
 from .._errors import UnfitRecordingError
 from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
 from ..recordings.defects import clipped, garbage
-from ..recordings.defects.magnitude import find_implausible, is_tumbling
+from ..recordings.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.delay import SHIFTED_KIND
 from ..recordings.empty_ends import EMPTY_END_KIND
@@ -366,12 +366,17 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
         limits = [abs(x) for x in (joint.limits.position_min, joint.limits.position_max) if x]
         ending = f".{joint.joint}" if len(study.rig.joints) > 1 else ""
         known |= dict.fromkeys((f"position{ending}", f"reference{ending}"), max(limits, default=0.0))
+    specs = study.specs_of(recording)
     for name, channel in recording.channels.items():
+        if name.partition(".")[0] == "position" and name not in specs:
+            continue  # the integral of a velocity, which is looked at itself
         sound = channel if recording.sound.all() else replace(channel, samples=channel.samples[recording.sound])
         wrong = find_implausible(sound, known.get(name, 0.0))
         if wrong is None or (wrong.probable_unit == "deg" and _turns_on(recording, name, watched)):
             continue
+        steady = wrong.probable_unit == "deg" and has_constant_speeds(recording.time, channel.samples)
         found = f"a magnitude of {wrong.largest:.4g} {channel.unit}"
+        found += " of a joint that turns at constant speeds" if steady else ""
         found += (
             f", which looks like {wrong.probable_unit} taken for {channel.unit}"
             if wrong.probable_unit
@@ -383,7 +388,8 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
                 f': the unit; write unit = "{wrong.probable_unit}"' if wrong.probable_unit and wrong.is_typical else ""
             )
             wanted += _override(name, watched.is_drive(name))
-        add("refuse" if name in watched.channels else "note", "magnitude", name, found=found, expected=wanted)
+        severity = ("warn" if steady else "refuse") if name in watched.channels else "note"
+        add(severity, "magnitude", name, found=found, expected=wanted)
     if recording.advances and recording.fs < 5.0:
         found = f"a step of {1 / recording.fs:.4g} s, which looks like ms taken for s"
         add("note", "magnitude", "time", found=found, expected='at most 0.2 s: the unit; write unit = "ms"')

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -150,8 +150,14 @@ class Loop(StudyTable):
         return self
 
 
-PositionInMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
-"""Three coordinates [m]."""
+if TYPE_CHECKING:
+    LengthInMetres = float
+    AngleInRadians = float
+    PositionInMetres = tuple[float, float, float]
+else:
+    LengthInMetres = quantity("m")
+    AngleInRadians = quantity("rad")
+    PositionInMetres = tuple[LengthInMetres, LengthInMetres, LengthInMetres]
 
 
 class JointLimits(StudyTable):
@@ -255,6 +261,18 @@ class Body(StudyTable):
     inertia: tuple[(quantity("kg*m^2"),) * 6] = (0.0,) * 6
 
 
+class DenavitHartenberg(StudyTable):
+    """A joint's row of Denavit and Hartenberg: lengths `a` and `d` [m], angles `alpha` and `theta` [rad].
+
+    `theta` (of a slide: `d`) is the one where the joint's coordinate is 0. ``[tree] dh`` says the convention.
+    """
+
+    a: LengthInMetres = 0.0
+    alpha: AngleInRadians = 0.0
+    d: LengthInMetres = 0.0
+    theta: AngleInRadians = 0.0
+
+
 class RigJoint(JointTable):
     """One of the machine's joints: ``[[rig.joints]]``.
 
@@ -268,8 +286,13 @@ class RigJoint(JointTable):
     place, turned, axis : tuple of float or None
         Origin of the joint's frame in its parent's frame [m], its roll, pitch and yaw [rad], and the joint's axis in
         it; None if a robot's file states them.
+    through : tuple of float or None
+        In place of `place` and `turned`: a point of the joint's axis in the base's frame while every joint is at 0 [m];
+        `axis` is then in the base's frame, too.
+    dh : DenavitHartenberg or None
+        In place of `place`, `turned` and `axis`: the joint's row of Denavit and Hartenberg.
     body : Body or None
-        Body that the joint carries; None if a robot's file states it.
+        Body that the joint carries; None if a robot's file states it, or if no joint of a robot has one.
     rotor_inertia : float
         Inertia of the motor's rotor, at the joint [kg m^2; kg].
     turns : dict[str, float]
@@ -285,6 +308,8 @@ class RigJoint(JointTable):
     place: PositionInMetres | None = None
     turned: tuple[quantity("rad"), quantity("rad"), quantity("rad")] | None = None
     axis: tuple[float, float, float] | None = None
+    through: PositionInMetres | None = None
+    dh: DenavitHartenberg | None = None
     body: Body | None = None
     rotor_inertia: quantity("<rotor>", ge=0) = 0.0
     turns: dict[str, Annotated[float, Field(ge=-1e5, le=1e5)]] = Field({})

@@ -13,7 +13,7 @@ little power where the term itself is plain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,11 +89,14 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
 
     `simpler` are the parameters of the simpler family. A term is identified at `level` if it is told from 0. If the
     simpler family has one term for both directions, the difference between the directions counts. A parameter that
-    shapes a friction curve is no term: at 0 and at any other value, the curve may be absent.
+    shapes a friction curve is no term: at 0 and at any other value, the curve may be absent. What a term spreads
+    between recordings is no doubt that it is there.
     """
     names, added = [p.name for p in estimate.parameters], {}
     from scipy.special import ndtri  # SciPy takes a third of a second to load, and `check` chooses no family
 
+    between = estimate.between_recordings
+    covariance = estimate.covariance - (between.covariance if between is not None else 0.0)
     shape = shape_index(names)
     for i, parameter in enumerate(estimate.parameters):
         name = parameter.name
@@ -105,13 +108,15 @@ def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -
                 continue
             if name.endswith(one):
                 k = names.index(f"{stem}{other}")
-                variance = estimate.covariance[i, i] + estimate.covariance[k, k] - 2.0 * estimate.covariance[i, k]
+                variance = covariance[i, i] + covariance[k, k] - 2.0 * covariance[i, k]
                 apart = abs(parameter.value - estimate.parameters[k].value)
                 label = f"the difference of {stem.replace('_', ' ')} between {one[1:]} and {other[1:]}"
                 added[label] = bool(apart > float(ndtri(0.5 + 0.5 * level)) * np.sqrt(max(variance, 0.0)))
             break
         else:
-            added[name.replace("_", " ")] = is_told_from_zero(parameter, level)
+            added[name.replace("_", " ")] = is_told_from_zero(
+                replace(parameter, standard_error=float(np.sqrt(max(covariance[i, i], 0.0)))), level
+            )
     return added
 
 

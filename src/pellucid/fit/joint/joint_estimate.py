@@ -19,6 +19,7 @@ from ..parameter import Whiteness
 from ..regression import Solution, Stack, make_parameters, predict_efforts
 from ..uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
 from .parameter_drift import ParameterDrift, add_drift, find_parameter_drift
+from .recording_drift import RECORDING_DRIFT_CAUSE, RecordingDrift, find_recording_drift
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""
@@ -53,9 +54,11 @@ class JointEstimate(Estimates):
     whiteness : Whiteness or None
         Whiteness tests of the residuals.
     discrepancy : Discrepancy or None
-        Part of the covariance that allows for effects that the model neglects, and for a drift.
+        Part of the covariance that allows for effects that the model neglects, and for drifts.
     drift : ParameterDrift or None
         Changes of the parameters from start to end of the recordings, of least squares.
+    between_recordings : RecordingDrift or None
+        Parameters by recording and their spread, of least squares; None where fewer than two recordings tell them.
     notes : tuple of str
         Notes of the method (active bounds, samples left out, weights).
     """
@@ -73,6 +76,7 @@ class JointEstimate(Estimates):
     whiteness: Whiteness | None = None
     discrepancy: Discrepancy | None = None
     drift: ParameterDrift | None = None
+    between_recordings: RecordingDrift | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -192,14 +196,18 @@ def make_estimate(
     memory = correlation_time(rho, lengths)
     statistical = sandwich_covariance(w, rho, lengths, instruments, free, memory)
     drift: ParameterDrift | None = None
+    between: RecordingDrift | None = None
     if discrepancy is None:
         states = joint_states(model, data, found.values)
         discrepancy = estimate_discrepancy(
             model.names, found.values, found.jacobian, found.residual, states, statistical
         )
         drift = find_parameter_drift(model.names, found, data, level)
+        between = find_recording_drift(model.names, found, data, neglected=discrepancy.covariance, level=level)
         if drift is not None and drift.is_told.any():
-            discrepancy = add_drift(discrepancy, drift)
+            discrepancy = add_drift(discrepancy, drift.covariance)
+        if between is not None and between.is_told.any():
+            discrepancy = add_drift(discrepancy, between.covariance, RECORDING_DRIFT_CAUSE)
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)
@@ -252,5 +260,6 @@ def make_estimate(
         whiteness=whiteness(found.residual, lengths),
         discrepancy=discrepancy,
         drift=drift,
+        between_recordings=between,
         notes=notes,
     )

@@ -97,14 +97,14 @@ def find_parameter_drift(
     return ParameterDrift(tuple(names), change, error, told, improvement)
 
 
-def add_drift(discrepancy: Discrepancy, drift: ParameterDrift) -> Discrepancy:
-    """Return the discrepancy with what the drift adds to the covariance of the same parameters."""
-    before, added = np.diag(discrepancy.covariance), np.diag(drift.covariance)
+def add_drift(discrepancy: Discrepancy, drift: np.ndarray, drift_cause: str = DRIFT_CAUSE) -> Discrepancy:
+    """Return the discrepancy with what a `drift` adds to the covariance, (p, p), of the same parameters."""
+    before, added = np.diag(discrepancy.covariance), np.diag(drift)
     causes = tuple(
-        DRIFT_CAUSE if more > usual else cause
+        drift_cause if more > usual else cause
         for cause, usual, more in zip(discrepancy.causes, before, added, strict=True)
     )
-    return replace(discrepancy, covariance=discrepancy.covariance + drift.covariance, causes=causes)
+    return replace(discrepancy, covariance=discrepancy.covariance + drift, causes=causes)
 
 
 def _share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:

@@ -69,7 +69,7 @@ class Disagreement:
 
 
 @dataclass(frozen=True)
-class _RecordingRows:
+class RecordingRows:
     """Regression rows of one recording."""
 
     recording: str
@@ -120,7 +120,7 @@ def find_disagreements(model: JointModel, values: np.ndarray, motions: Sequence[
 
 def _split_by_recording(
     motions: Sequence[Motion], lengths: Sequence[int], w: np.ndarray, e: np.ndarray, y: np.ndarray
-) -> list[_RecordingRows]:
+) -> list[RecordingRows]:
     """Split the rows of a regression by recording."""
     owner = np.repeat([m.recording for m in motions], lengths)
     split = {m.recording: m.split for m in motions}
@@ -128,12 +128,12 @@ def _split_by_recording(
     for name in split:
         mine = owner == name
         own = [n for n, m in zip(lengths, motions, strict=True) if m.recording == name]
-        made.append(_RecordingRows(name, split[name], w[mine], e[mine], y[mine], own))
+        made.append(RecordingRows(name, split[name], w[mine], e[mine], y[mine], own))
     return made
 
 
-def _estimate(parts: Sequence[_RecordingRows]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return the step from the joint fit, (p,), its covariance, (p, p), and its residual, (n,).
+def estimate_step(parts: Sequence[RecordingRows]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the step of some recordings from the joint fit, (p,), its covariance, (p, p), and its residual, (n,).
 
     Returns None if the motion does not determine the parameters.
     """
@@ -150,10 +150,10 @@ def _estimate(parts: Sequence[_RecordingRows]) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _compare(
-    part: _RecordingRows, others: Sequence[_RecordingRows], names: Sequence[str], values: np.ndarray
+    part: RecordingRows, others: Sequence[RecordingRows], names: Sequence[str], values: np.ndarray
 ) -> tuple[float, Disagreement] | None:
     """Compare a recording with the others; return the significance and the disagreement, or None if they agree."""
-    one, rest = _estimate([part]), _estimate(others)
+    one, rest = estimate_step([part]), estimate_step(others)
     if one is None or rest is None:
         return None
     own, other = values + one[0], values + rest[0]
@@ -191,7 +191,7 @@ def _zero_angle(names: Sequence[str], values: np.ndarray) -> float:
     return float(np.arctan2(found.get("gravity_cosine", np.nan), found.get("gravity", np.nan)))
 
 
-def _effort_scale(part: _RecordingRows, step: np.ndarray, own_residual: np.ndarray) -> float:
+def _effort_scale(part: RecordingRows, step: np.ndarray, own_residual: np.ndarray) -> float:
     """Return the factor on the others' modelled effort that fits this recording; nan if no factor makes it fit."""
     predicted = part.y - part.e + part.w @ step
     factor = float(predicted @ part.y / (predicted @ predicted))

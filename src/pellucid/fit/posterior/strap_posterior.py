@@ -23,7 +23,7 @@ from scipy.signal import lfilter
 
 from ..._errors import IdentificationError
 from ..parameter import Parameter
-from ..strap.coupled_impedance import MAX_DECAY_TIME_CONSTANTS, CouplingFit
+from ..strap.coupled_impedance import CouplingFit, decay_time
 from ..strap.strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
 from ..strap.strap_torque import StrappedSwing, StrapTorque
 from .ensemble import MIN_WEIGHTED_SHARE
@@ -111,7 +111,7 @@ def strap_posterior(
         raise IdentificationError("the strap was stopped at a bound: about it there is nothing to draw")
     trials = [StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)]
     problem = StrapProblem(trials, None, True)
-    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * fit.damping.value / fit.stiffness.value)
+    problem.leave_out(decay_time(fit.stiffness.value, fit.damping.value))
     shifts, offsets = (np.array([getattr(i, name) for i in fit.instruments]) for name in ("shift", "offset"))
     point = StrapPoint(fit.stiffness.value, fit.damping.value, 0.0, fit.instruments[0].gain, shifts, offsets)
     residual, jacobian, bodies = problem.about(point)

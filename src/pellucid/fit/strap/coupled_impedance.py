@@ -30,6 +30,9 @@ from .strap_torque import StrappedSwing, StrapTorque
 MAX_DECAY_TIME_CONSTANTS = 3.0
 """After an interval of unknown torque, samples are excluded for this many time constants of the strap."""
 
+MAX_DECAY_S = 0.3
+"""They are excluded for at most this long [s]. A longer time constant means that friction looks like damping."""
+
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2", "gain": "1"}
 
 
@@ -94,7 +97,7 @@ def fit_coupling(
     start = problem.start()
     strap = problem.solve(start, inertia=False)
     # The first fit gives the strap's time constant, for which samples after an unknown torque must be excluded.
-    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * strap.damping / strap.stiffness)
+    problem.leave_out(decay_time(strap.stiffness, strap.damping))
     strap = problem.solve(strap, inertia=False)
     tested = problem.solve(strap, inertia=True)
     covariance, at_bound = problem.covariance(strap, inertia=False), problem.at_bound(strap, start)
@@ -120,13 +123,18 @@ def fit_coupling(
     )
 
 
+def decay_time(stiffness: float, damping: float) -> float:
+    """Return how long samples are excluded after an interval of unknown torque [s]."""
+    return min(MAX_DECAY_TIME_CONSTANTS * damping / stiffness, MAX_DECAY_S)
+
+
 def align(swing: StrappedSwing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
     """Estimate clock and mounting of the IMU in a held-out trial, with the strap fixed at its fit."""
     trial = StrapTrial(swing, torque)
     gain = fit.instruments[0].gain
     problem = StrapProblem([trial], None, False, held_gain=gain)
     k, b = fit.stiffness.value, fit.damping.value
-    problem.leave_out(MAX_DECAY_TIME_CONSTANTS * b / k)
+    problem.leave_out(decay_time(k, b))
     found = problem.solve(replace(problem.start(), stiffness=k, damping=b), inertia=False, hold_strap=True)
     return Instrument(float(found.shifts[0]), float(found.offsets[0]), gain)
 

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from ..._errors import IdentificationError
 from ..parameter import Parameter
 from ..uncertainty import correlation_time
-from .coupled_impedance import MAX_DECAY_TIME_CONSTANTS, CouplingFit, Instrument
+from .coupled_impedance import CouplingFit, Instrument, decay_time
 from .strap_choice import StrapChoice, choose_strap
 from .strap_discrepancy import strap_discrepancy
 from .strap_fit import StrapFit, StrapRecord, fit_strap_model
@@ -125,7 +125,7 @@ def identify_strap(
 def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[list[StrapRecord], StrapFit]:
     """Prepare all trials, weighted by their noise, with the swings' clocks found from their motion; return a first
     fit."""
-    decay = MAX_DECAY_TIME_CONSTANTS * start["damping"] / start["stiffness"]
+    decay = decay_time(start["stiffness"], start["damping"])
     clocks: Sequence[float] = [i.shift for i in coupling.instruments]
     # The records are made again after the clocks are known, because the excluded samples depend on the clock.
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]

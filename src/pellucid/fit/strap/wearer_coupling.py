@@ -33,6 +33,7 @@ from .published_coupling import (
     solve_balance,
     torque_mismatch,
 )
+from .strap_decision import StrapDecision, decide_strap
 from .strap_model import KELVIN_VOIGT
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, regression_residual
@@ -106,6 +107,12 @@ class WearerCoupling:
         of = self.orthosis_side
         return KELVIN_VOIGT.core({"stiffness": of.stiffness.value, "damping": of.damping.value})
 
+    @property
+    def decision(self) -> StrapDecision:
+        """What is held of the strap, which every verdict reads."""
+        reached, ceiling = self.mean_fit(), self.mean_ceiling()
+        return decide_strap(self.orthosis_side, self.limb_side, self.strap, reached=reached, ceiling=ceiling)
+
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Return the mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
         found = [j.fit[model] for j in self.evaluated if j.split == split and model in j.fit]
@@ -174,7 +181,7 @@ def identify_wearer(
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
     """Return the verdicts on one wearer's coupling; `no_limb` says why there is no estimate by the limb's balance."""
-    who, fit = found.participant, found.orthosis_side
+    who, fit, decision = found.participant, found.orthosis_side, found.decision
     said = [
         Verdict(
             "warning",
@@ -187,14 +194,17 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
     if evaluated:
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
         limit = f" (the IMU's own error allows {ceiling:.1f} %)" if np.isfinite(ceiling) else ""
-        kind = "good" if reached > 0.8 * (ceiling if np.isfinite(ceiling) else 100.0) else "warning"
+        kind = "good" if decision.is_good else "note" if decision.predicts else "warning"
         k, b = found.parameter("stiffness"), found.parameter("damping")
         text = f"{who}: a strap of {_read(k)} and {_read(b)} explains {reached:.1f} % of the "
-        said.append(Verdict(kind, f"{text}mismatch in swings it was not fitted on{limit}."))
+        text += f"mismatch in swings it was not fitted on{limit}"
+        if decision.predicts and not decision.is_good:
+            text += ", although " + ("no model of it holds" if not decision.holds else "its parameters are rejected")
+        said.append(Verdict(kind, f"{text}."))
     else:
         said.append(Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones."))
     for parameter in (fit.stiffness, fit.damping):
-        if parameter.at_bound:
+        if parameter in decision.rejected:
             said.append(
                 Verdict(
                     "warning",
@@ -206,15 +216,15 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
             said.append(
                 Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
             )
-    said += strap_verdicts(found)
-    said.append(_inertia_verdict(who, fit, found.strap))
-    said.append(_side_verdict(found, no_limb))
+    said += strap_verdicts(found, decision)
+    said.append(_inertia_verdict(who, fit, found.strap, decision))
+    said.append(_side_verdict(found, no_limb, decision))
     if found.published:
         said.append(_published_verdict(found))
     return tuple(said)
 
 
-def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
+def strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> list[Verdict]:
     """Return the verdicts on the strap: its features, its stiffness over the range seen, and the test of the model."""
     who, strap = found.participant, found.strap
     if strap is None:
@@ -248,7 +258,7 @@ def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
                 "best; they know neither friction nor tissue of the strap.",
             )
         )
-    if not strap.fits:
+    if not decision.holds:
         said.append(
             Verdict(
                 "warning",
@@ -339,6 +349,8 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
 
 
 def _read(parameter: Parameter) -> str:
+    if parameter.refused:
+        return f"{parameter.value:.3g} {parameter.unit} (interval refused)"
     half = 1.96 * parameter.standard_error
     return f"{parameter.value:.3g} ± {half:.2g} {parameter.unit}"
 
@@ -348,11 +360,11 @@ def _interval(parameter: Parameter) -> str:
     return f"{low:.3g} to {high:.3g} {parameter.unit}"
 
 
-def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None) -> Verdict:
-    low, high = fit.inertia.interval()
-    if low <= 0.0 <= high:
+def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None, decision: StrapDecision) -> Verdict:
+    if not decision.has_inertia:
+        kind = "good" if decision.holds and not decision.rejected else "note"
         return Verdict(
-            "good", f"{who}: nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
+            kind, f"{who}: nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
         )
     if strap is not None and strap.model.features:
         return Verdict(
@@ -367,12 +379,10 @@ def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None) 
     )
 
 
-def _side_verdict(found: WearerCoupling, no_limb: str) -> Verdict:
+def _side_verdict(found: WearerCoupling, no_limb: str, decision: StrapDecision) -> Verdict:
     who, fit, other = found.participant, found.orthosis_side, found.limb_side
     if other is None:
         return Verdict("note", f"{who}: the strap is known from the orthosis's balance alone; {no_limb}.")
-    apart = abs(other.stiffness.value - fit.stiffness.value)
-    agree = apart <= 1.96 * np.hypot(other.stiffness.standard_error, fit.stiffness.standard_error)
     split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
     ours, theirs = found.mean_fit("orthosis", split), found.mean_fit("limb", split)
     use = "held-out" if split == "heldout" else "fitted"
@@ -384,8 +394,13 @@ def _side_verdict(found: WearerCoupling, no_limb: str) -> Verdict:
         said = f"the limb's side explains more of the mismatch in {use} swings ({theirs:.1f} against {ours:.1f} %): "
         said += "the orthosis's own parameters or its friction are wrong"
     # Errors of the limb's torque are in the model's input: they bias the estimate without showing in the residual.
-    said += f". The limb's side gives {_read(other.stiffness)} and {_read(other.damping)}"
-    said += ", which agrees." if agree else ", off by more than both intervals: its own leaves out its torque's error."
+    said += f". As a spring and a damper alone the limb's side gives {_read(other.stiffness)} and "
+    said += f"{_read(other.damping)}, the orthosis's {_read(fit.stiffness)} and {_read(fit.damping)}: "
+    said += (
+        "stiffnesses agree."
+        if decision.sides_agree
+        else "stiffnesses are apart by more than both intervals; the limb's leaves out its torque's error."
+    )
     return Verdict("note" if ours >= theirs else "warning", f"{who}: {said}")
 
 

@@ -33,13 +33,16 @@ UNIT_CONFUSIONS = {
 }  # fmt: skip
 """Confusions of units, by the factor by which they enlarge the velocity."""
 
+MAX_STEADY_SPREAD_SHARE = 0.02
+"""A speed counts as one throughout if its standard deviation is below this share of its mean."""
+
 
 def velocity_faults(study: Study) -> list[Fault]:
     """Return the faults of every recorded velocity."""
     return [
         warn_if_held_out(fault, recording.use)
         for recording in study.recordings()
-        if "velocity" in recording and "position" in recording
+        if "velocity" in recording and "position" in study.specs_of(recording)
         for fault in _faults(recording, study.processing_of(recording))
     ]
 
@@ -76,6 +79,8 @@ def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
         )
         return Fault(severity, kind, recording.path.name, "velocity", found, wanted, message)
 
+    if all(float(np.std(x)) < MAX_STEADY_SPREAD_SHARE * abs(float(np.mean(x))) for x in (expected, recorded)):
+        return  # one speed throughout, as in a map of friction: nothing varies that could be compared
     moving = float(np.std(expected)) > 0.0 and float(np.std(recorded)) > 0.0
     try:
         lies = align(time, expected, time, recorded, longest=MAX_DELAY_S) if moving else None

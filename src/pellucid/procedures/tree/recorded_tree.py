@@ -10,10 +10,11 @@ import numpy as np
 
 from ..._errors import RecordingError, StudyError
 from ...models.joint import GRAVITY
-from ...models.kinematic_tree import Link, Tree, TreeJoint
+from ...models.joint_frames import FrameRow, JointFrame, frame_of_row, frame_of_screw
+from ...models.kinematic_tree import Link, Tree, TreeJoint, Vector
 from ...models.robot import Robot
-from ...models.welded import Pose
-from ...recordings.readers.urdf import Urdf, read_urdf
+from ...models.welded import Pose, roll_pitch_yaw
+from ...recordings.readers.urdf import STAND_IN, Urdf, read_urdf
 from ...recordings.recording import Recording
 from ...signals.motion import shortest
 from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
@@ -26,6 +27,9 @@ from .tree_table import TreeTable
 
 BASE_LINK_NAME = "base"
 """Name of the fixed base link if no file names it."""
+
+ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
+"""No way, or no turn."""
 
 
 def recorded_tree(study: Study) -> tuple[Robot, list[TreeMotion]]:
@@ -75,18 +79,55 @@ def _with_frames(study: Study) -> tuple[Robot, dict[str, tuple[str, Pose]]]:
 
 
 def _tree_of(joints: dict[str, RigJoint], gravity: tuple[float, float, float], study: Study) -> Tree:
-    made, links, before = [], [], BASE_LINK_NAME
-    for name, joint in joints.items():
-        parent = before if joint.parent is None else joint.parent
+    made, links = [], []
+    frames = _frames_of(joints, study.table(TreeTable).dh)
+    for name, parent in _carriers(joints).items():
+        joint, frame = joints[name], frames[name]
         kind = {"rotary": "revolute", "prismatic": "prismatic"}[joint.motion]
         carrier = BASE_LINK_NAME if parent == BASE_LINK_NAME else f"{parent}_link"
-        turned = joint.turned or (0.0, 0.0, 0.0)
         made.append(
-            TreeJoint(name, carrier, f"{name}_link", kind, joint.axis, joint.place, turned, joint.rotor_inertia)
+            TreeJoint(name, carrier, f"{name}_link", kind, frame.axis, frame.place, frame.turned, joint.rotor_inertia)
         )
-        links.append(Link.about_centre(f"{name}_link", joint.body.mass, joint.body.centre, joint.body.inertia))
-        before = name
-    return Tree(made, links, gravity, f"{study.folder.name}/study.toml")
+        body = replace(STAND_IN, name=f"{name}_link")
+        if joint.body is not None:
+            turn, place = frame.body
+            x, y, z = (place + turn @ np.asarray(joint.body.centre)).tolist()
+            body = Link.about_centre(body.name, joint.body.mass, (x, y, z), joint.body.inertia, roll_pitch_yaw(turn))
+        links.append(body)
+    return Tree(tuple(made), tuple(links), gravity, f"{study.folder.name}/study.toml")
+
+
+def _carriers(joints: dict[str, RigJoint]) -> dict[str, str]:
+    """Return the joint that carries each joint, ``"base"`` for none."""
+    before, made = BASE_LINK_NAME, {}
+    for name, joint in joints.items():
+        made[name], before = before if joint.parent is None else joint.parent, name
+    return made
+
+
+def _frames_of(joints: dict[str, RigJoint], convention: str | None) -> dict[str, JointFrame]:
+    """Return the frame of each joint, as study.toml says it: by its place, its row, or its axis."""
+    carriers, made = _carriers(joints), dict[str, JointFrame]()
+
+    def frame(name: str, behind: tuple[str, ...] = ()) -> JointFrame:
+        joint, carrier = joints[name], carriers[name]
+        if name in behind:
+            raise StudyError(f"study.toml: [[rig.joints]] {name}: found a parent that it carries itself")
+        if name not in made:
+            if joint.dh is not None and convention is not None:
+                row = FrameRow(joint.dh.a, joint.dh.alpha, joint.dh.d, joint.dh.theta)
+                before = None if carrier == BASE_LINK_NAME else frame(carrier, (*behind, name))
+                made[name] = frame_of_row(row, convention, before)
+            elif joint.through is not None and joint.axis is not None:
+                before = None if carrier == BASE_LINK_NAME else joints[carrier].through
+                made[name] = frame_of_screw(joint.axis, joint.through, before)
+            else:
+                made[name] = JointFrame(
+                    joint.place or ZERO_VECTOR, joint.turned or ZERO_VECTOR, joint.axis or ZERO_VECTOR
+                )
+        return made[name]
+
+    return {name: frame(name) for name in joints}
 
 
 def _require_same(tree: Tree, joints: dict[str, RigJoint], path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -31,7 +31,9 @@ class TreeTable(ProcedureTable):
     Attributes
     ----------
     urdf : str or None
-        Path of the robot's file, from the study's folder; None where ``[[rig.joints]]`` say places, axes and bodies.
+        Path of the robot's file, from the study's folder; None where ``[[rig.joints]]`` say places and axes.
+    dh : str or None
+        Convention of the joints' rows of Denavit and Hartenberg, ``"classic"`` or ``"modified"``; None without rows.
     gravity : tuple of float
         Direction of gravity in the base's frame, of length 1.
     held : dict[str, float]
@@ -63,6 +65,7 @@ class TreeTable(ProcedureTable):
     bridges: ClassVar[bool] = False
 
     urdf: RelativePath | None = None
+    dh: Literal["classic", "modified"] | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
     held: dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]] = Field({})
     effort_lowpass: quantity("Hz", gt=0) | None = None
@@ -135,12 +138,11 @@ class TreeTable(ProcedureTable):
                 yield "[tree] found [rig] of one joint, expected [[rig.joints]]: a table for each, also of one alone"
             if joint.drive is None:
                 yield f"{where}: found no [rig.joints.drive], expected one that says how its effort is known"
-            own = [key for key in ("parent", "place", "turned", "axis", "body") if key in joint.model_fields_set]
+            own = [key for key in ("parent", *FRAME_KEYS, "body") if key in joint.model_fields_set]
             if self.urdf is not None and own:
                 yield f"{where}: found {own[0]} beside [tree] urdf, expected one of them: the file says it"
-            if self.urdf is None and (joint.place is None or joint.axis is None or joint.body is None):
-                lacks = next(key for key in ("place", "axis", "body") if getattr(joint, key) is None)
-                yield f'{where}: found no {lacks}, expected place, axis and body of each joint, or [tree] urdf = "FILE"'
+            if self.urdf is None and isinstance(joint, RigJoint):
+                yield from self._missing_of(joint, where)
             if self.urdf is None and joint.parent not in (None, "base", *names):
                 yield f'{where}: found parent = "{joint.parent}", expected "base" or one of {", ".join(names)}'
         unlike = len({joint.motion for joint in joints}) > 1
@@ -149,6 +151,8 @@ class TreeTable(ProcedureTable):
                 "[processing] dead_band: found one for joints that turn and joints that slide, expected dead_band of "
                 "each in [[rig.joints]]"
             )
+        if self.urdf is None:
+            yield from _unlike_frames(joints)
         if self.urdf is None and self.held:
             yield "[tree] held: found joints of a robot's file, expected [tree] urdf beside it"
         entries = [entry.name for entry in config.recordings]
@@ -161,3 +165,37 @@ class TreeTable(ProcedureTable):
         for entry in config.recordings:
             if config.processing_of(entry.name).lowpass is None:
                 yield '[processing] lowpass: found none, expected a cut-off such as "10 Hz": look at the spectrum'
+
+    def _missing_of(self, joint: RigJoint, where: str) -> Iterator[str]:
+        """Yield what keeps the frame of a joint from being known, where no robot's file says it."""
+        stated = [key for key in FRAME_KEYS if key in joint.model_fields_set]
+        if set(stated) not in FRAME_KEY_SETS:
+            found = " and ".join(stated) or "no place"
+            yield (
+                f"{where}: found {found}, expected place and axis (with turned where the frame is), dh, or through "
+                'and axis of each joint, or [tree] urdf = "FILE"'
+            )
+        elif joint.dh is not None and self.dh is None:
+            yield (
+                f'{where}: found a row of Denavit and Hartenberg, expected [tree] dh = "classic" (a row turns about '
+                'the z axis before it) or "modified" (about the one behind it)'
+            )
+
+
+FRAME_KEYS = ("place", "turned", "axis", "through", "dh")
+"""Keys of ``[[rig.joints]]`` that say where a joint is."""
+
+FRAME_KEY_SETS = ({"place", "axis"}, {"place", "turned", "axis"}, {"through", "axis"}, {"dh"})
+"""Those of them that say it together."""
+
+
+def _unlike_frames(joints: Sequence[object]) -> Iterator[str]:
+    """Yield what joints must have in common, where no robot's file says it."""
+    told = [joint for joint in joints if isinstance(joint, RigJoint)]
+    bare = [joint.name for joint in told if joint.body is None]
+    if bare and len(bare) < len(told):
+        yield f"[[rig.joints]] {bare[0]}: found no body, expected one of each joint, or of none"
+    for key in ("through", "dh"):
+        other = [joint.name for joint in told if getattr(joint, key) is None]
+        if other and len(other) < len(told):
+            yield f"[[rig.joints]] {other[0]}: found no {key}, which other joints have; expected it of each, or of none"

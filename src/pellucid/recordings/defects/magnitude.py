@@ -39,6 +39,15 @@ TUMBLING_SMOOTHING_S = 0.01
 MAX_TUMBLING_RESIDUAL_SHARE = 0.5
 """The angle is in radians if gravity then leaves at most this share of the variance that it leaves otherwise."""
 
+STEADY_STRETCH_S = 0.5
+"""A stretch of this length is looked at for one speed [s]."""
+
+MAX_STEADY_DEVIATION_SHARE = 0.01
+"""A stretch has one speed if the angle stays within this share of its way of a straight line (RMS)."""
+
+MIN_STEADY_SHARE = 0.8
+"""A recording is one of constant speeds if this share of the time in which the joint moves is of such stretches."""
+
 MAX_GUESSED_MAGNITUDE = 1e4
 """A unit is guessed only for magnitudes up to this one in SI. Larger numbers are no measurement in another unit."""
 
@@ -71,6 +80,29 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
     is_typical = bool(np.quantile(magnitudes, TYPICAL_QUANTILE) > 0.1 * limit)
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
+
+
+def has_constant_speeds(time: np.ndarray, angle: np.ndarray) -> bool:
+    """Whether a joint turns at one speed or at several, each for a while, as on a dynamometer or for a friction map.
+
+    Parameters
+    ----------
+    time, angle : ndarray, shape (n,) each
+        Even time [s] and angle [rad].
+    """
+    known = np.isfinite(time) & np.isfinite(angle)
+    time, angle = time[known], angle[known]
+    length = round(STEADY_STRETCH_S / float(np.median(np.diff(time)))) if len(time) > 1 else 0
+    if length < 5 or len(angle) < 4 * length:
+        return False
+    stretches = angle[: len(angle) // length * length].reshape(-1, length)
+    unit = np.linspace(-1.0, 1.0, length)
+    slope = stretches @ unit / float(unit @ unit)
+    off = stretches - stretches.mean(axis=1, keepdims=True) - slope[:, None] * unit
+    way = 2.0 * np.abs(slope)
+    moving = way > 0.01 * float(np.max(way, initial=0.0))
+    straight = np.sqrt(np.mean(off**2, axis=1)) <= MAX_STEADY_DEVIATION_SHARE * way
+    return bool(moving.any()) and float(np.mean(straight[moving])) >= MIN_STEADY_SHARE
 
 
 def is_tumbling(time: np.ndarray, angle: np.ndarray, effort: np.ndarray) -> bool:

@@ -1,0 +1,86 @@
+"""Finding: the effort follows the position as that of a spring does, such as a locked series-elastic element."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ....fit.joint.evaluation import Prediction
+from ....fit.parameter import Verdict
+from ....fit.uncertainty import sandwich_covariance
+from ....models.joint import GRAVITY
+from ....pages.quantities import number, unit_text
+from ..joint_case import JointCase
+
+MIN_UNEXPLAINED_SHARE = 0.5
+"""The joint's model fails if it leaves at least this share of the effort's variance."""
+
+MAX_SPRING_UNEXPLAINED_SHARE = 0.1
+"""A spring explains the effort if it leaves at most this share of its variance."""
+
+MIN_LEVER_M = 0.01
+"""A weight whose inertia allows no longer lever than this is none [m]: it is most likely a spring."""
+
+USUAL_LEVER_M = 0.05
+"""The motion shows inertia if that of the weight at this lever [m] would exceed what is left unexplained."""
+
+MIN_EXCESS = 3.0
+"""It must do so by this factor (RMS)."""
+
+MAX_ALIKE_SHARE = 0.01
+"""A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
+more."""
+
+STANDARD_ERRORS = 1.96
+"""Half the width of an interval in standard errors."""
+
+
+def find(case: JointCase) -> Iterator[Verdict]:
+    """Report a spring that the joint's model leaves out, or takes for a weight."""
+    fitted = [p for p in case.fit.predictions if p.split == "fitted"]
+    if not fitted:
+        return
+    stiffness, error, left = _spring(fitted)
+    size = float(np.sum(np.concatenate([p.effort - p.effort.mean() for p in fitted]) ** 2))
+    missed = float(np.sum(np.concatenate([p.effort - p.predicted for p in fitted]) ** 2))
+    unit = unit_text("N*m/rad" if case.rotary else "N/m") if case.fit.model.effort_unit in ("N*m", "N") else ""
+    said = f"{number(stiffness, error)} ± {number(STANDARD_ERRORS * error, digits=2)} {unit}".rstrip()
+    do = "A spring is no joint of its own: use this stiffness, or record the joint with its end free."
+    if stiffness > 0.0 and missed > MIN_UNEXPLAINED_SHARE * size and left < MAX_SPRING_UNEXPLAINED_SHARE * size:
+        text = f"The effort follows the position as that of a spring of {said}, which explains "
+        text += f"{100.0 * (1.0 - left / size):.0f} % of its variance; the joint's model explains "
+        text += f"{100.0 * max(1.0 - missed / size, 0.0):.0f} %."
+        yield Verdict("wrong", text, do, weight=2.0)
+        return
+    found = {p.name: p for p in case.fit.estimate.parameters}
+    if not case.rotary or not {"inertia", "gravity"} <= found.keys() or case.fit.model.effort_unit != "N*m":
+        return
+    inertia, gravity = found["inertia"], found["gravity"]
+    most = inertia.value + STANDARD_ERRORS * inertia.standard_error
+    sure = gravity.value > STANDARD_ERRORS * gravity.standard_error
+    acceleration = np.concatenate([p.acceleration for p in fitted])
+    usual = USUAL_LEVER_M * gravity.value / GRAVITY * float(np.linalg.norm(acceleration))
+    shown = usual > MIN_EXCESS * np.sqrt(missed) and left <= MAX_ALIKE_SHARE * size
+    if sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value:
+        text = (
+            f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text('N*m')} with an inertia below "
+            f"{number(most, digits=2)} {unit_text('kg*m^2')} would hang less than {100 * MIN_LEVER_M:.0f} cm from the "
+            f"axis: this is most likely a spring of {said}, which looks like a weight over small angles."
+        )
+        yield Verdict("warning", text, do, weight=2.0)
+
+
+def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
+    """Return a spring's stiffness, its standard error, and the squares that it leaves beside damping and friction."""
+    parts = []
+    for p in fitted:
+        one = np.ones_like(p.position)
+        parts.append(np.column_stack([p.position, p.acceleration, p.velocity, np.sign(p.velocity), one]))
+    columns, effort = np.concatenate(parts), np.concatenate([p.effort for p in fitted])
+    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    solution = np.linalg.lstsq(columns / scale, effort, rcond=1e-10)[0]
+    residual = effort - columns / scale @ solution
+    covariance = sandwich_covariance(columns / scale, residual, [len(p.effort) for p in fitted])
+    error = float(np.sqrt(max(covariance[0, 0], 0.0))) / float(scale[0])
+    return float(solution[0] / scale[0]), error, float(residual @ residual)
