@@ -952,7 +952,9 @@ class CoupledPlant:
         position0: float = 0.0,
         torque0: float = 0.0,
     ) -> None: ...
-    def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]:
+    def step(
+        self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0, base_torque: float = 0.0
+    ) -> tuple[float, ...]:
         """
         One control period.
 
@@ -964,6 +966,8 @@ class CoupledPlant:
             On the limb, held over the period [N m].
         slip_jump : float
             By which the strap slips at once [rad].
+        base_torque : float
+            Of a thigh that moves, on the orthosis, held over the period [N m].
 
         Returns
         -------
