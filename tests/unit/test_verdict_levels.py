@@ -46,7 +46,7 @@ def chosen(rich, plain, values, errors):
     parameters = tuple(
         Parameter(n, "N*m", v, s, identifiable=abs(v) > 1.96 * s) for n, v, s in zip(rich, values, errors, strict=True)
     )
-    estimate = SimpleNamespace(parameters=parameters, covariance=np.diag(sd**2))
+    estimate = SimpleNamespace(parameters=parameters, covariance=np.diag(sd**2), between_recordings=None)
     headline = SimpleNamespace(estimate=estimate, heldout_effort_error=5.0, fitted_effort_error=5.0)
     noise = np.random.default_rng(7).standard_normal(4000)
     fits = {

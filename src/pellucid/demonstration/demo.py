@@ -112,7 +112,8 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     >>> made = pl.demo("a-demonstration")                                    # doctest: +SKIP
     """
     tell = on_progress or (lambda text, share: None)
-    out, robot, notes = require_folder(Path(out), "a folder for the demo's studies"), able_elbow(), []
+    out, robot = require_folder(Path(out), "a folder for the demo's studies"), able_elbow()
+    notes: list[str] = []
     real_name = next(name for name in names() if shipped(name) is not None)
     folders = {name: out / name for name in (real_name, ELBOW_STUDY, PEOPLE_STUDY)}
     _clear_folders(tuple(folders.values()), out)

@@ -56,7 +56,7 @@ def _within(recordings: Sequence[Recording]) -> dict[str, int]:
     groups: dict[tuple[str, str], list[Recording]] = {}
     for each in recordings:
         groups.setdefault((each.participant, each.condition), []).append(each)
-    places = {}
+    places: dict[str, int] = {}
     for own in groups.values():
         for key in ("period", "repetition"):
             numbers = [getattr(each, key) for each in own]
