@@ -27,8 +27,11 @@ CERTIFICATE_VALUES = {PASS: 1.0, CANNOT_SAY: 0.5, FAIL: 0.0}
 def certify_controller(tried: Sequence[ControllerTrial]) -> Certificate | None:
     """Return the certificate of a controller from its trials on several people, the mean being tested.
 
-    None where the changes are not known of everybody: a task without them, or a person who never arrived.
+    None where the changes are not known of everybody: a task without them, or a person who never arrived; and of one
+    person alone, of whom no test knows how people differ.
     """
+    if len(tried) < 2:
+        return None
     seen = {name: [getattr(one, name) for one in tried] for name in LAW_MARGINS}
     if not all(value is not None and np.isfinite(value) for values in seen.values() for value in values):
         return None
@@ -46,6 +49,6 @@ def certificate_words(tried: Sequence[ControllerTrial]) -> str:
     """Return a certificate's verdict in words, and why it cannot say anything where people are too few."""
     found = certify_controller(tried)
     if found is None:
-        return CANNOT_SAY
+        return f"{CANNOT_SAY}: one person" if len(tried) == 1 else CANNOT_SAY
     few = found.verdict == CANNOT_SAY and len(tried) < MIN_PEOPLE
     return f"{found.verdict}: {len(tried)} of {MIN_PEOPLE} people" if few else found.verdict
