@@ -6,7 +6,7 @@ an identification. Plant and model share gravity, so that what is proven is that
 wearer do not mislead.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -150,7 +150,16 @@ def row(name: str, value: float, unit: str, note: str, split: str = "simulated")
     return ResultRow(f"mission.{name}", float(value), unit, "evidence", split, None, note)
 
 
-def ratio_interval(over: list[float], under: list[float], *, draws: int = 2000) -> tuple[float, float, float]:
+def mean_interval(values: np.ndarray, seed: int, *, draws: int = 2000) -> tuple[float, float]:
+    """Return the 95 % interval of a mean over resampled values, shape (n,)."""
+    picks = np.random.default_rng(seed).integers(0, len(values), (draws, len(values)))
+    low, high = np.quantile(values[picks].mean(axis=1), (0.025, 0.975))
+    return float(low), float(high)
+
+
+def ratio_interval(
+    over: Sequence[float] | np.ndarray, under: Sequence[float] | np.ndarray, *, draws: int = 2000
+) -> tuple[float, float, float]:
     """Return the ratio of two means and its 95 % interval over resampled pairs."""
     a, b = np.array(over), np.array(under)
     picks = np.random.default_rng(SEED).integers(0, len(a), (draws, len(a)))

@@ -32,7 +32,7 @@ from pellucid.papers.hill.trials import active_swing, take_subject
 from pellucid.protocols.fourier import play
 from pellucid.studies.results import ResultRow
 
-from ._loads import ratio_interval
+from ._loads import mean_interval, ratio_interval
 
 PEOPLE_SEED = 31007
 """Seed of the drawn people: it gives the rig's eight bodies other muscles, nerves and limbs."""
@@ -48,9 +48,6 @@ FASTER_FACTOR = 1.5
 
 SCATTER_METHOD = "least_squares"
 """Method by which both halves of a swing are calibrated, whose difference says how sure the muscles are."""
-
-BOOTSTRAP_DRAWS = 2000
-"""Number of resampled sets of people for an interval."""
 
 SEED = 20261128
 """Seed of the resampling."""
@@ -69,7 +66,7 @@ def release_rows() -> Iterator[ResultRow]:
         measures = {w: words for w, words in MEASURES.items() if w != "scatter" or method == SCATTER_METHOD}
         for what, words in measures.items():
             base = found[f"{whole}.{what}"]
-            low, high = _interval(base)
+            low, high = mean_interval(base, SEED)
             note = f"{words}, all at once by {method}; {len(base)} people, 95 % interval {low:.3g} to {high:.3g}"
             yield _row(f"mission.release.{whole}.{what}", base.mean(), UNITS[what], note)
         for name in (*orders, STRENGTH_ALONE):
@@ -80,7 +77,7 @@ def release_rows() -> Iterator[ResultRow]:
     yield _ratio("delay_searched.heldout", found["delay.heldout"], found["fixed.heldout"], "delay searched over 20 ms")
     yield _ratio("delay_searched.faster", found["delay.faster"], found["fixed.faster"], "the same, faster swings")
     late = 1e3 * (found["delay.found"] - found["delay.true"])
-    low, high = _interval(late)
+    low, high = mean_interval(late, SEED)
     rms = np.sqrt(np.mean(late**2))
     note = f"delay found less the true one, mean; 95 % interval {low:.1f} to {high:.1f}; RMS {rms:.1f}"
     yield _row("mission.release.delay_error", late.mean(), "ms", note)
@@ -162,12 +159,6 @@ def try_person(rig: SeatedRig, rich, name: str) -> dict[str, float]:
 def own_quantities(problem) -> tuple[str, ...]:
     """Return the quantities that a calibration frees."""
     return tuple(dict.fromkeys(p.free.quantity for p in problem.priors))
-
-
-def _interval(values: np.ndarray) -> tuple[float, float]:
-    picks = np.random.default_rng(SEED).integers(0, len(values), (BOOTSTRAP_DRAWS, len(values)))
-    low, high = np.quantile(values[picks].mean(axis=1), (0.025, 0.975))
-    return float(low), float(high)
 
 
 def _ratio(name: str, over: np.ndarray, under: np.ndarray, words: str) -> ResultRow:

@@ -25,7 +25,7 @@ from pellucid.papers.knee.controllers import controllers
 from pellucid.papers.knee.swings import swing
 from pellucid.studies.results import ResultRow
 
-from ._loads import ratio_interval
+from ._loads import mean_interval, ratio_interval
 
 SEED = 8300
 """First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""
@@ -51,9 +51,6 @@ THIGH_LAWS = {"body_thigh_sensor": "body", "residual_thigh_sensor": "residual"}
 NO_PHASES = (0.0, 4.4)
 """Centre [rad] and angular frequency [rad/s] of a swing, which these laws do not use."""
 
-BOOTSTRAP_DRAWS = 2000
-"""Number of resampled sets of wearers for an interval."""
-
 
 def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
     """Every figure of walking wearers."""
@@ -65,7 +62,7 @@ def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
     yield _row("laws", len(names), "1", ", ".join(names))
     for speed in ("sitting", *SPEEDS):
         base = found[f"{speed}.zero_impedance"]
-        low, high = _interval(base)
+        low, high = mean_interval(base, SEED)
         note = f"RMS strap torque without control, {speed}; {count} wearers, 95 % interval {low:.2f} to {high:.2f}"
         yield _row(f"{speed}.zero_impedance", base.mean(), "N*m", note)
         for name in names[1:]:
@@ -138,12 +135,6 @@ def _walk(
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _interval(values: np.ndarray) -> tuple[float, float]:
-    picks = np.random.default_rng(SEED).integers(0, len(values), (BOOTSTRAP_DRAWS, len(values)))
-    low, high = np.quantile(values[picks].mean(axis=1), (0.025, 0.975))
-    return float(low), float(high)
 
 
 def _ratio(name: str, over: np.ndarray, under: np.ndarray, words: str) -> ResultRow:

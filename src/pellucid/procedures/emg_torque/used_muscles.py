@@ -52,10 +52,9 @@ def ignored_channels(study: Study) -> dict[str, list[str]]:
     """
     if study.table(EmgTorqueTable).muscles:
         return {}
-    extra = {
-        r.name: [m for m in _emg_channels(study, r) if m not in _common_muscles(study, r.participant)]
-        for r in study.recordings()
-    }
+    recordings = study.recordings()
+    used = {who: _common_muscles(study, who) for who in {r.participant for r in recordings}}
+    extra = {r.name: [m for m in _emg_channels(study, r) if m not in used[r.participant]] for r in recordings}
     return {name: muscles for name, muscles in extra.items() if muscles}
 
 
