@@ -424,20 +424,21 @@ def report(
 
     It draws what other commands have found and kept, and says how to make what is missing.
     """
-    from .studies.drawn_report import drawn_page, note_drawn
+    from .studies.drawn_report import ReportPlace
 
-    study = _opened(folder, out, allow_outside, accept_stale)
-    page = None if accept_stale else drawn_page(study, with_pdf=with_pdf)
+    place = ReportPlace(folder, out, allow_outside)
+    page = None if accept_stale else place.drawn_page(with_pdf=with_pdf)
     if page is None:
         from .procedures.run import report as run
 
+        study = _opened(folder, out, allow_outside, accept_stale)
         with show_progress() as tell:
             page = run(study, only_kept=True, on_progress=tell, with_pdf=with_pdf)
         if not accept_stale:
-            note_drawn(study, page, with_pdf=with_pdf)
+            place.note_drawn(page, study.files(), with_pdf=with_pdf)
     print_line(make_console(), f"Report: {page}")
-    if page.parent != study.report_dir:
-        _exit_with_message(f"{study.report_dir} could not be written; the report is elsewhere", 1)
+    if page.parent != place.report:
+        _exit_with_message(f"{place.report} could not be written; the report is elsewhere", 1)
 
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid paper my-elbow"))

@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 from pellucid.cli import app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
-from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import identify
-from pellucid.studies.drawn_report import drawn_page
+from pellucid.recordings.kept_columns import FILE_ENDING
+from pellucid.studies.drawn_report import KEPT_COLUMNS_ENDING, ReportPlace
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def folder(reported, tmp_path):
 
 
 def page_of(folder):
-    return drawn_page(open_study(folder), with_pdf=False)
+    return ReportPlace(folder).drawn_page(with_pdf=False)
 
 
 def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
@@ -37,6 +37,7 @@ def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
     before = page.read_bytes()
     assert page_of(folder) == page
     monkeypatch.setattr("pellucid.procedures.run.report", None)  # whoever called it would fail
+    monkeypatch.setattr("pellucid.procedures.registry.open_study", None)
     done = CliRunner().invoke(app, ["report", str(folder)])
     assert done.exit_code == 0, done.output
     assert "Report:" in done.output
@@ -66,15 +67,37 @@ def new_card(folder):
     (folder / "models" / "other.json").write_text("{}", encoding="utf-8")
 
 
+def changed_recording(folder):
+    path = next((folder / "recordings").iterdir())
+    path.write_bytes(path.read_bytes() + b"\n")
+
+
 def damaged_note(folder):
     (folder / "kept" / "report.json").write_text("{", encoding="utf-8")
 
 
-@pytest.mark.parametrize("change", [changed_study, changed_figure, lost_page, changed_result, new_card, damaged_note])
+@pytest.mark.parametrize(
+    "change", [changed_study, changed_recording, changed_figure, lost_page, changed_result, new_card, damaged_note]
+)
 def test_whatever_changed_it_is_drawn_again(folder, change):
     change(folder)
     assert page_of(folder) is None
 
 
 def test_figures_as_pdf_are_drawn_when_they_are_asked_for(folder):
-    assert drawn_page(open_study(folder), with_pdf=True) is None
+    assert ReportPlace(folder).drawn_page(with_pdf=True) is None
+
+
+def test_with_a_recording_elsewhere_it_is_always_drawn(folder, tmp_path):
+    """Nobody would see that a pattern finds a new file elsewhere; and reading there must be allowed each time."""
+    elsewhere = tmp_path / "elsewhere.csv"
+    elsewhere.write_text("t", encoding="utf-8")
+    place = ReportPlace(folder, allow_outside=True)
+    place.note_drawn(folder / "report" / "index.html", [elsewhere], with_pdf=False)
+    assert place.drawn_page(with_pdf=False) is None
+    place.note_drawn(folder / "report" / "index.html", [], with_pdf=False)
+    assert place.drawn_page(with_pdf=False) is not None
+
+
+def test_kept_columns_are_told_by_their_own_ending():
+    assert KEPT_COLUMNS_ENDING == FILE_ENDING

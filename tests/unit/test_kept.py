@@ -4,7 +4,6 @@ import json
 import tracemalloc
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 from pellucid.recordings import keepers_mark, kept_columns
 from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.studies import kept
+from pellucid.studies import code_fingerprint
 from pellucid.studies.kept import TREE_KEY, keep_result, read_kept
 from pellucid.studies.results import ResultRow
 
@@ -177,23 +176,26 @@ def test_large_columns_of_somebody_else_are_not_read(tmp_path):
 
 def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, monkeypatch):
     def fingerprint():
-        kept.code_fingerprint.cache_clear()
-        return kept.code_fingerprint()
+        code_fingerprint.code_fingerprint.cache_clear()
+        return code_fingerprint.code_fingerprint()
 
     before = fingerprint()
     assert fingerprint() == before
-    monkeypatch.setattr(kept, "version", lambda name: "0" if name == "scipy" else version(name))
+    monkeypatch.setattr(code_fingerprint, "version", lambda name: "0" if name == "scipy" else version(name))
     assert fingerprint() != before
     monkeypatch.undo()
-    core = Path(kept.import_module("pellucid._core").__file__)
+    found = code_fingerprint._source_file
+    core = found("pellucid._core")
     other = tmp_path / core.name
     other.write_bytes(core.read_bytes() + b"\0")
-    monkeypatch.setattr(kept.import_module("pellucid._core"), "__file__", str(other))
+    monkeypatch.setattr(
+        code_fingerprint, "_source_file", lambda name: other if name == "pellucid._core" else found(name)
+    )
     assert fingerprint() != before
     monkeypatch.undo()
     assert fingerprint() == before
-    assert {"numpy", "scipy", "scikit-learn"} <= set(kept.library_versions())
-    assert not {"pytest", "ruff", "pellucid"} & set(kept.library_versions())
+    assert {"numpy", "scipy", "scikit-learn"} <= set(code_fingerprint.library_versions())
+    assert not {"pytest", "ruff", "pellucid"} & set(code_fingerprint.library_versions())
 
 
 def test_a_result_is_a_table_of_parameters():

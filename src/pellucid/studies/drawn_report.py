@@ -1,15 +1,22 @@
-"""A report that was drawn, and from what: while nothing of it changed, it need not be drawn again."""
+"""A report that was drawn, and from what: while nothing of it changed, it need not be drawn again.
+
+Nothing here reads study.toml or loads NumPy: a report that need not be drawn is answered before the study is opened.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from .._atomic import write_text_atomically
-from ..recordings.kept_columns import FILE_ENDING
-from .study import Study, checksum
+from .._errors import PellucidError
+from .._given import require_inside
+from .code_fingerprint import code_fingerprint
 
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""
@@ -17,53 +24,104 @@ PAGE_NAME = "index.html"
 TEMPLATES = Path(__file__).parents[1] / "pages"
 """Folder of the package whose templates and styles the page is made with."""
 
+KEPT_COLUMNS_ENDING = ".columns"
+"""Ending of the files in which recordings are kept as numbers. Their names hold the checksums of the recordings, which
+count already; they may be gigabytes."""
 
-def drawn_page(study: Study, *, with_pdf: bool) -> Path | None:
-    """Return the page of a study's report if it was drawn from what is there now, and is whole; else None.
 
-    Parameters
+@dataclass(frozen=True)
+class ReportPlace:
+    """Where a study's report is, and what it may be drawn from.
+
+    Attributes
     ----------
-    study : Study
-    with_pdf : bool
-        Whether figures must be there as PDF, too.
+    folder : Path
+        Folder of the study.
+    out : Path or None
+        Folder for everything that is written, instead of the study's own.
+    allow_outside : bool
+        Whether files outside the study's folder may be read.
     """
-    try:
-        told = json.loads(_note(study).read_text(encoding="utf-8"))
-        whole = all(checksum(study.report_dir / name) == digest for name, digest in told["files"].items())
-        same = told["made_from"] == _made_from(study, with_pdf)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return None
-    return study.report_dir / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
+
+    folder: Path
+    out: Path | None = None
+    allow_outside: bool = False
+
+    @property
+    def made(self) -> Path:
+        """Folder for everything that commands write."""
+        return self.folder if self.out is None else self.out
+
+    @property
+    def report(self) -> Path:
+        """Folder of the report."""
+        return self._inside("report")
+
+    @property
+    def note(self) -> Path:
+        """File that says what the report was drawn from."""
+        return self._inside("kept") / "report.json"
+
+    def _inside(self, name: str) -> Path:
+        """Return the path `name` in the folder `made`; raise a PellucidError if a link leads out of the study."""
+        path = self.made / name
+        return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
+
+    def drawn_page(self, *, with_pdf: bool) -> Path | None:
+        """Return the page of the report if it was drawn from what is there now, and is whole; else None.
+
+        Parameters
+        ----------
+        with_pdf : bool
+            Whether figures must be there as PDF, too.
+        """
+        try:
+            told = json.loads(self.note.read_text(encoding="utf-8"))
+            recordings = [self.folder / name for name in told["recordings"]]
+            for path in recordings:
+                require_inside(path, self.folder, False, "a recording")
+            whole = all(_checksum(self.report / name) == digest for name, digest in told["files"].items())
+            same = told["made_from"] == self._made_from(recordings, with_pdf)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, PellucidError):
+            return None
+        return self.report / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
+
+    def note_drawn(self, page: Path, recordings: Iterable[Path], *, with_pdf: bool) -> None:
+        """Note beside a study's results what its report was drawn from, and the checksums of its files.
+
+        `recordings` are the files that study.toml names. Where one lies outside the study's folder, or nothing can be
+        written, the next report is drawn: nobody would see that a pattern finds a new file elsewhere.
+        """
+        if page.parent != self.report:
+            return
+        named = list(recordings)
+        files = {path.name: _checksum(path) for path in sorted(page.parent.iterdir()) if path.is_file()}
+        told = {
+            "made_from": self._made_from(named, with_pdf),
+            "files": files,
+            "recordings": [os.path.relpath(path, self.folder) for path in named],
+        }
+        with suppress(OSError):
+            write_text_atomically(self.note, json.dumps(told, indent=1) + "\n")
+
+    def _made_from(self, recordings: Iterable[Path], with_pdf: bool) -> str:
+        """Return the SHA-256 of all that a report may draw: the study's folder, recordings, code and templates."""
+        found = {path.resolve() for path in recordings}
+        for folder in dict.fromkeys((self.folder.resolve(), self.made.resolve())):
+            found |= {path.resolve() for path in folder.rglob("*") if self._is_drawn_from(path)}
+        found |= {path for path in TEMPLATES.rglob("*") if path.suffix in (".j2", ".css", ".js")}
+        parts = [code_fingerprint(), str(with_pdf)]
+        # relpath also works for a file outside the study's folder.
+        parts += sorted(f"{os.path.relpath(path, self.folder)} {_checksum(path)}" for path in found)
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+    def _is_drawn_from(self, path: Path) -> bool:
+        """Return whether a path in the study's folder is a file that a report may draw."""
+        derived = self.report.resolve() in path.parents or path.name.endswith(KEPT_COLUMNS_ENDING)
+        return path.is_file() and not derived and path.resolve() != self.note.resolve()
 
 
-def note_drawn(study: Study, page: Path, *, with_pdf: bool) -> None:
-    """Note beside a study's results what its report was drawn from, and the checksums of its files.
-
-    Where nothing can be written there is no note, and the next report is drawn.
-    """
-    if page.parent != study.report_dir:
-        return
-    files = {path.name: checksum(path) for path in sorted(page.parent.iterdir()) if path.is_file()}
-    told = {"made_from": _made_from(study, with_pdf), "files": files}
-    with suppress(OSError):
-        write_text_atomically(_note(study), json.dumps(told, indent=1) + "\n")
-
-
-def _note(study: Study) -> Path:
-    return study.place("kept") / "report.json"
-
-
-def _made_from(study: Study, with_pdf: bool) -> str:
-    """Return the SHA-256 of all that a report may draw: the study's folder, what commands kept, code and templates."""
-    recordings = {path.resolve() for path in study.files()}
-    left_out = {_note(study).resolve()}
-    more = []
-    for folder in dict.fromkeys((study.folder.resolve(), study.made.resolve())):
-        for path in sorted(folder.rglob("*")):
-            # Kept columns are named after the checksums of recordings, which count already; they may be gigabytes.
-            derived = study.report_dir.resolve() in path.parents or path.name.endswith(FILE_ENDING)
-            if path.is_file() and not derived and path.resolve() not in recordings | left_out:
-                more.append(path)
-    more += [path for path in sorted(TEMPLATES.rglob("*")) if path.suffix in (".j2", ".css", ".js")]
-    parts = (study.fingerprint(more), str(with_pdf))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+def _checksum(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

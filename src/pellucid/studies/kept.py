@@ -8,15 +8,11 @@ NumPy can read in spite of it. The seal is read first, because it states the siz
 from __future__ import annotations
 
 import json
-import re
 import zipfile
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import fields, is_dataclass
-from functools import cache
-from hashlib import blake2b, sha256
+from hashlib import blake2b
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, requires, version
 from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import Any
@@ -25,9 +21,7 @@ import numpy as np
 
 from .._atomic import write_bytes_atomically
 from ..recordings.keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
-
-PACKAGE_NAME = __name__.partition(".")[0]
-"""Only dataclasses of this package are stored and restored."""
+from .code_fingerprint import PACKAGE_NAME
 
 TREE_KEY = "tree"
 """Key of the result in the stored JSON, and name of the JSON in the archive."""
@@ -90,32 +84,6 @@ def _sealed_content(path: Path) -> bytes | None:
     return content if is_sealed(content, found) else None
 
 
-@cache
-def code_fingerprint() -> str:
-    """Return the SHA-256 of all code that computes, because other code may find other results.
-
-    It covers the package's sources, its compiled core, and the versions of the libraries that it requires.
-    """
-    root = Path(import_module(PACKAGE_NAME).__file__).parent
-    digest = sha256(version(PACKAGE_NAME).encode())
-    core = Path(import_module(f"{PACKAGE_NAME}._core").__file__)
-    for source in (*sorted(root.rglob("*.py")), core):
-        digest.update(source.read_bytes())
-    digest.update(json.dumps(library_versions()).encode())
-    return digest.hexdigest()
-
-
-def library_versions() -> dict[str, str]:
-    """Return the versions of the libraries that the package computes with, by name; of optional ones if installed."""
-    found = {}
-    for requirement in requires(PACKAGE_NAME) or ():
-        name = re.match(r"[\w.-]+", requirement)[0]
-        if name != PACKAGE_NAME and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
-            with suppress(PackageNotFoundError):
-                found[name] = version(name)
-    return found
-
-
 class _TreeEncoder:
     """Encoder that turns a tree into JSON and collects its arrays, equal arrays once."""
 
@@ -129,7 +97,7 @@ class _TreeEncoder:
             return x
         if isinstance(x, (int, float)) and not isinstance(x, np.generic):
             return x
-        if is_dataclass(x) and type(x).__module__.partition(".")[0] == PACKAGE_NAME:
+        if is_dataclass(x) and type(x).__module__.partition(".")[0] == PACKAGE_NAME:  # no others are stored
             kind = f"{type(x).__module__}:{type(x).__qualname__}"
             return {"d": kind, "v": {f.name: self.encode(getattr(x, f.name)) for f in fields(x)}}
         if isinstance(x, np.ndarray):

@@ -1,0 +1,47 @@
+"""The fingerprint of all code that computes, and the versions of the libraries that it computes with."""
+
+from __future__ import annotations
+
+import json
+import re
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
+from pathlib import Path
+
+PACKAGE_NAME = __name__.partition(".")[0]
+"""Name of this package, and of its distribution."""
+
+
+@cache
+def code_fingerprint() -> str:
+    """Return the SHA-256 of all code that computes, because other code may find other results.
+
+    It covers the package's sources, its compiled core, and the versions of the libraries that it requires.
+    """
+    digest = sha256(version(PACKAGE_NAME).encode())
+    for source in (*sorted(_source_file(PACKAGE_NAME).parent.rglob("*.py")), _source_file(f"{PACKAGE_NAME}._core")):
+        digest.update(source.read_bytes())
+    digest.update(json.dumps(library_versions()).encode())
+    return digest.hexdigest()
+
+
+def _source_file(module: str) -> Path:
+    """Return a module's file, without loading it."""
+    found = find_spec(module)
+    if found is None or found.origin is None:
+        raise ImportError(f"found no file of the module {module}, expected one: Pellucid is not installed as a whole")
+    return Path(found.origin)
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of the libraries that the package computes with, by name; of optional ones if installed."""
+    found = {}
+    for requirement in requires(PACKAGE_NAME) or ():
+        name = re.match(r"[\w.-]+", requirement)[0]
+        if name != PACKAGE_NAME and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
+            with suppress(PackageNotFoundError):
+                found[name] = version(name)
+    return found
