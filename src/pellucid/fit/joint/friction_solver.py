@@ -44,6 +44,9 @@ MAX_STEPS = 8
 STEP_TOLERANCE = 5e-4
 """Gauss-Newton steps stop when one changes the effort by less than this share of it."""
 
+EQUAL_COST_SHARE = 1e-9
+"""Costs that differ by at most this share are equal but for rounding."""
+
 REFINING_STEP_TOLERANCE = 2e-3
 """The same tolerance for steps over all motions after steps over part of them."""
 
@@ -154,6 +157,8 @@ def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarr
         if near:
             break
     snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
+    if model.shape_index is not None:
+        free[model.shape_index] = False  # a Stribeck velocity of 0 is none, however little it may matter
     snapped, held = np.where(free, snapped, values), held & free
     residual = residual - jacobian @ (snapped - values)
     return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, near)
@@ -215,7 +220,13 @@ def _profile_stribeck_velocity(
             f"stribeck cannot be identified: no sample is slower than {top:.3g} and outside the dead band "
             f"(family '{model.family}')"
         )
-    velocity = min(tried, key=lambda v: float(np.sum((tried[v].residual * w) ** 2)))
+    cost_of = {v: float(np.sum((each.residual * w) ** 2)) for v, each in tried.items()}
+    velocity = min(cost_of, key=lambda v: cost_of[v])
+    if tried[velocity].values[_stribeck_index(model)] <= 0.0:
+        # Without a Stribeck level all velocities are alike but for rounding. The largest is hardest to tell from
+        # viscous friction, so the other intervals are the widest that any velocity would give them.
+        lowest = cost_of[velocity]
+        velocity = max(v for v, each in cost_of.items() if each <= (1.0 + EQUAL_COST_SHARE) * lowest)
     found = tried[velocity]
     values = np.insert(found.values, at, velocity)
     held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
