@@ -149,7 +149,8 @@ def write_recording(path: Path, count: int) -> None:
         file.write("t,q,tau\n")
         for begin in range(0, count, 200_000):
             part = slice(begin, begin + 200_000)
-            np.savetxt(file, np.column_stack([t[part], q[part], effort[part]]), fmt="%.6g", delimiter=",")
+            rows = np.column_stack([t[part], q[part], effort[part]])
+            np.savetxt(file, rows, fmt=("%.3f", "%.6g", "%.6g"), delimiter=",")
 
 
 def studies_of_people(folder: Path) -> list[dict]:
