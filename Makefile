@@ -30,7 +30,7 @@ numeric-test: $(VENV)/.tested
 core-test: $(VENV)/.tested
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
 	$(BIN)/cmake --build build/core
-	$(BIN)/ctest --test-dir build/core --output-on-failure
+	$(BIN)/ctest --test-dir build/core -j 2 --output-on-failure
 
 # Needs clang++; FUZZ_SECONDS for each controller.
 fuzz: $(VENV)/.tested

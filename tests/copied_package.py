@@ -18,7 +18,7 @@ def copied_package(folder: Path) -> Path:
     """``folder/src/pellucid`` with its core, and the core's headers beside ``folder/src``."""
     package = folder / "src" / "pellucid"
     here = Path(pellucid.__file__).parent
-    shutil.copytree(here, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(here, package)  # with its bytecode, which stays valid: times are copied, too
     shutil.copy(_core.__file__, package)
     if not (package / "include").is_dir():
         shutil.copytree(here.parents[1] / "include", folder / "include")
