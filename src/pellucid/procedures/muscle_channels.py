@@ -9,10 +9,10 @@ import numpy as np
 
 from .._errors import IdentificationError, PellucidError, RecordingError
 from ..recordings.fault import Fault
-from ..recordings.recording import Recording
+from ..recordings.recording import MAXIMAL_PROTOCOL, Recording
 from ..signals.emg_chain import EmgChain
 from ..signals.emg_quality import inspect_emg
-from ..studies.study import MAXIMAL_PROTOCOL, Study
+from ..studies.study import Study
 from .muscle_tables import EnvelopeTable, MuscleTable
 from .study_chain import notch_frequencies, study_chain
 
@@ -48,7 +48,7 @@ class MuscleEnvelopes:
 
 def emg_stream(recording: Recording, table: MuscleTable) -> Recording:
     """Return the stream with a recording's EMG, cut to the recording's window."""
-    stream = recording.streams.get(table.emg, recording)
+    stream = recording.stream_or_self(table.emg)
     if stream is recording:
         return recording
     inside = _find_window(stream, recording)

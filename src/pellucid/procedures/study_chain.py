@@ -25,7 +25,7 @@ def find_notch(study: Study, table: ChainSettings) -> float | None:
     """
     if table.mains != "auto":
         return None if table.mains is None else float(table.mains)
-    fitted = [r.streams.get(table.emg, r) for r in study.recordings("fit")]
+    fitted = [r.stream_or_self(table.emg) for r in study.recordings("fit")]
     key = "mains", table.emg, *(r.name for r in fitted)
     if key not in study.found:
         study.found[key] = find_hum(fitted)

@@ -15,6 +15,9 @@ from .clock import SampleClock, sample_clock
 from .cut import MIN_GAP_JITTER_RATIO, MIN_GAP_STEP_RATIO, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
+MAXIMAL_PROTOCOL = "mvc"
+"""Protocol of a maximal contraction. Its EMG alone is used, so that its file may lack every other channel."""
+
 BLOCK_SAMPLES = 100_000
 """The time steps of a recording with at least this many samples are examined in blocks of this size, which saves
 memory."""
@@ -205,6 +208,10 @@ class Recording:
                 f"{self.path.name} (recording {self.name}): no stream {name}; study.toml gives it "
                 f"{', '.join(self.streams) or 'none'}"
             ) from None
+
+    def stream_or_self(self, name: str) -> Recording:
+        """Return the recording of this trial by another instrument, or this one, if its own file has what is asked."""
+        return self.streams.get(name, self)
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels

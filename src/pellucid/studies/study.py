@@ -22,7 +22,7 @@ from ..recordings.delay import shift_channels, undo_lags
 from ..recordings.empty_ends import trim_missing_ends, within_streams
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
-from ..recordings.recording import Channel, Payload, Recording
+from ..recordings.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording
 from ..units import contradicts_unit
 from .drive_channel import command_channel
 from .find_defects import find_cuts, regressed_joints
@@ -42,9 +42,6 @@ RESULTS_FILE = "results.json"
 
 DISPLAYED_FILE_COUNT = 20
 """A message about a missing file lists at most this many of the files that are there."""
-
-MAXIMAL_PROTOCOL = "mvc"
-"""Protocol of a maximal contraction. Its EMG alone is used, so that its file may lack every other channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +184,7 @@ class Study:
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
         """Return the SHA-256 of study.toml, of all recordings' files, of `more` files and of Pellucid's own code."""
-        from .kept import code_fingerprint
+        from .code_fingerprint import code_fingerprint
 
         digests = {}
         for path in (self.folder / STUDY_FILE, *self.files()):

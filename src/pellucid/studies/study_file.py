@@ -25,6 +25,7 @@ from pydantic import (
 from .._errors import IdentificationError, StudyError
 from .._given import read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
+from ..recordings.recording import MAXIMAL_PROTOCOL
 from ..units import parse_quantity, si_text, to_si_factor
 from .instruments_table import InstrumentsTable
 from .session_table import SessionTable
@@ -962,8 +963,9 @@ class RecordingEntry(StudyTable):
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:
-        is_emg_alone = self.protocol == "mvc" and len(self.streams) == 1 and self.file is None and self.files is None
-        if (self.file is None) == (self.files is None) and not is_emg_alone:
+        is_emg_alone = self.protocol == MAXIMAL_PROTOCOL and len(self.streams) == 1
+        nowhere = self.file is None and self.files is None
+        if (self.file is None) == (self.files is None) and not (nowhere and is_emg_alone):
             raise ValueError("expected one of file and files, found " + ("both" if self.file else "neither"))
         if self.files is not None and (self.optical is not None or self.streams):
             what = f'optical = "{self.optical}"' if self.optical is not None else "streams"

@@ -74,7 +74,7 @@ def emg_on_motions_clock(
     record: PointingRecord, made: Activity, spec: PointingSettings, rule: MovementRule
 ) -> tuple[Activity, list[Fault]]:
     """Return a recording's EMG with its drift corrected, and the faults of its clock."""
-    name = record.recording.streams.get(spec.emg, record.recording).path.name
+    name = record.recording.stream_or_self(spec.emg).path.name
 
     def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:
         message = f"{record.where}, EMG ({name}): found {what}, expected {expected}"

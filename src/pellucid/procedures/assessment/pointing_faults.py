@@ -49,7 +49,7 @@ def assessment_faults(study: Study, spec: AssessmentTable) -> list[Fault]:
         except RecordingError as error:
             faults.append(_refused(recording, spec, str(error)))
         if spec.agonists or spec.antagonists:
-            faults += inspect_emg(recording.streams.get(spec.emg, recording))
+            faults += inspect_emg(recording.stream_or_self(spec.emg))
     named = labelled_amplitudes(records)
     for record in records:
         faults += pointing_faults(record, spec, named)

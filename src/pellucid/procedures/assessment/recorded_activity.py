@@ -17,7 +17,7 @@ def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
     """Return the EMG of a recording, processed as published except for normalisation, which needs all recordings."""
     muscles = (*spec.agonists, *spec.antagonists)
     names = [f"emg.{muscle}" for muscle in muscles]
-    source = recording.streams.get(spec.emg, recording)
+    source = recording.stream_or_self(spec.emg)
     present = [name for name in names if name in source]
     if not present:
         return None

@@ -10,6 +10,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.cocontraction import Cocontraction, CocontractionIndex, cocontraction
 from ...fit.parameter import Verdict
+from ...recordings.recording import MAXIMAL_PROTOCOL
 from ...studies.results import ResultRow
 from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
@@ -116,7 +117,7 @@ def _verdicts(study: Study, table: CocontractionTable, found: list[PairActivity]
     """Return verdicts on the scale of envelopes and on recordings too short for an interval."""
     if table.chain == "none":
         yield Verdict("note", RECORDED_ENVELOPES)
-    elif not any(r.protocol == "mvc" for r in study.recordings()):
+    elif not any(r.protocol == MAXIMAL_PROTOCOL for r in study.recordings()):
         yield Verdict("warning", NO_MAXIMAL_CONTRACTION)
     short = sorted({each.recording for each in found if each.found.common.interval is None})
     if short:

@@ -8,13 +8,13 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...recordings.fault import Fault
-from ...recordings.recording import Recording
+from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
 from ...studies.study import Study
 from ..study_chain import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
-from .used_muscles import find_stream, ignored_channels
+from .used_muscles import ignored_channels
 
 ENVELOPE_SETTLING_S = 0.5
 """Duration at either end of a recording in which an envelope has not settled [s].
@@ -36,7 +36,7 @@ def emg_faults(study: Study) -> list[Fault]:
     rates: dict[str, float] = {}
     windows = [entry.name for entry in study.config.recordings if entry.window is not None]
     for recording in study.recordings():
-        stream = recording.streams.get(asked.emg, recording)
+        stream = recording.stream_or_self(asked.emg)
         if not any(name.startswith("emg.") for name in stream.channels):
             continue
         whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
@@ -50,7 +50,7 @@ def emg_faults(study: Study) -> list[Fault]:
                 found += _envelope_faults(recording, stream, chain)
     for recording in study.recordings():
         for muscle in ignored_channels(study).get(recording.name, ()):
-            file, expected = find_stream(recording, asked.emg).path.name, "a channel of every fitted recording"
+            file, expected = recording.stream_or_self(asked.emg).path.name, "a channel of every fitted recording"
             message = (
                 f"{file} (recording {recording.name}), channel emg.{muscle}: found it in this recording, expected "
                 f"{expected}: it is not used"
@@ -110,14 +110,14 @@ def _rate_fault(severity: str, stream: Recording, found: str, expected: str, mes
 
 def _envelope_faults(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:
     """Return faults of the envelopes' contrast in maximal contractions, and of swapped channels in torque steps."""
-    if recording.protocol not in ("mvc", "torque_steps"):
+    if recording.protocol not in (MAXIMAL_PROTOCOL, "torque_steps"):
         return []
     raw = {n.removeprefix("emg."): c for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"}
     try:
         made = {muscle: chain.zero_phase(c.samples, stream.fs) for muscle, c in raw.items()}
     except RecordingError:  # The recording is too short for the chain's filters, which calibration reports itself
         return []
-    if recording.protocol == "mvc":
+    if recording.protocol == MAXIMAL_PROTOCOL:
         inside = (stream.time >= stream.time[0] + ENVELOPE_SETTLING_S) & (
             stream.time <= stream.time[-1] - ENVELOPE_SETTLING_S
         )

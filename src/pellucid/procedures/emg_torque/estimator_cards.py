@@ -34,7 +34,6 @@ from .relative_envelopes import find_maxima
 from .together import TogetherFindings
 from .torque_card import PRODUCT_SEPARATOR
 from .trial_sources import moment_trials
-from .used_muscles import find_stream
 
 MAX_ENVELOPE_RATIO = 2.0
 """Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle.
@@ -170,7 +169,7 @@ def _make_card(
     top = find_maxima(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     chain = study_chain(study, spec)
     if chain is not None:
-        rate = find_stream(fitted[0], spec.emg).fs
+        rate = fitted[0].stream_or_self(spec.emg).fs
         raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}
         late = chain.delay(rate).filters
         notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
-from ...recordings.recording import Recording
+from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
 from ...signals.emg_chain import EmgChain
-from ...studies.study import MAXIMAL_PROTOCOL, Study
+from ...studies.study import Study
 from ..study_chain import study_chain
 from .emg_faults import trial_faults
 from .emg_torque_table import EmgTorqueTable
-from .used_muscles import find_stream, find_used_muscles
+from .used_muscles import find_used_muscles
 
 
 def relative_envelopes(
@@ -23,7 +23,7 @@ def relative_envelopes(
 
     `top` is the envelope of each muscle that counts as 1. `study` [emg_torque].
     """
-    stream, chain = find_stream(recording, study.table(EmgTorqueTable).emg), _study_chain(study)
+    stream, chain = recording.stream_or_self(study.table(EmgTorqueTable).emg), _study_chain(study)
     whole = stream.uncut or stream
     # A stream that ends early is refused below, for each muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]

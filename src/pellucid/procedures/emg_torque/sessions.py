@@ -13,13 +13,13 @@ from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
-from ...recordings.recording import Recording
+from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
 from ...studies.study import Study
 from ..result import FigureTable
 from .emg_torque_table import EmgTorqueTable
-from .relative_envelopes import MAXIMAL_PROTOCOL, find_window
+from .relative_envelopes import find_window
 from .trial_sources import moment_trials
-from .used_muscles import find_stream, find_used_muscles
+from .used_muscles import find_used_muscles
 from .watched_channels import CONSEQUENCE_KIND, find_watched_changes
 
 RESCALE_KEY = '[emg_torque] rescale = "3 s"'
@@ -79,7 +79,7 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     if study.table(EmgTorqueTable).chain == "none":
         return {}
     found: dict[str, tuple[ChannelChange, ...]] = {}
-    read = [(r, find_stream(r, study.table(EmgTorqueTable).emg)) for r in study.recordings()]
+    read = [(r, r.stream_or_self(study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
     long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]
     for person in dict.fromkeys(r.participant for r, _ in long):
@@ -108,7 +108,7 @@ def session_faults(study: Study) -> list[Fault]:
             changes = {**find_raw_changes(study), **changes}
     except PellucidError:  # Other checks report this error
         return []
-    files = {r.name: find_stream(r, asked.emg).path.name for r in study.recordings()}
+    files = {r.name: r.stream_or_self(asked.emg).path.name for r in study.recordings()}
     faults = []
     for name, changed in changes.items():
         where = f"{files[name]} (recording {name})"
@@ -129,7 +129,7 @@ def session_faults(study: Study) -> list[Fault]:
 def _compare_study(study: Study) -> dict[str, ChannelComparison]:
     """Compare held-out recordings with moments with the fitted ones; empty without both kinds."""
     asked = study.table(EmgTorqueTable)
-    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in find_stream(r, asked.moments)}
+    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in r.stream_or_self(asked.moments)}
     if uses != {"fit", "validate"}:
         return {}
     trials = moment_trials(study, asked.joints[0])

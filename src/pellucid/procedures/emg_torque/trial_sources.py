@@ -17,14 +17,14 @@ from ...fit.strap.strap_model import PLAIN_NAME, StrapModel
 from ...fit.strap.strap_torque import Limb, Orthosis
 from ...models.friction_terms import COULOMB_FRICTION
 from ...models.parameter_card import ParameterCard, read_parameter_card
-from ...recordings.recording import Recording
+from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
 from ...signals.filters import zero_phase_lowpass
 from ...studies.study import Study
 from ..card_sources import require_fresh
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
-from .relative_envelopes import MAXIMAL_PROTOCOL, find_maxima, find_window, relative_envelopes
-from .used_muscles import find_stream, find_used_muscles
+from .relative_envelopes import find_maxima, find_window, relative_envelopes
+from .used_muscles import find_used_muscles
 
 STEP_PROTOCOL = "torque_steps"
 """Protocol in which a wearer counters an orthosis's torque."""
@@ -57,7 +57,7 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
     found = [
         r
         for r in study.recordings()
-        if f"moment.{joint}" in find_stream(r, spec.moments) and r.protocol != MAXIMAL_PROTOCOL
+        if f"moment.{joint}" in r.stream_or_self(spec.moments) and r.protocol != MAXIMAL_PROTOCOL
     ]
     fitted = [r for r in found if r.use == "fit"]
     top = {
@@ -67,7 +67,7 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
     trials = []
     for recording in map(_at_trial_rate, found):
         channel = f"moment.{joint}"
-        moments = find_stream(recording, spec.moments)
+        moments = recording.stream_or_self(spec.moments)
         inside = find_window(moments, recording, channel)
         time, torque = moments.time[inside], moments[channel][inside]
         if spec.reference_lowpass is not None:
@@ -258,7 +258,7 @@ def _body_of_card(card: ParameterCard) -> MovedBody:
 
 def _lead_envelopes(study: Study, recording: Recording) -> dict[str, np.ndarray]:
     """Return envelopes before the recording's first sample, if they were recorded and the recording is not a window."""
-    stream = find_stream(recording, study.table(EmgTorqueTable).emg)
+    stream = recording.stream_or_self(study.table(EmgTorqueTable).emg)
     spec = next(each for each in study.config.recordings if each.name == recording.name)
     count = int((recording.time[0] - stream.time[0]) * recording.fs)
     if study.table(EmgTorqueTable).chain != "none" or spec.window is not None or count < 1:

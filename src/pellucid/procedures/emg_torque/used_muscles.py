@@ -9,11 +9,6 @@ from ...studies.study import Study
 from .emg_torque_table import EmgTorqueTable
 
 
-def find_stream(recording: Recording, name: str) -> Recording:
-    """Return a recording's stream, or the recording itself if it has no stream of that name."""
-    return recording.streams.get(name, recording)
-
-
 def find_used_muscles(study: Study, stream: Recording) -> list[str]:
     """Return the muscles of a stream that the study uses; raise a RecordingError if it lacks one.
 
@@ -41,7 +36,7 @@ def _common_muscles(study: Study, participant: str | None) -> tuple[str, ...]:
 
 def _emg_channels(study: Study, recording: Recording) -> list[str]:
     """Return the muscles with a channel in a recording. `study` [emg_torque]."""
-    stream = find_stream(recording, study.table(EmgTorqueTable).emg)
+    stream = recording.stream_or_self(study.table(EmgTorqueTable).emg)
     return [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
 
 

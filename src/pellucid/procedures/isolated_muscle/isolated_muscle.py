@@ -200,7 +200,7 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     """Return the simulation's times [s], the displacement at them [m], and its amplitude [m]."""
     table = study.table(IsolatedMuscleTable)
     amplitude = next(e.amplitude for e in study.config.recordings if e.name == recording.name)
-    source = recording.streams.get(table.stream, recording)
+    source = recording.stream_or_self(table.stream)
     bad = [cut for cut in source.cuts if cut.channel in (table.displacement, "time")]
     if bad:
         raise RecordingError(
