@@ -14,17 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from functools import cache
+from typing import Generic, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
 from .._errors import IdentificationError
 from ..signals.judged import require_fitted
 from .parameter import Parameter
-
-MAX_FULL_JACOBIAN_SAMPLES = 50_000
-"""Above this number of samples a nonlinear model computes its thinned rows directly, if it can. A linear model always
-does."""
 
 
 class FittedMotion(Protocol):
@@ -152,25 +149,23 @@ def regression_rows(
 
 def predict_effort_rows(model: ForceModel[MotionT], values: np.ndarray, motion: MotionT) -> np.ndarray:
     """Return the modelled effort, (m,), in the regression rows of one motion at `values`, (p,)."""
-    direct = _direct_rows(model, values, motion)
-    return motion.rows(model.effort(values, motion)) if direct is None else direct[0]
-
-
-def _direct_rows(
-    model: ForceModel[MotionT], values: np.ndarray, motion: MotionT
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the effort, (m,), and regressor, (m, p), if the model computes the rows of this motion directly."""
-    if isinstance(model, RowModel) and (model.linear or len(motion.effort) > MAX_FULL_JACOBIAN_SAMPLES):
-        return model.rows(values, motion)
-    return None
+    if has_rows(type(model)):
+        return cast(RowModel, model).rows(values, motion)[0]
+    return motion.rows(model.effort(values, motion))
 
 
 def _rows(model: ForceModel[MotionT], values: np.ndarray, motion: MotionT) -> tuple[np.ndarray, np.ndarray]:
-    direct = _direct_rows(model, values, motion)
-    if direct is not None:
-        return direct
+    """Return the effort, (m,), and regressor, (m, p), in the regression rows of one motion at `values`, (p,)."""
+    if has_rows(type(model)):
+        return cast(RowModel, model).rows(values, motion)
     rows = motion.rows(np.column_stack(model.jacobian(values, motion)))
     return rows[:, 0], rows[:, 1:]
+
+
+@cache
+def has_rows(model: type) -> bool:
+    """Return whether a class of models computes the rows of a motion directly; it is asked for every motion."""
+    return issubclass(model, RowModel)
 
 
 @dataclass(frozen=True)

@@ -116,19 +116,16 @@ def filtered_jacobian(
     return filtered[:, 0], filtered[:, 1:]
 
 
-def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+def filtered_rows(
+    vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS
+) -> tuple[np.ndarray, np.ndarray]:
     """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
     linear is filtered once and kept with the motion; only what is not is filtered again."""
     if _presliding_direction(motion) is not None:
-        effort, jacobian = filtered_jacobian(vector, selection, motion)
+        effort, jacobian = filtered_jacobian(vector, selection, motion, smooth)
         return motion.rows(effort), motion.rows(jacobian)
-    kept = vars(motion)
-    terms = list(SMOOTH_TERMS + JUMPING_TERMS)
-    if "_linear_rows" not in kept:
-        columns = regressor(motion.position, motion.velocity, motion.acceleration, tuple(terms))
-        columns[:, len(SMOOTH_TERMS) :] = motion.smooth(columns[:, len(SMOOTH_TERMS) :])
-        kept["_linear_rows"] = motion.rows(columns)
-    linear = kept["_linear_rows"]
+    terms = [*smooth, *(i for i in SMOOTH_TERMS + JUMPING_TERMS if i not in smooth)]
+    linear = _linear_rows(motion, tuple(terms), len(smooth), float(vector[_NAMES.index("velocity_width")]))
     effort, rows = linear @ vector[terms], linear @ selection[terms]
     curved = list(CURVED_TERMS)
     if not (vector[curved].any() or selection[curved].any()):
@@ -136,8 +133,9 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     # The body and what bends, without what is linear besides: less the body itself, all of it jumps with the velocity.
     body = np.array(BODY_TERMS)
     bent = vector.copy()
-    bent[[i for i in terms if i not in body]] = 0.0
-    active = np.array([i for i in (*BODY_TERMS, *curved) if selection[i].any()], int)
+    bent[[i for i in terms if i not in BODY_TERMS]] = 0.0
+    candidates = np.array([*BODY_TERMS, *curved])
+    active = candidates[selection[candidates].any(axis=1)]
     states = motion.position, motion.velocity, motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
@@ -147,11 +145,24 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     made[:, 1 : 1 + len(chosen)] = selection[np.ix_(active, chosen)]
     less[:, 0], less[:, 1 : 1 + len(chosen)] = bent[body], selection[np.ix_(body, chosen)]
     jumps = jacobian @ made
-    jumps -= regressor(*states, BODY_TERMS) @ less
+    jumps -= _smooth_regressor(motion)[:, : len(BODY_TERMS)] @ less
     jumps[:, 0] += whole
     added = motion.rows(motion.smooth(jumps))
     rows[:, chosen] += added[:, 1 : 1 + len(chosen)]
     return effort + added[:, 0], rows
+
+
+def _linear_rows(motion: FilteredMotion, terms: tuple[int, ...], smooth: int, width: float) -> np.ndarray:
+    """The regressor of linear `terms`, (m, k), at the rows that a regression uses; all but the first `smooth` filtered.
+
+    It is kept with the motion, for it depends on no parameter but the `width` of the smooth sign [velocity].
+    """
+    kept = vars(motion).setdefault("_linear_rows", {})
+    if (terms, smooth, width) not in kept:
+        columns = regressor(motion.position, motion.velocity, motion.acceleration, terms, width)
+        columns[:, smooth:] = motion.smooth(columns[:, smooth:])
+        kept[terms, smooth, width] = motion.rows(columns)
+    return kept[terms, smooth, width]
 
 
 def _presliding_direction(motion: FilteredMotion) -> np.ndarray | None:

@@ -15,11 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from .directional_slider import VELOCITY_WIDTH
-from .filtered_dynamics import BODY_TERMS, SlidingMotion, filtered_effort, filtered_jacobian
+from .filtered_dynamics import BODY_TERMS, SlidingMotion, filtered_effort, filtered_jacobian, filtered_rows
 from .joint import GRAVITY, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME
 
 BODY_UNITS = {
@@ -104,9 +105,14 @@ class SliderJointModel:
         vector = self.vector(values, motion.slider, VELOCITY_WIDTH)
         return filtered_jacobian(vector, self.selection(motion.slider), motion, BODY_TERMS)
 
+    def rows(self, values: np.ndarray, motion: SlidingMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Effort, (m,), and derivative, (m, p), at the rows that a regression uses, sooner than by `jacobian`."""
+        vector = self.vector(values, motion.slider, VELOCITY_WIDTH)
+        return filtered_rows(vector, self.selection(motion.slider), motion, BODY_TERMS)
+
     def selection(self, slider: float) -> np.ndarray:
         """Matrix S(x), shape (13, p), with core vector = S(x) @ values + known(x). `slider` [m]; gives (13, p)."""
-        return np.column_stack([_column(name, slider) for name in self.names])
+        return _columns(self.names, slider)
 
     def vector(self, values: np.ndarray, slider: float, velocity_width: float = 0.0) -> np.ndarray:
         """The core's joint parameters, shape (13,), SI. `values` (p,); `slider` [m]; `velocity_width` [rad/s]; gives
@@ -160,6 +166,14 @@ class SliderJointModel:
             room += list(inertia - least)
             size += list(np.abs(inertia) + least)
         return np.array(room), np.array(size)
+
+
+@lru_cache(maxsize=256)
+def _columns(names: tuple[str, ...], slider: float) -> np.ndarray:
+    """What one unit of each parameter adds to the core's vector, shape (13, p), read-only."""
+    made = np.column_stack([_column(name, slider) for name in names])
+    made.setflags(write=False)
+    return made
 
 
 def _column(name: str, slider: float) -> np.ndarray:
