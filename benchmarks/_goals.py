@@ -75,8 +75,8 @@ GOALS = (
         "steps per second of one joint's plant over Numba",
         at_least=True,
         profile="Each step waits for the sine of the last one's angle. The core's sine and cosine are one function "
-        "without a branch, which lanes, dual numbers and microcontrollers share and which gives the same bits on all of "
-        "them; one after another it takes 1.5 times as long as the C library's sine, which Numba calls. Its tanh takes "
+        "without a branch, which lanes, dual numbers and microcontrollers share and which gives all of them the same "
+        "bits; one after another it takes 1.5 times as long as the C library's sine, which Numba calls. Its tanh takes "
         "three quarters of the C library's time. Many joints in lanes run at several times Numba's speed (the row "
         "`plant.core_batch_over_numba_batch`).",
     ),
