@@ -116,6 +116,15 @@ def test_imports_follow_the_flow():
     assert not found, "\n".join(found)
 
 
+def test_identifying_a_joint_does_not_load_all_of_statistics():
+    """scipy.stats, which scipy.signal loads too, takes longer to load than a joint to be fitted."""
+    paths = [*(ROOT / "fit" / "joint").rglob("*.py"), *(ROOT / "procedures" / "joint").rglob("*.py")]
+    paths += [ROOT / "signals" / name for name in ("filters.py", "low_pass.py", "motion.py", "sampled.py")]
+    loads = re.compile(r"\s*(from|import) scipy(\.| import )(stats|signal)\b")
+    lines = [(path.name, line) for path in paths for line in path.read_text(encoding="utf-8").splitlines()]
+    assert [each for each in lines if loads.match(each[1])] == []
+
+
 def test_the_base_distribution_does_not_know_the_lab():
     """What `pellucid-lab` brings is found by entry points; the base must work without it."""
     base = {layer: allowed for layer, allowed in ALLOWED.items() if layer not in LAB_DISTRIBUTION}

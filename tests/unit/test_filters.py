@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.signals.filters import central_difference, decimate, runs, zero_phase_lowpass
+from pellucid.signals.filters import central_difference, decimate, local_cubic, runs, zero_phase_lowpass
 from pellucid.signals.low_pass import butterworth, chebyshev, settled
 
 FS = 1000.0
@@ -93,3 +93,9 @@ def test_filtering_both_ways_is_scipys(order, shape):
     x = np.random.default_rng(3).standard_normal(shape).cumsum(axis=0)
     theirs = signal.sosfiltfilt(signal.butter(order, 40.0, fs=FS, output="sos"), x, axis=0)
     np.testing.assert_allclose(zero_phase_lowpass(x, 40.0, order, FS), theirs, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("window", [5, 9, 21])
+def test_a_local_cubic_is_that_of_scipy(window, rng):
+    samples = np.cumsum(rng.standard_normal(300))
+    np.testing.assert_allclose(local_cubic(samples, window), signal.savgol_filter(samples, window, 3), atol=1e-10)

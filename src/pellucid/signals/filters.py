@@ -81,6 +81,20 @@ def _anti_aliasing(factor: int) -> _BothWays:
     return _both_ways(chebyshev(8, 0.05, 0.8 / factor))
 
 
+def local_cubic(samples: np.ndarray, window: int) -> np.ndarray:
+    """Return at each sample the cubic that fits the `window` samples around it best, (n,), an odd number of them.
+
+    At either border it is the cubic of the outermost window. The numbers are those of scipy.signal.savgol_filter, which
+    loads all of scipy.stats.
+    """
+    half = window // 2
+    powers = np.vander(np.arange(-half, half + 1) / half, 4)
+    weights = powers @ np.linalg.pinv(powers)
+    smooth = np.convolve(samples, weights[half][::-1], mode="same")
+    smooth[:half], smooth[-half:] = weights[:half] @ samples[:window], weights[-half:] @ samples[-window:]
+    return smooth
+
+
 def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:
     """Derivative by central differences, one-sided at the two borders. `samples` (n,) or (n, k); `fs` [Hz]."""
     return np.gradient(samples, 1.0 / fs, axis=0)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from ... import _core
 from ..._errors import IdentificationError
@@ -129,7 +129,7 @@ def estimate_load(
     apparent = np.array([_apparent_mass(body, lift, **settings) for lift in empty])
     mass = _apparent_mass(body, loaded, **settings) - float(apparent.mean())
     n = len(apparent)
-    reach = float(student_t.ppf(0.975, n - 1) * apparent.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
+    reach = float(stdtrit(n - 1, 0.975) * apparent.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
     reach = float(np.hypot(reach, NORMAL_QUANTILE_97_5 * gain_error * mass))
     return LoadEstimate(mass, (mass - reach, mass + reach), distance)
 

@@ -29,6 +29,7 @@ from ... import _core
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
 from ...models.friction_terms import STRIBECK_FRICTION, STRIBECK_VELOCITY, grows_with_load
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
+from ...signals.filters import local_cubic
 from ...signals.motion import Motion
 from ..block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
 from ..parameter import Parameter
@@ -115,11 +116,9 @@ def position_resolution(motions: Sequence[Motion]) -> float:
 
     It is the step of an encoder whose readings deviate as much from a local cubic as these do.
     """
-    from scipy.signal import savgol_filter
-
     found = [0.0]
     for m in motions:
-        beside = m.raw_position - savgol_filter(m.raw_position, RESOLUTION_WINDOW_SAMPLES, 3)
+        beside = m.raw_position - local_cubic(m.raw_position, RESOLUTION_WINDOW_SAMPLES)
         found.append(2.0 * float(np.quantile(np.abs(beside[m.inner]), 0.99)))
     return max(found)
 

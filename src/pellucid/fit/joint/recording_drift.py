@@ -58,7 +58,7 @@ def find_recording_drift(
     effect do not differ. `level` is the confidence level for all parameters
     together. Returns None where fewer than two recordings determine their parameters.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     weights = found.weights[:, None]
     w, residual = found.jacobian * weights, found.residual * found.weights
@@ -87,7 +87,7 @@ def find_recording_drift(
     usual = precision.sum(axis=0) - (precision**2).sum(axis=0) / precision.sum(axis=0)
     between = np.sqrt(np.maximum(excess - (len(parts) - 1), 0.0) / usual)
     improvement = _improvement(parts)
-    p_values = chi2.sf(excess, len(parts) - 1)
+    p_values = chdtrc(len(parts) - 1, excess)
     values = np.tile(found.values, (len(parts), 1))
     values[:, free] += own
     spread, told = np.zeros(len(names)), np.zeros(len(names), bool)
