@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .study import Study as Study
     from .study import drive_channel as drive_channel
 
-_MODULES = {
+_SOURCE_MODULES = {
     "inspect": "quality",
     "require_sound": "quality",
     "ResultRow": "results",
@@ -28,8 +28,8 @@ _MODULES = {
 
 
 def __getattr__(name: str):
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(sorted(_MODULES))}")
+    if name not in _SOURCE_MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(sorted(_SOURCE_MODULES))}")
     from importlib import import_module
 
-    return getattr(import_module(f".{_MODULES[name]}", __name__), name)
+    return getattr(import_module(f".{_SOURCE_MODULES[name]}", __name__), name)
