@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported import Loaded, Output, nonsense
+from exported import Loaded, Output, nonsense, written
 from typer.testing import CliRunner
 
 import pellucid
@@ -96,7 +96,7 @@ def worn():
 @pytest.fixture
 def joint(study, tmp_path):
     values = joint_values(study)
-    return Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    return Loaded(written(values, tmp_path / "c"), values)
 
 
 @compiled
@@ -140,7 +140,7 @@ def test_a_controller_says_what_its_robot_answered_the_probe(study, tmp_path):
     """As the same law in Python does, in single precision; nothing before it has started or where nothing is given."""
     values = joint_values(study)
     values = replace(values, instruments=replace(values.instruments, probe=True))
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     here = values.supervised.changed(**SUPERVISOR_VARIANTS["law"]).start(single=True)
     assert robot.probe_answer() == ((0.0,) * 6, 0)
     assert robot.core.pellucid_probe_answer(None, None) == 0
@@ -232,7 +232,7 @@ def test_what_is_carried_is_gravity_and_friction(joint):
 @compiled
 def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     here = ControlLaw(values.law, values.numbers)
     assert robot.init() == 0
     largest = 0.0
@@ -250,7 +250,7 @@ def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
 @compiled
 def test_emg_that_says_nothing_is_no_fault(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     robot.init()
     for _ in range(100):
         output = robot.step(0.2, 0.1, np.nan)
@@ -377,7 +377,7 @@ def test_whatever_comes_in_what_goes_out_is_finite_within_its_limit_and_its_rate
 
 @compiled
 def test_a_worn_orthosis_too(tmp_path, rng):
-    nonsense(Loaded(write_c_folder("bench", worn(), tmp_path / "c"), worn()), rng)
+    nonsense(Loaded(written(worn(), tmp_path / "c"), worn()), rng)
 
 
 def test_limits_come_from_the_study(study):
