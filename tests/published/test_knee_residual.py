@@ -48,8 +48,9 @@ def worn(rig):
 
 @pytest.fixture(scope="module")
 def rows(worn):
-    only = ("zero_impedance", "no_control", "residual", "disturbance_observer")
-    return {r.controller: r for r in compare(worn, (SEED,), only=only, duration=14.0)}
+    only = ("zero_impedance", "no_control", "disturbance_observer")
+    beside = compare(worn, (SEED,), only=only, duration=14.0, stability=False)
+    return {r.controller: r for r in (*beside, *compare(worn, (SEED,), only=("residual",), duration=14.0))}
 
 
 def test_nobody_compared_was_tuned_on():
@@ -133,17 +134,16 @@ def test_a_relaxed_wearer_is_not_swayed(rig, worn):
     assert np.abs(taken.truth.limb_position[-1500:]).max() < 0.25
 
 
-def test_detached_electrodes_leave_what_needs_none(rig, worn):
+def test_detached_electrodes_leave_what_needs_none(rig, worn, rows):
     controller = WornCompensator(
         design_reproduced_law(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build()
     )
     session, faults = session_of(worn), Faults(emg_detached={0: 6.0, 1: 6.0})
-    plain = rms_mismatch_and_torque(swing(worn.rig, worn.name, SEED, None, duration=14.0, session=session))[1]
     taken = swing(worn.rig, worn.name, SEED, controller, duration=14.0, session=session, faults=faults)
     assert controller.fault == "none"
     assert controller.core.estimates["trust"] == 0.0  # found by its hum, and faded out
     assert np.abs(taken.command).max() < 10
-    assert rms_mismatch_and_torque(taken)[1] < plain
+    assert rms_mismatch_and_torque(taken)[1] < rows["zero_impedance"].strap_torque
 
 
 def test_without_control_the_motor_gives_no_torque(worn):

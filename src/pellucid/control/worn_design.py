@@ -22,9 +22,9 @@ INERTIA_FACTORS = (0.7, 1.4)
 """Factors on the identified inertia of the orthosis with which the loop still comes to rest, on every such strap [1].
 
 Without them the loop swung at its limit of rate, at 7 to 13 Hz, on 11 of 300 foreign orthoses of 20261103 and 20261105
-to 20261107, and their drive's watch stopped it. They do not follow from the card's interval: it says how well recordings
-of the empty orthosis tell its inertia, not what is worn afterwards. Shells, cuffs and a shank of another length are put
-on later, and of ten intervals of 95 % that are promised to hold in 90 % one may not hold."""
+to 20261107, and their drive's watch stopped it. They do not follow from the card's interval, which says how well
+recordings of the empty orthosis tell its inertia, and nothing of shells, cuffs and shanks of another length that are put
+on later. Nor may a loop swing on each tenth wearer, whose interval does not hold."""
 
 
 def other_straps(coupling: Coupling) -> list[Coupling]:
