@@ -19,7 +19,8 @@ TRIED = {
     "encoder_frozen", "encoder_nan", "encoder_far", "encoder_flipped_two", "drive_reversed", "drive_stuck",
     "drive_dead", "clock_ahead", "cycle_overrun", "law_memory", "supervisor_memory", "mode_memory",
 }  # fmt: skip
-"""Faults that docs/safety.md finds on every knee; two of a drive that gives more or late are left to the evidence."""
+"""Faults that are found on every knee. A drive that gives more, late or what it gave, and a law that remembers the
+joint wrongly are not: docs/safety.md has what they give."""
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,8 @@ INERTIA_FACTORS = (0.7, 1.4)
 
 Without them the loop swung at its limit of rate, at 7 to 13 Hz, on 11 of 300 foreign orthoses of 20261103 and 20261105
 to 20261107, and their drive's watch stopped it. They do not follow from the card's interval, which says how well
-recordings of the empty orthosis tell its inertia, and nothing of shells, cuffs and shanks of another length that are put
-on later. Nor may a loop swing on each tenth wearer, whose interval does not hold."""
+recordings of the empty orthosis tell its inertia, and nothing of a shell, a cuff or a longer shank that is put on
+later. Nor may a loop swing on each tenth wearer, whose interval does not hold."""
 
 
 def other_straps(coupling: Coupling) -> list[Coupling]:
