@@ -112,6 +112,8 @@ EQUIVALENT: tuple[Equivalent, ...] = (
                "a coefficient of 0 adds 0"),
     Equivalent("body_residual", "velocity < S(0) ? -sliding : sliding", ("< -> <=",), "at rest nothing slides"),
     Equivalent("body_residual", "if (!is_finite(s.momentum", ("+ -> -",), FINITE),
+    Equivalent("incident_recorder", "if (r.filled == 0 && r.whole == places)", ("r.filled == 0 && ->",
+               "r.filled == 0 -> true"), "a record that was begun has made its room already"),
     Equivalent("integrity", "words - at < words_a_step", ("< -> <=",), EQUAL),
     Equivalent("momentum_observer", "whole = whole && is_finite", ("+ -> -",), FINITE),
     Equivalent("resistance", "exp(static_cast<S>(k) * log(x))", ("> -> >=",), "the power of 0 is 0 by logarithms, too"),

@@ -65,8 +65,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
         "the orthosis, also at its limit of rate.",
-        "A drive that gives three times the effort is hardly found behind a spring (1 of 40 virtual wearers, up to 21 J "
-        "in ten seconds), nor a law that goes on shaking the leg (59 J): keep an emergency stop within reach.",
+        "A drive that gives three times the effort is hardly found behind a spring (1 of 40 virtual wearers, up to "
+        "21 J in ten seconds), nor a law that goes on shaking the leg (59 J): keep an emergency stop within reach.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
