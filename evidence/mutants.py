@@ -176,6 +176,7 @@ EQUIVALENT: tuple[Equivalent, ...] = (
     Equivalent("tree_laws", '"force_excess": FORCE_LOUDNESS}',
                tuple(f"FORCE_LOUDNESS -> ({factor} * (FORCE_LOUDNESS))" for factor in ("0.5", "1.5", "2")),
                "it is 0, and so is any multiple"),
+    Equivalent("supervisor_watches", "return earlier <= 0x7fffffffu ?", ("<= -> <",), EQUAL),
     Equivalent("tree_gate", "c.joints = joints < N ? joints : N", ("< -> <=",), EQUAL),
     Equivalent("tree_gate", "S share = S(1);", ("S(1) -> S(1 * 1.5)", "S(1) -> S(1 * 2)"),
                "a share of 1 or more gives 0 either way, and a smaller one does not depend on where it began"),
