@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from benchmarks._size import sized
@@ -135,6 +136,7 @@ class DrawnWear:
         return run(self.rig, self.person, law, motion, joints=law.hear, until=lambda time: time >= law.found + AFTER_S)
 
 
+@cache
 def draw_wear(seed: int, count: int) -> tuple[DrawnWear, ...]:
     """Draw arms, wearers and instruments, and identify each arm."""
     rng, rig = np.random.default_rng([seed, 71]), able_arm()
