@@ -9,14 +9,17 @@ proof alone.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.control.instruments import Instruments
+from pellucid.control.supervisor_faults import NO_FAULT
 from pellucid.control.tree_laws import TreeLaw, carried, with_force_sensor
 from pellucid.lab.arm.card_law import SENSOR_LINKS, Point, card_of, identified, sensor_points
 from pellucid.lab.arm.human_motion import JOINTS, HumanMotion, generated_motion
@@ -58,6 +61,15 @@ AFTER_S = 0.05
 
 LIFE_S = sized(60.0, smallest=3.0)
 """Duration of a healthy life of each arm under each law [s]."""
+
+LONG_HEALTHY_HOURS = sized(3.0, smallest=0.001)
+"""Healthy use of all arms together in which the watch of each drive's lateness may not stop anybody [h]."""
+
+LONG_LIFE_S = sized(120.0, smallest=3.0)
+"""Duration of each of those lives, each with a motion of its own [s]."""
+
+DRIVE_ALARM = "drive_effort"
+"""Fault that the watches of a drive name, that of its lateness among them: no drive of a healthy life has one."""
 
 FORCE_GAIN_ERROR = 0.05
 """Relative error of a force sensor's gain [1]."""
@@ -124,6 +136,7 @@ class DrawnWear:
         return run(self.rig, self.person, law, motion, joints=law.hear, until=lambda time: time >= law.found + AFTER_S)
 
 
+@cache
 def draw_wear(seed: int, count: int) -> tuple[DrawnWear, ...]:
     """Draw arms, wearers and instruments, and identify each arm."""
     rng, rig = np.random.default_rng([seed, 71]), able_arm()
@@ -178,6 +191,49 @@ def outcome(wear: DrawnWear, seed: int) -> ArmOutcome:
         lived += wear.live(life, generated_motion(1000 + 10 * seed + number, rate, LIFE_S)).limb.shape[0] / rate
         alarms += [life.said] if np.isfinite(life.found) else []
     return ArmOutcome(tuple(made), tuple(alone), tuple(alarms), lived)
+
+
+@dataclass(frozen=True)
+class LongLife:
+    """One healthy life of an arm."""
+
+    arm: int  # index of the drawn arm
+    law: str
+    said: str  # fault for which it was stopped; "none" for none
+    seconds: float  # time until then, or its whole duration [s]
+
+
+def long_life(wear: DrawnWear, arm: int, number: int, seed: int = SEED) -> LongLife:
+    """Return the healthy life of a number on an arm: laws take turns, and every life has a motion of its own."""
+    law = (FORCE_LAW, "carried")[number % 2]
+    rate = wear.rig.constants.sampling.rate
+    motion = generated_motion(seed % 100_000 + 1000 * arm + number, rate, LONG_LIFE_S)
+    faulty = wear.faulty(wear.law(law))
+    trial = wear.live(faulty, motion)
+    return LongLife(arm, law, faulty.said, trial.limb.shape[0] / rate)
+
+
+def long_lives(seed: int = SEED, arms: int = ARMS, hours: float = LONG_HEALTHY_HOURS) -> list[LongLife]:
+    """Return the long healthy lives of drawn arms, so many `hours` in all [h] if none is stopped."""
+    count = max(round(3600.0 * hours / LONG_LIFE_S / arms), 2)
+    wears = draw_wear(seed, arms)
+    return ordered_results(
+        [(long_life, wear, arm, number, seed) for number in range(count) for arm, wear in enumerate(wears)]
+    )
+
+
+def long_life_rows(lives: Sequence[LongLife]) -> Iterator[ResultRow]:
+    """Yield false alarms of the watches of arms' drives in long healthy lives, and what else ended some."""
+    alarms = Counter(life.said for life in lives if life.said not in (*OWN_LIMITS, NO_FAULT))
+    ended = Counter(life.said for life in lives if life.said in OWN_LIMITS)
+    words = ", ".join(f"{said} {count}" for said, count in alarms.most_common()) or "none"
+    limits = ", ".join(f"{said} {count}" for said, count in ended.most_common()) or "none"
+    hours = sum(life.seconds for life in lives) / 3600.0
+    said = f"of {len(lives)} lives of {len({life.arm for life in lives})} arms under two laws, {hours:.3g} h"
+    yield _row("long_lives.drive_alarms", alarms[DRIVE_ALARM], "1", f"{said}; late drives are watched in all of them")
+    yield _row("long_lives.false_alarms", alarms.total(), "1",
+               f"{said}: {words}; ended at the card's own limits: {limits}")  # fmt: skip
+    yield _row("long_lives.healthy_hours", hours, "h", f"lives of {LONG_LIFE_S:g} s, each with a motion of its own")
 
 
 def outcomes(seed: int = SEED, arms: int = ARMS) -> list[ArmOutcome]:

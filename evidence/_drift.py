@@ -18,7 +18,7 @@ from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.control.worn import WornCompensator
-from pellucid.lab.knee.chosen_constants import chosen, design_for_wearer
+from pellucid.lab.knee.chosen_constants import chosen, design_reproduced_law
 from pellucid.lab.knee.drawn import drawn_rig
 from pellucid.lab.knee.identified_wearer import WearerCard, card_with_coupling_errors, identify_wearer_of
 from pellucid.lab.knee.rig import KneeRig, knee_orthosis
@@ -119,7 +119,7 @@ def try_wearer(seed: int) -> dict[str, float]:
 def _swing(rig: KneeRig, *, constants, name: str, seed: int, law: str, card: WearerCard) -> tuple[float, str, float]:
     """Return the RMS strap torque [N*m], the fault and the law's last stiffness [N*m/rad] of one session."""
     if law == TOLD_LAW:
-        made = design_for_wearer(card.coupling, rig.period, constants)
+        made = design_reproduced_law(card.coupling, rig.period, constants)
         kept = replace(made, coupling=card.coupling.scaled(strap_stiffness=LOOSE_SHARE))
         controller = WornCompensator(kept, card.emg.build())
     else:

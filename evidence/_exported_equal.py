@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -21,6 +23,9 @@ from pellucid.control.elbow_laws import ELBOW_LIMITS
 from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.deployment.constants_file import read_constants
 from pellucid.deployment.export import export
+from pellucid.lab.knee.chosen_constants import chosen
+from pellucid.lab.knee.identified_wearer import WearerCard
+from pellucid.lab.knee_pointing.conditions import LEG_CONDITIONS
 from pellucid.lab.safety.fault_table import draw_worn_robot
 from pellucid.lab.safety.worn_knee import LAWS as KNEE_LAWS
 from pellucid.lab.safety.worn_knee import WornKnee, draw_worn_knee
@@ -29,6 +34,7 @@ from pellucid.lab.study_text import study_text
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
 from pellucid.procedures.registry import open_study
+from pellucid.ranking.knee import ranked_controllers
 from pellucid.studies.study import Study
 
 FLOAT32_TOLERANCE = 1e-6
@@ -39,6 +45,16 @@ TUNING_ROBOT_SEED = 20281101
 
 TUNING_KNEE_SEED = 301
 """Seed of the knee whose laws are compared; it belongs to the tuning set."""
+
+
+@cache
+def _drawn_robot(seed: int) -> WornRobot:
+    return draw_worn_robot(0, seed)
+
+
+@cache
+def _drawn_knee(seed: int) -> WornKnee:
+    return draw_worn_knee(seed)
 
 
 def compare_supervisors(
@@ -53,7 +69,7 @@ def compare_supervisors(
     differing : list of tuple
         Law, name of the number, the lab's value and the exported one [SI], for each number that differs.
     """
-    pairs = [*_elbow_pairs(draw_worn_robot(0, robot_seed)), *_knee_pairs(draw_worn_knee(knee_seed))]
+    pairs = [*_elbow_pairs(_drawn_robot(robot_seed)), *_knee_pairs(_drawn_knee(knee_seed))]
     differing = [
         (law, name, lab[name], exported[name])
         for law, lab, exported in pairs
@@ -108,6 +124,32 @@ def elbow_study(worn: WornRobot, folder: Path) -> Study:
     for method, card in worn.cards.items():
         write_card(study.models_dir / f"slider.{method}.json", card)
     return study
+
+
+def compare_knee_laws(knee_seed: int = TUNING_KNEE_SEED) -> list[tuple[str, str, float, float]]:
+    """Compare every number of the residual compensator that is worn somewhere with the one that is exported.
+
+    Returns
+    -------
+    differing : list of tuple
+        Who wears it ("lab", "ranking" or "pointing"), name of the number, theirs and the exported one [SI].
+    """
+    worn = _drawn_knee(knee_seed)
+    with TemporaryDirectory() as folder:
+        exported = _exported(knee_study(worn, Path(folder)), Path(folder) / "law")
+    coupling, rig = worn.known.coupling, worn.rig
+    deaf = SimpleNamespace(build=lambda: None)  # stands for the map from EMG, which is no number of the law
+    identified = SimpleNamespace(coupling=coupling, rig=rig, card=lambda settings: SimpleNamespace(emg=deaf))
+    card = WearerCard(coupling, deaf)
+    ranked = ranked_controllers(card, rig, chosen(), ("residual", "residual_no_emg", "residual_strap_learnt"))
+    laws = {"lab": worn.law().law, "pointing": LEG_CONDITIONS["residual_default"].law(identified).law}
+    laws |= {f"ranking, {name}": one.build().law for name, one in ranked.items() if name != "no_control"}
+    return [
+        (who, name, value, exported[name])
+        for who, law in laws.items()
+        for name, value in law.values.items()
+        if not _is_same(value, exported[name])
+    ]
 
 
 def _knee_pairs(worn: WornKnee) -> Iterator[tuple[str, Mapping[str, float], Mapping[str, float]]]:

@@ -27,7 +27,7 @@ from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.studies.results import ResultRow
 
 from . import _exported
-from ._arm_faults import ArmOutcome, arm_rows, outcomes
+from ._arm_faults import ArmOutcome, arm_rows, long_life_rows, long_lives, outcomes
 from ._exported_equal import compare_supervisors
 
 ROBOT_COUNT = sized(20, smallest=1)
@@ -89,6 +89,7 @@ def rows() -> Iterator[ResultRow]:
     yield equal_row()
     yield from _exported.rows()
     yield from arm_rows(worn_arms())
+    yield from long_life_rows(long_lives())
     yield from fault_rows(measured())
     yield from knee_rows(worn_knees())
     yield from reading_rows("elbow", fault_table(READING_ROBOT_COUNT, READING_HEALTHY_HOURS, inexact=True))

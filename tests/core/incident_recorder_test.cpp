@@ -382,6 +382,34 @@ void a_stop_beyond_the_memory() {
   check(file[8] == p::no_slot, "no stop");
 }
 
+/// A place of the next record that damage put just beyond the memory leaves no record in the file.
+void a_place_beyond_the_memory() {
+  Life<Joint, double> life(4);
+  life.run(6);
+  life.recorder.slot = 4;
+  std::vector<std::uint32_t> file;
+  p::write(life.recorder, life.words(), life.law, false, [&](std::uint32_t word) {
+    file.push_back(word);
+    return true;
+  });
+  check(file[7] == 0, "no record");
+}
+
+/// A record shows how far the position is from the middle of its range, or the position itself where one end is open.
+void the_range_of_positions() {
+  for (const bool open : {false, true}) {
+    auto w = watches<double>();
+    w.encoder.range_min = open ? -std::numeric_limits<double>::infinity() : 0.2;
+    w.encoder.range_max = 2.2;
+    Life<Joint, double> life(4, 1, 0, w);
+    life.run(2);
+    float value, threshold;
+    shown(life, 1, "range", value, threshold);
+    check_close(value, static_cast<float>(open ? life.position : life.position - 1.2), 1e-5f, "from the middle");
+    check(open ? !p::is_finite(threshold) : std::fabs(threshold - 1.0f) < 1e-6f, "half of the range");
+  }
+}
+
 /// What damage left just beyond its bound is found, and the recording begins anew.
 void damage_at_each_bound() {
   for (int field = 0; field < 4; ++field) {
@@ -528,6 +556,8 @@ int main() {
   a_push_is_beyond_weight_and_friction();
   a_repeated_sample_keeps_the_threshold();
   a_stop_beyond_the_memory();
+  a_place_beyond_the_memory();
+  the_range_of_positions();
   damage_at_each_bound();
   damaged_memory();
   a_file();

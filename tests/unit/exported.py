@@ -2,15 +2,44 @@
 
 import ctypes
 import subprocess
+import tempfile
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from pellucid import _core
 from pellucid.control.control_law import LAWS
 from pellucid.control.supervised import SUPERVISOR_NAMES
+from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.replay_vector import SUPERVISOR_VARIANTS
+
+
+@cache
+def libraries() -> tempfile.TemporaryDirectory:
+    """The folder of all controllers that this process compiled."""
+    return tempfile.TemporaryDirectory(prefix="exported-")
+
+
+def compiled_library(folder: Path) -> Path:
+    """An exported controller as a library; folders that differ in their constants alone share one."""
+    source = folder / "pellucid_controller.cpp"
+    code = [source, folder / "pellucid_controller.h", *sorted((folder / "include" / "pellucid").iterdir())]
+    library = Path(libraries().name) / f"{sha256(b''.join(path.read_bytes() for path in code)).hexdigest()[:20]}.so"
+    if not library.exists():
+        options = ["-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC"]
+        where = [f"-I{folder / 'include'}", f"-I{folder}"]
+        subprocess.run(["c++", *options, *where, str(source), "-o", str(library)], check=True)
+    return library
+
+
+def written(values: ControllerValues, folder: Path) -> Path:
+    """An exported folder whose test vector is not played: for what is stepped here, and not by its own Makefile."""
+    with patch("pellucid.deployment.c_folder.record_outputs", return_value=[]):
+        return write_c_folder("bench", values, folder)
 
 
 class Sample(ctypes.Structure):
@@ -38,12 +67,7 @@ class Loaded:
 
     def __init__(self, folder: Path, values: ControllerValues):
         law = LAWS[values.law]
-        library = folder / "controller.so"
-        options = ["-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC"]
-        source = str(folder / "pellucid_controller.cpp")
-        where = [f"-I{folder / 'include'}", f"-I{folder}"]
-        subprocess.run(["c++", *options, *where, source, "-o", str(library)], check=True)
-        self.core = ctypes.CDLL(str(library))
+        self.core = ctypes.CDLL(str(compiled_library(folder)))
 
         class Input(ctypes.Structure):
             _fields_ = (

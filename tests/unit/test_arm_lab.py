@@ -265,5 +265,8 @@ def test_single_faults_stop_a_worn_arm(rig):
     (mirrored,) = fault_trials(rig, person, both, longer, faults=("encoder_flipped",), **watched)
     assert mirrored.said == "disagreement"
     assert mirrored.safe_excess <= mirrored.excess
+    # Energy and time of the worst of each group: encoder, drive, and an encoder that lies beside a second one.
+    assert max(one.safe_excess for one in (nan, dead, mirrored)) < 1e-3
+    assert mirrored.found < 1.5
     (blind,) = fault_trials(rig, person, law, motion, faults=("drive_dead",), first=1, **short)
     assert not blind.found < 0.1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_export import compiled, on_m4, study  # noqa: F401
+from test_export import compiled, made_study, on_m4
 
 import pellucid
 
@@ -22,9 +22,21 @@ def build(folder: Path, *options: str) -> None:
         assert run.returncode == 0, run.stdout + run.stderr
 
 
+@pytest.fixture(scope="module")
+def controller(tmp_path_factory) -> Path:
+    return pellucid.export(made_study(tmp_path_factory.mktemp("study")))
+
+
+@pytest.fixture(scope="module")
+def loop(controller, tmp_path_factory) -> Path:
+    """The program for Linux."""
+    folder = tmp_path_factory.mktemp("loop")
+    build(folder, f"-DCONTROLLER={controller}")
+    return folder / "loop"
+
+
 @on_m4
-def test_a_microcontroller_runs_the_loop_and_leaves_its_log(study, tmp_path):  # noqa: F811
-    controller = pellucid.export(study)
+def test_a_microcontroller_runs_the_loop_and_leaves_its_log(controller, tmp_path):
     build(tmp_path / "m4", f"-DCONTROLLER={controller}", f"-DCMAKE_TOOLCHAIN_FILE={BOARD / 'cortex-m4f.cmake'}")
     log = tmp_path / "log.csv"
     run = subprocess.run(
@@ -41,10 +53,9 @@ def test_a_microcontroller_runs_the_loop_and_leaves_its_log(study, tmp_path):  #
 
 @compiled
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a loop of Linux")
-def test_a_computer_runs_the_loop_and_leaves_its_log(study, tmp_path):  # noqa: F811
-    build(tmp_path / "loop", f"-DCONTROLLER={pellucid.export(study)}")
+def test_a_computer_runs_the_loop_and_leaves_its_log(loop, tmp_path):
     log = tmp_path / "log.csv"
-    run = subprocess.run([tmp_path / "loop" / "loop", "1", log], capture_output=True, text=True, timeout=60)
+    run = subprocess.run([loop, "1", log], capture_output=True, text=True, timeout=60)
     # A computer that is busy may miss a deadline, and then the supervisor rightly stops the robot.
     assert "lines of the log lost" in run.stdout, run.stderr
     assert " 0 lines of the log lost" in run.stdout
@@ -54,10 +65,9 @@ def test_a_computer_runs_the_loop_and_leaves_its_log(study, tmp_path):  # noqa: 
 
 
 @compiled
-def test_the_loop_says_what_it_expects(study, tmp_path):  # noqa: F811
-    build(tmp_path / "loop", f"-DCONTROLLER={pellucid.export(study)}")
+def test_the_loop_says_what_it_expects(loop, tmp_path):
     for given in ((), ("abc", "log.csv"), ("-1", "log.csv")):
-        run = subprocess.run([tmp_path / "loop" / "loop", *given], capture_output=True, text=True, cwd=tmp_path)
+        run = subprocess.run([loop, *given], capture_output=True, text=True, cwd=tmp_path)
         assert run.returncode == 2
         assert "expected SECONDS LOG.csv" in run.stderr
     assert not list(tmp_path.glob("log.csv"))

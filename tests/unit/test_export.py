@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported import Loaded, Output, nonsense
+from exported import Loaded, Output, nonsense, written
 from typer.testing import CliRunner
 
 import pellucid
@@ -72,6 +72,11 @@ def parameter(name, value, spread=0.0):
 @pytest.fixture
 def study(tmp_path):
     """A joint that was identified, on disk."""
+    return made_study(tmp_path)
+
+
+def made_study(tmp_path):
+    """A joint that was identified, in a folder."""
     (tmp_path / "recordings").mkdir()
     (tmp_path / "recordings" / "a.csv").write_text("t,q,u\n0,0,0\n", encoding="utf-8")
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
@@ -96,14 +101,28 @@ def worn():
 @pytest.fixture
 def joint(study, tmp_path):
     values = joint_values(study)
-    return Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    return Loaded(written(values, tmp_path / "c"), values)
+
+
+@pytest.fixture
+def unplayed(monkeypatch):
+    """No compiler is found, so that exports do not play their test vector: what is read of them is text."""
+    monkeypatch.setattr("shutil.which", lambda tool: None)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """An exported joint and an exported worn orthosis, each compiled and checked once; nothing changes them."""
+    joint = pellucid.export(made_study(tmp_path_factory.mktemp("joint")))
+    found = {"joint": joint, "worn": write_c_folder("bench", worn(), tmp_path_factory.mktemp("worn") / "c")}
+    return {law: (folder, subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True))
+            for law, folder in found.items()}  # fmt: skip
 
 
 @compiled
-def test_a_folder_that_compiles_without_a_warning_and_answers_as_recorded(study):
-    folder = pellucid.export(study)
-    assert folder == study.folder / "controller"
-    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
+@pytest.mark.parametrize("law", ["joint", "worn"])
+def test_a_folder_that_compiles_without_a_warning_and_answers_as_recorded(folders, law):
+    folder, run = folders[law]
     assert run.returncode == 0, run.stderr
     assert run.stdout.splitlines()[-1] == "wrong 0"
     flags = (folder / "Makefile").read_text(encoding="utf-8")
@@ -121,7 +140,7 @@ def test_a_probe_is_exported_and_answers_as_recorded(study):
     assert "takes what they answer in the first movement after each start for right" in " ".join(words)
 
 
-def test_a_probes_answer_at_commissioning_is_exported(study):
+def test_a_probes_answer_at_commissioning_is_exported(study, unplayed):
     path, answer = study.folder / "study.toml", (5.0, -1.0, 4.0, -2.0, 3.0, -3.5)
     stated = f"[rig.instruments]\nprobe = true\nprobe_answer = {list(answer)}\n"
     path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
@@ -140,7 +159,7 @@ def test_a_controller_says_what_its_robot_answered_the_probe(study, tmp_path):
     """As the same law in Python does, in single precision; nothing before it has started or where nothing is given."""
     values = joint_values(study)
     values = replace(values, instruments=replace(values.instruments, probe=True))
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     here = values.supervised.changed(**SUPERVISOR_VARIANTS["law"]).start(single=True)
     assert robot.probe_answer() == ((0.0,) * 6, 0)
     assert robot.core.pellucid_probe_answer(None, None) == 0
@@ -159,8 +178,9 @@ def test_a_probe_is_refused_where_the_controller_is_too_slow(study):
 
 
 @compiled
-def test_a_wrong_answer_is_found(study):
-    folder = pellucid.export(study)
+def test_a_wrong_answer_is_found(folders, tmp_path):
+    folder = shutil.copytree(folders["joint"][0], tmp_path / "c")
+    (folder / "build" / "check.o").unlink()
     outputs = folder / "test" / "vector_outputs.h"
     text = outputs.read_text(encoding="utf-8")
     at = text.index("{ 0x", text.index("vector_outputs[")) + len("{ 0x")
@@ -173,10 +193,8 @@ def test_a_wrong_answer_is_found(study):
 
 @compiled
 @pytest.mark.parametrize("law", ["joint", "worn"])
-def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(study, tmp_path, law):
-    values = joint_values(study) if law == "joint" else worn()
-    folder = write_c_folder("bench", values, tmp_path / "c")
-    subprocess.run(["make", "-s", "build/controller.o"], cwd=folder, check=True)
+def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(folders, law):
+    folder, _ = folders[law]
     listed = subprocess.run(
         ["nm", "-u", "build/controller.o"], cwd=folder, capture_output=True, text=True, check=True
     ).stdout
@@ -187,9 +205,8 @@ def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(study, tmp_p
 @compiled
 @on_m4
 @pytest.mark.parametrize("law", ["joint", "worn"])
-def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
-    values = joint_values(study) if law == "joint" else worn()
-    found = measure(write_c_folder("bench", values, tmp_path / "c"))
+def test_a_cortex_m4_answers_bit_by_bit_as_the_host(folders, law):
+    found = measure(folders[law][0])
     assert found.wrong == 0
     assert found.steps > 500
     assert 100 < found.instructions <= found.most < 5000
@@ -199,9 +216,9 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
 
 @compiled
 @on_m4
-def test_a_fused_multiply_add_is_found_out(tmp_path):
+def test_a_fused_multiply_add_is_found_out(folders, tmp_path):
     """What the flag in the Makefile is for: without it a Cortex-M4F rounds differently."""
-    folder = write_c_folder("bench", worn(), tmp_path / "c")
+    folder = shutil.copytree(folders["worn"][0], tmp_path / "c", ignore=shutil.ignore_patterns("build"))
     fused = subprocess.run(
         ["make", "-s", "m4", "EXACT=-O2 -ffp-contract=fast -fno-math-errno"], cwd=folder, capture_output=True, text=True
     )
@@ -232,7 +249,7 @@ def test_what_is_carried_is_gravity_and_friction(joint):
 @compiled
 def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     here = ControlLaw(values.law, values.numbers)
     assert robot.init() == 0
     largest = 0.0
@@ -250,7 +267,7 @@ def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
 @compiled
 def test_emg_that_says_nothing_is_no_fault(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
+    robot = Loaded(written(values, tmp_path / "c"), values)
     robot.init()
     for _ in range(100):
         output = robot.step(0.2, 0.1, np.nan)
@@ -377,7 +394,7 @@ def test_whatever_comes_in_what_goes_out_is_finite_within_its_limit_and_its_rate
 
 @compiled
 def test_a_worn_orthosis_too(tmp_path, rng):
-    nonsense(Loaded(write_c_folder("bench", worn(), tmp_path / "c"), worn()), rng)
+    nonsense(Loaded(written(worn(), tmp_path / "c"), worn()), rng)
 
 
 def test_limits_come_from_the_study(study):
@@ -459,7 +476,7 @@ def test_a_cards_parameter_in_a_unit_that_is_none_is_refused(study, unit):
         pellucid.export(planted(study, parameters=card["parameters"]))
 
 
-def test_no_word_of_a_study_or_a_card_leaves_its_comment(study, tmp_path):
+def test_no_word_of_a_study_or_a_card_leaves_its_comment(study, tmp_path, unplayed):
     """Whatever names, remarks, notes and units say: the code is the same without its comments."""
 
     def code(values, name, folder):
@@ -514,7 +531,7 @@ def test_a_folder_is_whole_without_a_compiler(study, monkeypatch):
     )
 
 
-def test_constants_are_the_same_floats(study):
+def test_constants_are_the_same_floats(study, unplayed):
     values = joint_values(study)
     folder = pellucid.export(study)
     text = (folder / "pellucid_constants.h").read_text(encoding="utf-8")
@@ -556,7 +573,7 @@ def test_a_study_without_a_joint_is_told_what_there_is_for_it(study):
         pellucid.export(pellucid.open(study.folder))
 
 
-def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study):
+def test_without_a_measured_drive_the_first_line_says_what_is_not_found(study, unplayed):
     path = study.folder / "study.toml"
     folder = pellucid.export(study)
     readme = (folder / "README.md").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from exported import Loaded, nonsense
+from exported import Loaded, nonsense, written
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -95,8 +95,25 @@ def worn_by(controller):
     return {"participant": "P1"} if ELBOW_CONTROLLERS[controller].wearer else {}
 
 
+COMPILED_QUICKLY = ("clpc", "fc", "force_sensor")
+"""One controller of each kind of law: others share its code and differ in their numbers."""
+
+
+def one_of_each_kind():
+    """All controllers; those are nightly whose code is another's, so that only their constants differ."""
+    return [
+        pytest.param(name, marks=() if name in COMPILED_QUICKLY else pytest.mark.nightly) for name in ELBOW_CONTROLLERS
+    ]
+
+
+def test_one_law_of_each_kind_is_compiled_every_time(study):
+    kinds = {name: elbow_values(study, name, **worn_by(name)).law for name in ELBOW_CONTROLLERS}
+    assert {kinds[name] for name in COMPILED_QUICKLY} == set(kinds.values())
+    assert len(COMPILED_QUICKLY) == len(set(kinds.values()))
+
+
 @compiled
-@pytest.mark.parametrize("controller", ELBOW_CONTROLLERS)
+@pytest.mark.parametrize("controller", one_of_each_kind())
 def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
     folder = pellucid.export(study, controller=controller, **worn_by(controller))
     subprocess.run(["make", "-s", "check"], cwd=folder, check=True, capture_output=True)
@@ -107,7 +124,9 @@ def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
 
 @compiled
 @on_m4
-@pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "emg", "oscillator"])
+@pytest.mark.parametrize(
+    "controller", [*COMPILED_QUICKLY, *(pytest.param(n, marks=pytest.mark.nightly) for n in ("emg", "oscillator"))]
+)
 def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
     found = measure(pellucid.export(study, controller=controller, **worn_by(controller)))
     assert found.wrong == 0
@@ -119,7 +138,7 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
 @pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "oscillator"])
 def test_nonsense_does_no_harm(study, controller, rng):
     values = elbow_values(study, controller)
-    nonsense(Loaded(pellucid.export(study, controller=controller), values), rng, 10_000)
+    nonsense(Loaded(written(values, study.folder / "controller"), values), rng, 10_000)
 
 
 @compiled
@@ -127,7 +146,7 @@ def test_nonsense_does_no_harm(study, controller, rng):
 def test_what_full_compensation_gives_is_the_printed_law(study, speed):
     """Against figure 5 and equation 8 in double precision, at a steady speed."""
     values = elbow_values(study, "fc")
-    robot = Loaded(pellucid.export(study, controller="fc"), values)
+    robot = Loaded(written(values, study.folder / "controller"), values)
     assert robot.init() == 0
     for i in range(500):
         q = 1.0 + speed * 1e-3 * (i - 250)

@@ -7,6 +7,7 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
+from pellucid.control import worn_design
 from pellucid.control.control_law import LAWS
 from pellucid.deployment import worn_values as module
 from pellucid.deployment.worn_values import worn_values
@@ -59,7 +60,7 @@ def study(tmp_path, monkeypatch):
         made = tuple(CardParameter(n, "1", v, 0.05 * v, (0.9 * v, 1.1 * v)) for n, v in values.items())
         write_parameter_card(tmp_path / "models" / f"{name}.json", ParameterCard(kind, "knee", name, made))
     monkeypatch.setattr(module, "_actuator", lambda study: (ACTUATOR, 0.002))
-    monkeypatch.setattr(module, "STRAP_FACTORS", (0.9,))
+    monkeypatch.setattr(worn_design, "STRAP_FACTORS", (0.9,))
     return pellucid.open(tmp_path)
 
 

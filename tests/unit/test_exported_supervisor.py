@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from evidence import _exported_equal
-from evidence._exported_equal import compare_supervisors
+from evidence._exported_equal import compare_knee_laws, compare_supervisors
 
 from pellucid._errors import PellucidError
 from pellucid.control.supervised import supervised
@@ -18,6 +18,11 @@ def test_every_number_of_every_law_is_the_measured_one():
     count, differing = compare_supervisors()
     assert differing == []
     assert count == len(LAWS) + len(KNEE_LAWS)
+
+
+def test_the_law_of_a_knee_is_the_exported_one_wherever_it_is_worn():
+    """Lab, ranking and certificate wore a stronger one, whose loop knew the orthosis's inertia."""
+    assert compare_knee_laws() == []
 
 
 def test_an_export_that_forgets_instruments_or_body_is_found(monkeypatch):

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..control.supervisor_faults import NO_FAULT
-from ..lab.knee.chosen_constants import chosen
+from ..control.worn_design import design_worn_law, other_straps
+from ..lab.knee.chosen_constants import ChosenConstants, chosen
 from ..lab.knee.gait import walking
+from ..lab.knee.identified_wearer import WearerCard
 from ..lab.knee.instruments import Mounting
 from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import KneeRig, knee_orthosis
@@ -33,6 +35,23 @@ WEARERS_PER_SEED = 1000
 """Difference between the numbers of the first wearers of two successive seeds."""
 
 
+def ranked_controllers(
+    card: WearerCard, rig: KneeRig, constants: ChosenConstants, only: Sequence[str]
+) -> dict[str, BuiltController]:
+    """Build the controllers that `only` names for one wearer.
+
+    The residual compensator is the one that `export` writes, not the reproduction's, and the other linear loops keep
+    their margins with the same straps as it does.
+    """
+    pace = rig["swing"]
+    middle = (pace["centre"], np.pi * sum(pace["frequency"]))
+    built = controllers(
+        card, rig.period, middle, constants, only,
+        residual=design_worn_law(card.coupling, rig.period), plants=other_straps(card.coupling),
+    )  # fmt: skip
+    return {"no_control": BuiltController(lambda: None), **built}
+
+
 def knee_pair(
     index: int,
     seed: int,
@@ -49,10 +68,7 @@ def knee_pair(
     """
     identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
-    pace = rig["swing"]
-    middle = (pace["centre"], np.pi * sum(pace["frequency"]))
-    built = controllers(identified.card(constants.emg), rig.period, middle, constants, only)
-    built = {"no_control": BuiltController(lambda: None), **built}
+    built = ranked_controllers(identified.card(constants.emg), rig, constants, only)
     plain = without_control(rig, name) if sway else None
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     worn = knee_in_use(rig, WEARERS_PER_SEED * seed + index)

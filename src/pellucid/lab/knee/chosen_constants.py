@@ -1,7 +1,7 @@
-"""Constants of the knee orthosis's laws that were chosen on drawn wearers, and the residual compensator built of them.
+"""Constants of the knee orthosis's laws that were chosen on drawn wearers, and the reproduction's residual compensator.
 
 The constants are in ``chosen.toml``, as `papers.knee.tuning` chose them on drawn wearers; there is no other free
-constant.
+constant. No export has them: what leaves the house is `control.worn_design.design_worn_law`.
 """
 
 from __future__ import annotations
@@ -82,10 +82,13 @@ def uncertain_straps(coupling: Coupling) -> list[Coupling]:
     return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
 
 
-def design_for_wearer(
+def design_reproduced_law(
     coupling: Coupling, period: float, constants: ChosenConstants, law: Law | None = None
 ) -> ResidualDesign:
-    """Design the chosen law on one wearer's card, weakened until it has the required margins; `period` [s]."""
+    """Design the law that the reproduction compares on one wearer's card, until it has the margins; `period` [s].
+
+    It is stronger than what `export` writes: it knows the orthosis's inertia, and no strap that is more than 30 % off.
+    """
     made = design(coupling, period, law=law or constants.law, noise=constants.noise, **constants.widths)
     return within(
         made,

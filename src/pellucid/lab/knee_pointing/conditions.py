@@ -10,8 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..._errors import StudyError
+from ...control.residual_compensator import ResidualDesign
 from ...control.worn import WornCompensator
-from ..knee.chosen_constants import ChosenConstants, chosen, design_for_wearer
+from ...control.worn_design import design_worn_law
+from ...estimators.causal_map import EmgSettings
+from ..knee.chosen_constants import chosen, design_reproduced_law
 from ..knee.identified_wearer import IdentifiedWearer
 from ..knee.rig import KneeRig
 from .session import LegLaw
@@ -23,26 +26,39 @@ class LegCondition:
 
     words: str
     powered: bool  # whether the motor has current
-    constants: Callable[[], ChosenConstants] | None  # constants of the residual compensator; None for no law
+    build: Callable[[IdentifiedWearer], LegLaw] | None  # what makes the law of an identified wearer; None for no law
 
     def law(self, identified: IdentifiedWearer | None) -> LegLaw | None:
         """Return a new law for an identified wearer, at rest; None where the spring is asked for no torque."""
-        if self.constants is None or identified is None:
-            return None
-        constants = self.constants()
-        made = design_for_wearer(identified.coupling, identified.rig.period, constants)
-        return WornCompensator(made, identified.card(constants.emg).emg.build(), instruments=identified.rig.instruments)
+        return None if self.build is None or identified is None else self.build(identified)
 
     def orthosis(self, rig: KneeRig) -> KneeRig:
         """Return the orthosis as it is in this condition: without power its torque loop has no gain."""
         return rig if self.powered else rig.changed({f"torque_loop.{gain}": 0.0 for gain in ("kp", "ki", "kd")})
 
 
+def exported_law(identified: IdentifiedWearer) -> WornCompensator:
+    """Return the law that `export` writes for a wearer, at rest."""
+    return _worn(identified, design_worn_law(identified.coupling, identified.rig.period), EmgSettings())
+
+
+def tuned_law(identified: IdentifiedWearer) -> WornCompensator:
+    """Return the reproduction's law, whose constants were tuned on other wearers, at rest."""
+    constants = chosen()
+    return _worn(
+        identified, design_reproduced_law(identified.coupling, identified.rig.period, constants), constants.emg
+    )
+
+
+def _worn(identified: IdentifiedWearer, made: ResidualDesign, emg: EmgSettings) -> WornCompensator:
+    return WornCompensator(made, identified.card(emg).emg.build(), instruments=identified.rig.instruments)
+
+
 LEG_CONDITIONS: Mapping[str, LegCondition] = {
     "no_power": LegCondition("worn without power", False, None),
     "zero_impedance": LegCondition("torque loop alone", True, None),
-    "residual_default": LegCondition("residual compensator, constants of export", True, ChosenConstants),
-    "residual": LegCondition("residual compensator, constants tuned on other wearers", True, chosen),
+    "residual_default": LegCondition("residual compensator as exported", True, exported_law),
+    "residual": LegCondition("residual compensator, tuned on other wearers, not exported", True, tuned_law),
 }
 """Conditions that can be worn, by name."""
 

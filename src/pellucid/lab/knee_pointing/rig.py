@@ -95,7 +95,7 @@ class KneePointingRig(Rig):
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:
         """Return the rig with the conditions that are worn, and with every person identified if a law asks for it."""
         conditions = leg_conditions(controllers)
-        if all(one.constants is None for one in conditions.values()):
+        if all(one.build is None for one in conditions.values()):
             return replace(self, conditions=conditions)
         people = self.people(seed)
         found = ordered_results([(identify_wearer_of, self.worn_by(p), f"D{p.number}", p.number) for p in people])

@@ -16,10 +16,11 @@ import numpy as np
 from ... import _core
 from ..._processes import ordered_results
 from ...control.coupling import Coupling
-from ...control.residual_compensator import ResidualDesign, design, within
+from ...control.residual_compensator import ResidualDesign
 from ...control.supervised import SupervisedLaw
 from ...control.supervisor_faults import NO_FAULT
 from ...control.worn import watched_worn
+from ...control.worn_design import design_worn_law
 from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis
@@ -51,10 +52,6 @@ KNOWLEDGE_LOG_SD = {"orthosis": 0.02, "limb": 0.08, "strap": 0.1, "actuator": 0.
 """Standard deviation of the logarithm of each part's identified parameters over the true ones.
 
 Chosen by judgement; no measurement is recorded."""
-
-MARGINS = {"gain_db": 6.0, "delay": 0.02}
-"""Stability margins that the exported law keeps: of the loop gain [dB], and of an additional delay [s]."""
-
 
 POWER_OFF_PERIODS = 3
 """Number of control periods after which the power stage must have obeyed a command to switch off."""
@@ -131,10 +128,7 @@ def draw_worn_knee(seed: int) -> WornKnee:
             for name, value in IDENTIFIED_ACTUATOR.items()
         },
     )
-    # The design must be stable on straps that are stiffer, softer, or damped otherwise by 30 %.
-    other_straps = [known.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
-    controller = within(design(known, rig.period), [known, *other_straps], **MARGINS)
-    return WornKnee(rig=rig, known=controller, emg_gain=error["emg"], seed=seed)
+    return WornKnee(rig=rig, known=design_worn_law(known, rig.period), emg_gain=error["emg"], seed=seed)
 
 
 def _simulate_periods(

@@ -24,7 +24,7 @@ from ...lab.knee.chosen_constants import (
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
     ChosenConstants,
-    design_for_wearer,
+    design_reproduced_law,
     uncertain_straps,
 )
 from ...lab.knee.identified_wearer import WearerCard
@@ -67,15 +67,22 @@ class BuiltController:
     """A controller for one wearer."""
 
     build: Callable[[], Controller | None]  # Makes a fresh controller; it returns None for zero-impedance mode
-    # Gives the smallest margins over `uncertain_straps`; None if the controller has no linear form
+    # Gives the smallest margins over the plants that it was built for; None if the controller has no linear form
     margins: Callable[[], Margins] | None = None
 
 
-def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, float]) -> ResidualDesign:
+def design_by_phase(
+    made: ResidualDesign,
+    gains: Sequence[float],
+    swing: tuple[float, float],
+    plants: Sequence[Coupling] | None = None,
+) -> ResidualDesign:
     """Return a design with `gains` [1] over a swing, limited so that the largest one alone keeps the margins.
 
-    `swing` has the swing's centre [rad] and its angular frequency [rad/s].
+    `swing` has the swing's centre [rad] and its angular frequency [rad/s]. The margins hold on `plants`, or on
+    `uncertain_straps`.
     """
+    plants = uncertain_straps(made.coupling) if plants is None else plants
     for most in (1.25, 1.2, 1.15, 1.1, 1.05, 1.0):
         lowered = tuple(min(float(gain), most) for gain in gains)
         largest = replace(made, law=replace(made.law, phase_gain=(max(lowered),) * 8))
@@ -88,7 +95,7 @@ def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[f
                 delay=REQUIRED_DELAY_MARGIN_S,
                 speed=speed,
             )
-            for plant in uncertain_straps(made.coupling)
+            for plant in plants
             for speed in MARGIN_SPEEDS_RAD_S
             for trust in (0.0, 1.0)
         ):
@@ -96,11 +103,13 @@ def design_by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[f
     return replace(made, swing=swing, law=replace(made.law, phase_gain=lowered))
 
 
-def disturbance_observer(coupling: Coupling, period: float, constants: ChosenConstants) -> StrapDisturbance:
-    """Return the disturbance observer, its gain and friction lowered until it has the required margins; `period`
-    [s]."""
+def disturbance_observer(
+    coupling: Coupling, period: float, constants: ChosenConstants, plants: Sequence[Coupling]
+) -> StrapDisturbance:
+    """Return the disturbance observer, its gain and friction lowered until it has the required margins on `plants`;
+    `period` [s]."""
     wanted = StrapDisturbance(coupling, period, **constants.observer)
-    cases = [(plant, speed) for speed in MARGIN_SPEEDS_RAD_S[::-1] for plant in uncertain_straps(coupling)]
+    cases = [(plant, speed) for speed in MARGIN_SPEEDS_RAD_S[::-1] for plant in plants]
     for rubbed, pulled in weakenings():
         weaker = replace(wanted, gain=pulled * wanted.gain, friction=rubbed * wanted.friction)
         borne = (
@@ -122,12 +131,12 @@ def disturbance_observer(coupling: Coupling, period: float, constants: ChosenCon
     return weaker
 
 
-def observer_margins(observer: StrapDisturbance) -> Margins:
-    """Return an observer's smallest margins over `uncertain_straps` and `MARGIN_SPEEDS_RAD_S`."""
+def observer_margins(observer: StrapDisturbance, plants: Sequence[Coupling]) -> Margins:
+    """Return an observer's smallest margins over `plants` and `MARGIN_SPEEDS_RAD_S`."""
     return worst(
         [
             margins(plant, observer.linear(speed), observer.period, speed=speed)
-            for plant in uncertain_straps(observer.coupling)
+            for plant in plants
             for speed in MARGIN_SPEEDS_RAD_S
         ]
     )
@@ -159,16 +168,20 @@ def controllers(
     swing: tuple[float, float],
     constants: ChosenConstants,
     only: Sequence[str] = tuple(CONTROLLER_WORDS),
+    *,
+    residual: ResidualDesign | None = None,
+    plants: Sequence[Coupling] | None = None,
 ) -> dict[str, BuiltController]:
     """Build the controllers that `only` names for one wearer.
 
-    `period` [s]; `swing` has the swing's centre [rad] and its angular frequency [rad/s].
+    `period` [s]; `swing` has the swing's centre [rad] and its angular frequency [rad/s]. Left out, `residual` is the
+    reproduction's design, and `plants`, with which the other linear loops keep their margins, are `uncertain_straps`.
     """
-    coupling, plants = card.coupling, uncertain_straps(card.coupling)
+    coupling, plants = card.coupling, uncertain_straps(card.coupling) if plants is None else plants
     found = body_controllers(card, period, constants, only)
     if not set(only) - {*BODY_LAW_WORDS, "zero_impedance"}:
         return {"zero_impedance": BuiltController(lambda: None), **found} if "zero_impedance" in only else found
-    made = design_for_wearer(coupling, period, constants)
+    made = design_reproduced_law(coupling, period, constants) if residual is None else residual
     found = {"zero_impedance": BuiltController(lambda: None), **found}
 
     def linear(one: ResidualDesign) -> Callable[[], Margins]:
@@ -181,15 +194,17 @@ def controllers(
         lambda: WornCompensator(made, card.emg.build(), constants.learning), own
     )
     if "residual_by_phase" in only:
-        phased = design_by_phase(made, constants.phase_gain, swing)
+        phased = design_by_phase(made, constants.phase_gain, swing, plants)
         largest = replace(phased, law=replace(phased.law, phase_gain=(max(phased.law.phase_gain),) * 8))
         found["residual_by_phase"] = BuiltController(lambda: WornCompensator(phased, card.emg.build()), linear(largest))
     if "pid" in only:
         pid = tune_pid(made, plants, gain_db=REQUIRED_GAIN_MARGIN_DB, delay=REQUIRED_DELAY_MARGIN_S)
         found["pid"] = BuiltController(lambda: WornCompensator(pid, card.emg.build()), linear(pid))
     if "disturbance_observer" in only:
-        observer = disturbance_observer(coupling, period, constants)
-        found["disturbance_observer"] = BuiltController(lambda: replace(observer), lambda: observer_margins(observer))
+        observer = disturbance_observer(coupling, period, constants, plants)
+        found["disturbance_observer"] = BuiltController(
+            lambda: replace(observer), lambda: observer_margins(observer, plants)
+        )
     found["fuzzy"] = BuiltController(lambda: FuzzyCompensation(coupling, period, **constants.fuzzy))
     found["rbf"] = BuiltController(lambda: RbfCompensation(coupling, period, **constants.rbf))
     return {name: built for name, built in found.items() if name in only}

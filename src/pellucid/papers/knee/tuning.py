@@ -23,7 +23,7 @@ from ..._processes import processes
 from ...control.residual_compensator import Law, Noise, ResidualDesign
 from ...control.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
-from ...lab.knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_for_wearer
+from ...lab.knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_reproduced_law
 from ...lab.knee.identified_wearer import IdentifiedWearer, WearerCard, card_with_coupling_errors
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeReadings
@@ -253,7 +253,7 @@ def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
 def phase_gains_of_wearer(constants: ChosenConstants, seed: int) -> tuple[float, ...]:
     """Return `phase_gains` of one tuning wearer."""
     one, pace = _identify_tuning_wearer(seed), knee_orthosis()["swing"]
-    made = design_for_wearer(one.coupling, one.rig.period, constants)
+    made = design_reproduced_law(one.coupling, one.rig.period, constants)
     made = replace(made, swing=(pace["centre"], np.pi * sum(pace["frequency"])))
     controller = WornCompensator(made, one.card(constants.emg).emg.build())
     taken = swing(one.rig, one.name, TUNING_SWING_SEED, controller, duration=20.0, session=session_of(one))
