@@ -22,10 +22,10 @@ from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.papers.knee.walking import (
     FREE_FOOT,
     LAW_WORDS,
-    SITTING,
-    SPEEDS,
+    SITTING_CONDITION,
     THIGH_LAWS,
     WALKING_DURATION_S,
+    WALKING_SPEEDS,
     WalkedRow,
     evaluate_walker,
     source_of_strides,
@@ -54,18 +54,18 @@ DURATION_S = sized(WALKING_DURATION_S, smallest=6.0)
 def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
     """Every figure of walking wearers."""
     found = walk(SEED, count, tuple(LAW_WORDS))
-    yield _row("speeds", len(SPEEDS), "1", f"{', '.join(SPEEDS)} km/h; {source_of_strides()}")
+    yield _row("speeds", len(WALKING_SPEEDS), "1", f"{', '.join(WALKING_SPEEDS)} km/h; {source_of_strides()}")
     yield _row("laws", len(LAW_WORDS), "1", ", ".join(LAW_WORDS))
-    for speed in (SITTING, *SPEEDS):
+    for speed in (SITTING_CONDITION, *WALKING_SPEEDS):
         base = torques(found, "zero_impedance", speed)
         low, high = mean_interval(base, SEED)
         note = f"RMS strap torque without control, {speed}; {count} wearers, 95 % interval {low:.2f} to {high:.2f}"
         yield _row(f"{speed}.zero_impedance", base.mean(), "N*m", note)
         for name in LAW_WORDS:
-            if name != "zero_impedance" and not (speed == SITTING and name in THIGH_LAWS):
+            if name != "zero_impedance" and not (speed == SITTING_CONDITION and name in THIGH_LAWS):
                 own = torques(found, name, speed)
                 yield _ratio(f"{speed}.{name}", own, base, f"{name} over zero impedance, {speed}")
-    for speed in SPEEDS:
+    for speed in WALKING_SPEEDS:
         stance, swing = (torques(found, "residual", speed, part) for part in ("stance", "swing"))
         yield _ratio(f"{speed}.stance_over_swing", stance, swing, "residual law, RMS in stance over that in swing")
         own = torques(found, "residual", speed)
@@ -77,13 +77,13 @@ def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
     free = torques(found, "residual", FREE_FOOT)
     residual = torques(found, "residual", "3.6")
     yield _ratio("free_foot", free, residual, "residual law at 3.6 km/h, ground that holds no foot")
-    for speed in SPEEDS:
+    for speed in WALKING_SPEEDS:
         for name in LAW_WORDS:
             if name != "zero_impedance":
                 faults = [row.fault for row in walked(found, name, speed) if row.fault != "none"]
                 note = f"sessions of {count} that the law's gate stopped" + (f": {', '.join(faults)}" if faults else "")
                 yield _row(f"{speed}.{name}.stopped", len(faults), "1", note)
-    walks = [row for row in found if row.condition != SITTING]
+    walks = [row for row in found if row.condition != SITTING_CONDITION]
     stopped = sum(row.fault != "none" for row in walks)
     yield _row("stopped", stopped, "1", f"sessions of {len(walks)} that a gate stopped")
     yield from further_rows(found, count)
@@ -95,7 +95,7 @@ def further_rows(first: Sequence[WalkedRow], count: int) -> Iterator[ResultRow]:
         return
     groups = [first, *(walk(seed, count, FURTHER_LAWS) for seed in FURTHER_SEEDS)]
     everybody = [row for group in groups for row in group]
-    for speed in (SITTING, *SPEEDS):
+    for speed in (SITTING_CONDITION, *WALKING_SPEEDS):
         for name in FURTHER_LAWS[1:]:
             by_seed = [
                 torques(group, name, speed).mean() / torques(group, "zero_impedance", speed).mean() for group in groups

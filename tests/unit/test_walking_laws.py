@@ -8,7 +8,7 @@ from pellucid.papers.knee.paper import KneePaper
 from pellucid.papers.knee.walking import (
     FREE_FOOT,
     LAW_WORDS,
-    SITTING,
+    SITTING_CONDITION,
     THIGH_LAWS,
     WalkedRow,
     evaluate_walker,
@@ -16,7 +16,7 @@ from pellucid.papers.knee.walking import (
     walking_section,
 )
 
-CONDITIONS = (SITTING, "3.6", "5.4")
+CONDITIONS = (SITTING_CONDITION, "3.6", "5.4")
 
 
 def made_rows():
@@ -26,7 +26,7 @@ def made_rows():
         for name, size, share in (("D1", 2.0, 0.5), ("D2", 4.0, 0.25))
         for condition in CONDITIONS
         for law in LAW_WORDS
-        if not (law in THIGH_LAWS and condition == SITTING)
+        if not (law in THIGH_LAWS and condition == SITTING_CONDITION)
         for fault in ("velocity" if (name, condition, law) == ("D2", "5.4", "residual") else "none",)
     ]
     return [*rows, WalkedRow("residual", "D1", FREE_FOOT, 1.0)]
@@ -64,9 +64,10 @@ def test_a_wearer_walks_under_laws_that_were_built_sitting(monkeypatch, tmp_path
     )  # fmt: skip
     found = {(row.law, row.condition): row for row in rows}
     assert set(found) == {
-        ("zero_impedance", SITTING), ("residual", SITTING), ("zero_impedance", "3.6"), ("residual", "3.6"),
+        ("zero_impedance", SITTING_CONDITION), ("residual", SITTING_CONDITION),
+        ("zero_impedance", "3.6"), ("residual", "3.6"),
         ("residual_thigh_sensor", "3.6"), ("residual", FREE_FOOT),
     }  # fmt: skip
     assert all(np.isfinite(row.torque) and row.torque > 0.1 for row in rows)
-    assert found["residual", SITTING].torque < 0.6 * found["zero_impedance", SITTING].torque
+    assert found["residual", SITTING_CONDITION].torque < 0.6 * found["zero_impedance", SITTING_CONDITION].torque
     assert np.isfinite(found["residual", "3.6"].stance + found["residual", "3.6"].error)

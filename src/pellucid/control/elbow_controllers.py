@@ -169,7 +169,9 @@ def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **
 
 
 ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
-    "clpc": ElbowController("the maker's position control, as published", "pooled", position_control, carries_load=False),
+    "clpc": ElbowController(
+        "the maker's position control, as published", "pooled", position_control, carries_load=False
+    ),
     "pcfr": ElbowController(
         "compensation by direction without friction, as published", "dissociated", partial_compensation, exponents=True,
         carries_load=False,

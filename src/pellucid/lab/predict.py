@@ -141,7 +141,7 @@ def predict(
         executor=executor, on_progress=on_progress,
     )  # fmt: skip
     studies = made.studies(size=participants)
-    found = _make_result(study_name(Path(folder)), made, studies, participants, carried)
+    found = _make_result(study_name(Path(folder)), made, studies, participants, carried=carried)
     write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
     return found
 
@@ -190,7 +190,7 @@ def _read_rig(folder: Path) -> PointingRig:
 
 
 def _make_result(
-    name: str, made: Prediction, studies: DrawnStudies, participants: int, carried: CarriedWeight = NOTHING_CARRIED
+    name: str, made: Prediction, studies: DrawnStudies, participants: int, *, carried: CarriedWeight
 ) -> Predicted:
     """Return the table and the rows of a prediction."""
     rows, table = [], []

@@ -32,10 +32,10 @@ WALKING_WEARERS = ("D8300", "D8301", "D8302")
 WALKING_DURATION_S = 12.0
 """Duration of every session [s]."""
 
-SITTING = "sitting"
+SITTING_CONDITION = "sitting"
 """Name of the condition in which the wearer swings the shank with the thigh at rest, as in the thesis."""
 
-SPEEDS: Mapping[str, tuple[float, bool]] = {"3.6": (1.0, False), "5.4": (1.5, False), "8.1": (1.0, True)}
+WALKING_SPEEDS: Mapping[str, tuple[float, bool]] = {"3.6": (1.0, False), "5.4": (1.5, False), "8.1": (1.0, True)}
 """Speed [km/h], with the pace at which a recording is played and whether it is that of the faster one."""
 
 FREE_FOOT = "3.6.free_foot"
@@ -67,7 +67,7 @@ class WalkedRow:
 
     law: str  # name in `LAW_WORDS`
     subject: str
-    condition: str  # `SITTING`, `FREE_FOOT` or a speed of `SPEEDS`
+    condition: str  # `SITTING_CONDITION`, `FREE_FOOT` or a speed of `WALKING_SPEEDS`
     torque: float  # RMS of the strap's torque [N*m]
     stance: float = float("nan")  # the same while the foot bears weight [N*m]; NaN sitting
     swing: float = float("nan")  # the same while it does not [N*m]; NaN sitting
@@ -79,7 +79,7 @@ def evaluate_walker(
     rig: KneeRig,
     name: str,
     *,
-    speeds: Sequence[str] = tuple(SPEEDS),
+    speeds: Sequence[str] = tuple(WALKING_SPEEDS),
     laws: Sequence[str] = tuple(LAW_WORDS),
     duration: float = WALKING_DURATION_S,
 ) -> tuple[WalkedRow, ...]:
@@ -97,10 +97,10 @@ def evaluate_walker(
         controller = built[law].build()
         taken = swing(rig, name, seed, controller, duration=duration)
         torque = taken.truth.strap_torque[taken.time >= SETTLING_TIME_S]
-        made.append(WalkedRow(law, name, SITTING, _rms(torque), fault=_fault(controller)))
+        made.append(WalkedRow(law, name, SITTING_CONDITION, _rms(torque), fault=_fault(controller)))
     walk = partial(_walk, rig, name, seed, card, built)
     for speed in speeds:
-        pace, running = SPEEDS[speed]
+        pace, running = WALKING_SPEEDS[speed]
         thigh = walking_thigh(
             1.0 / rig.period, duration, np.random.default_rng([seed, 3]), pace=pace, running=running
         )  # fmt: skip
@@ -160,12 +160,11 @@ def walking_rows(rows: Sequence[WalkedRow]) -> list[Reproduced]:
     source = source_of_strides() if rows else ""
     for condition in dict.fromkeys(row.condition for row in rows if row.condition != FREE_FOOT):
         plain = walked(rows, "zero_impedance", condition)
-        where = condition if condition == SITTING else f"{condition} km/h"
-        note = f"RMS; {len(plain)} drawn wearers; " + ("thigh at rest" if condition == SITTING else f"strides {source}")
-        torques = [row.torque for row in plain]
-        made.append(
-            _row(f"{condition}.zero_impedance", f"Interaction torque, zero impedance, {where}", "N*m", torques, None, note)
-        )
+        where = condition if condition == SITTING_CONDITION else f"{condition} km/h"
+        motion = "thigh at rest" if condition == SITTING_CONDITION else f"strides {source}"
+        note = f"RMS; {len(plain)} drawn wearers; {motion}"
+        words = f"Interaction torque, zero impedance, {where}"
+        made.append(_row(f"{condition}.zero_impedance", words, "N*m", [row.torque for row in plain], None, note))
         for law, words in LAW_WORDS.items():
             own = walked(rows, law, condition)
             if law == "zero_impedance" or not own:
@@ -200,16 +199,16 @@ def walking_section(rows: Sequence[WalkedRow]) -> Section:
         for law, words in LAW_WORDS.items()
         if any(row.law == law for row in rows)
     ]
-    heads = ("", *(c if c == SITTING else f"{c} km/h" for c in conditions))
+    heads = ("", *(c if c == SITTING_CONDITION else f"{c} km/h" for c in conditions))
     count = len({row.subject for row in rows})
     return Section(
         "walking",
         "The thesis's purpose: worn while walking",
         (
-            "The thesis's title and aim are locomotion; its measurements are of a leg whose thigh rests. Here the same "
-            f"laws, built from recordings of {count} sitting wearers, are worn on a thigh that moves, with ground under "
-            f"the foot. Strides: {source_of_strides()}. Strap torque is that of zero impedance, and a share of it under "
-            "each law; a session that a law's own gate stopped ends as zero impedance.",
+            "The thesis's title and aim are locomotion; its measurements are of a leg whose thigh rests. Here the "
+            f"same laws, built from recordings of {count} sitting wearers, are worn on a thigh that moves, with ground "
+            f"under the foot. Strides: {source_of_strides()}. Strap torque is that of zero impedance, and a share of "
+            "it under each law; a session that a law's own gate stopped ends as zero impedance.",
         ),
         (number_table(heads, table, "Medians and ranges over wearers; the thesis prints no such figure."),),
     )  # fmt: skip
