@@ -14,6 +14,7 @@ from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.lab.arm.card_law import CardLaw, card_of, identified, sensor_points
+from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.pointing import PointingBlock, draw_targets, point
 from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import drawn_people
@@ -35,6 +36,14 @@ TARGET_COUNT = sized(28, smallest=4)
 ADAPTING_COUNT = sized(8, smallest=0)
 """Number of first movements that are not judged, for people adapt in them."""
 
+ASKED_SPEED_SHARE = 0.75
+"""Share of the robot's largest joint velocities that people were asked to keep to, with and without it [1].
+
+A law's gate stops at 1.5 times these velocities; people at their own pace of this model pass it."""
+
+MIN_JUDGED_COUNT = sized(8, smallest=2)
+"""Smallest number of movements that are judged, where a block ended early."""
+
 BOOTSTRAP_DRAWS = 2000
 """Number of resampled sets of pairs for an interval."""
 
@@ -51,7 +60,12 @@ def arm_pointing_rows() -> Iterator[ResultRow]:
     yield _row("laws", len(LAWS), "1", f"{', '.join(LAWS)}; {len(pairs)} pairs of a person and a robot")
     for law in LAWS:
         done = [pair for pair in pairs if f"{law}.duration" in pair]
-        yield _row(f"{law}.stopped", len(pairs) - len(done), "1", f"of {len(pairs)} pairs in which gate or arm gave up")
+        stopped, gated = (sum(pair[f"{law}.{what}"] for pair in pairs) for what in ("stopped", "gate"))
+        words = f"of {len(pairs)} pairs ended by the law's gate ({gated:.0f}) or by an arm thrown off its plan"
+        yield _row(f"{law}.stopped", stopped, "1", words)
+        movements = sum(pair[f"{law}.made"] for pair in pairs)
+        words = f"movements made, of {len(pairs) * TARGET_COUNT}; {len(done)} pairs made enough to be judged"
+        yield _row(f"{law}.movements", movements, "1", words)
         if not done:
             continue
         for what, (unit, words) in MEASURES.items():
@@ -87,14 +101,18 @@ def try_robot(rig, people) -> list[dict[str, float]]:
 
 def _try_pair(rig, card, person, index: int) -> dict[str, float]:
     targets = draw_targets(TARGET_COUNT, np.random.default_rng([ROBOT_SEED, index]))
-    control, made, skip = point(rig, person, None, targets, seed=index), {}, ADAPTING_COUNT
+    asked = ASKED_SPEED_SHARE * np.array([rig.constants.joint[name].velocity for name in JOINTS])
+    control, made, skip = point(rig, person, None, targets, seed=index, asked_speed=asked), {}, ADAPTING_COUNT
     for name, build in LAWS.items():
         points = sensor_points(person) if name in LAWS_WITH_FORCE_SENSOR else None
         law = CardLaw(build(card), points)
-        block = point(rig, person, law, targets, seed=index)
-        if block.stopped or law.running.fault != "none":
+        block = point(rig, person, law, targets, seed=index, asked_speed=asked)
+        made |= {f"{name}.stopped": float(block.stopped), f"{name}.made": float(len(block.movements))}
+        made[f"{name}.gate"] = float(law.fault != "none")
+        if len(block.movements) < skip + MIN_JUDGED_COUNT:
             continue
-        made |= {f"{name}.{what}": value for what, value in _measures(block, control, skip).items()}
+        same = PointingBlock(control.movements[: len(block.movements)], control.stopped)
+        made |= {f"{name}.{what}": value for what, value in _measures(block, same, skip).items()}
     return made
 
 

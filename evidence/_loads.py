@@ -19,12 +19,12 @@ from pellucid.control.joint_compensation import identified_body
 from pellucid.control.supervised import supervised
 from pellucid.control.transparent_laws import expecting_load
 from pellucid.fit.joint.lifted_load import Lift, estimate_load
-from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid.lab.elbow.rig import able_elbow, drawn_rigs, with_fastened_load
 from pellucid.lab.pointing.conditions import identify_cards, interaction_rms
 from pellucid.lab.pointing.people import Person, draw_people
 from pellucid.lab.pointing.rig import PointingRig, elbow_participants
 from pellucid.lab.pointing.session import PointingSession, simulate_session
-from pellucid.models.anthropometry import Segment, point_mass
+from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 from pellucid.studies.results import ResultRow
 
@@ -204,18 +204,6 @@ def try_pair(index: int) -> tuple[list[LoadTrial], SupportTrial, list[tuple[floa
         made.append(LoadTrial(mass, estimate.mass, covered, width, static, **torques, empty=plain, stopped=stopped))
     drops = [(mass, fall(build, rig, mass, [index, 8, i])) for i, mass in enumerate(DROP_LOADS_KG)]
     return made, _support(rig, person, card, place, index), drops
-
-
-def with_fastened_load(robot: ElbowRig, load: Segment) -> ElbowRig:
-    """Return a robot whose link also has a load that is fastened to it."""
-    link = robot.constants.link
-    mass = link.mass + load.mass
-    along = (link.mass * link.centre[0] + load.mass * load.centre) / mass
-    across = link.mass * link.centre[1] / mass
-    about_axis = link.inertia + link.mass * (link.centre[0] ** 2 + link.centre[1] ** 2) + load.inertia
-    inertia = about_axis - mass * (along**2 + across**2)
-    values = {"link.mass": mass, "link.centre": (along, across), "link.inertia": inertia}
-    return robot.changed(values, f"{robot.name}-load")
 
 
 @dataclass(frozen=True)

@@ -5,24 +5,32 @@ and orthoses drawn with seeds on which nothing was chosen. Every wearer is ident
 thigh at rest, and every law is built from these cards alone. The plant has what no law knows: a thigh that turns and
 accelerates, a foot that the ground pushes and holds, an elastic drive with its torque loop, friction, a strap that
 hardens, relaxes and slips, muscles that tire. It shares with the laws that bodies are rigid.
+
+The sessions are those of `pellucid reproduce knee` (`pellucid.papers.knee.walking`); the rows here have intervals over
+wearers, and wearers of two further seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
-from pellucid.lab.knee.chosen_constants import chosen
-from pellucid.lab.knee.drawn import drawn_rig
-from pellucid.lab.knee.identified_wearer import WearerCard, identify_wearer_of
-from pellucid.lab.knee.moving_thigh import LawWithThighSensor, MovingThigh, thigh_trial, walking_thigh
-from pellucid.lab.knee.rig import KneeRig, knee_orthosis
-from pellucid.lab.knee.trial import run_trial
-from pellucid.papers.knee.controllers import controllers
-from pellucid.papers.knee.swings import swing
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.papers.knee.walking import (
+    FREE_FOOT,
+    LAW_WORDS,
+    SITTING_CONDITION,
+    THIGH_LAWS,
+    WALKING_DURATION_S,
+    WALKING_SPEEDS,
+    WalkedRow,
+    evaluate_walker,
+    source_of_strides,
+    walked,
+)
 from pellucid.studies.results import ResultRow
 
 from ._loads import mean_interval, ratio_interval
@@ -30,111 +38,90 @@ from ._loads import mean_interval, ratio_interval
 SEED = 8300
 """First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""
 
+FURTHER_SEEDS = sized((8310, 8320), smallest=())
+"""First seeds of further wearers, of whom the laws of `FURTHER_LAWS` alone are worn."""
+
+FURTHER_LAWS = ("zero_impedance", "body", "residual_no_emg", "residual")
+"""Laws that wearers of further seeds wear."""
+
 WEARER_COUNT = sized(3, smallest=1)
-"""Number of wearers, each with an orthosis of their own."""
+"""Number of wearers of each seed, each with an orthosis of their own."""
 
-DURATION_S = sized(12.0, smallest=6.0)
+DURATION_S = sized(WALKING_DURATION_S, smallest=6.0)
 """Duration of every session [s]."""
-
-SETTLING_S = 4.0
-"""First part of a session that is not judged [s]."""
-
-SPEEDS: Mapping[str, tuple[float, bool]] = {"3.6": (1.0, False), "5.4": (1.5, False), "8.1": (1.0, True)}
-"""Speed [km/h], with the pace at which a recording is played and whether it is that of the faster one."""
-
-LAWS = ("zero_impedance", "body", "residual_no_emg", "residual", "amplification")
-"""Laws that know no thigh, as the paper's chapter has them."""
-
-THIGH_LAWS = {"body_thigh_sensor": "body", "residual_thigh_sensor": "residual"}
-"""The same with an inertial sensor on the thigh, by the law that is extended."""
-
-NO_PHASES = (0.0, 4.4)
-"""Centre [rad] and angular frequency [rad/s] of a swing, which these laws do not use."""
 
 
 def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
     """Every figure of walking wearers."""
-    tried = ordered_results([(try_walker, SEED + i) for i in range(count)])
-    found = {key: np.array([one[key] for one in tried]) for key in tried[0]}
-    names = (*LAWS, *THIGH_LAWS)
-    source = walking_thigh(100.0, 6.0, np.random.default_rng(1)).source
-    yield _row("speeds", len(SPEEDS), "1", f"{', '.join(SPEEDS)} km/h; {source}")
-    yield _row("laws", len(names), "1", ", ".join(names))
-    for speed in ("sitting", *SPEEDS):
-        base = found[f"{speed}.zero_impedance"]
+    found = walk(SEED, count, tuple(LAW_WORDS))
+    yield _row("speeds", len(WALKING_SPEEDS), "1", f"{', '.join(WALKING_SPEEDS)} km/h; {source_of_strides()}")
+    yield _row("laws", len(LAW_WORDS), "1", ", ".join(LAW_WORDS))
+    for speed in (SITTING_CONDITION, *WALKING_SPEEDS):
+        base = torques(found, "zero_impedance", speed)
         low, high = mean_interval(base, SEED)
         note = f"RMS strap torque without control, {speed}; {count} wearers, 95 % interval {low:.2f} to {high:.2f}"
         yield _row(f"{speed}.zero_impedance", base.mean(), "N*m", note)
-        for name in names[1:]:
-            if (speed, name) not in {("sitting", law) for law in THIGH_LAWS}:
-                yield _ratio(f"{speed}.{name}", found[f"{speed}.{name}"], base, f"{name} over zero impedance, {speed}")
-    for speed in SPEEDS:
-        stance, swing_ = (found[f"{speed}.residual.{part}"] for part in ("stance", "swing"))
-        yield _ratio(f"{speed}.stance_over_swing", stance, swing_, "residual law, RMS in stance over that in swing")
-        emg = found[f"{speed}.residual"]
-        yield _ratio(f"{speed}.emg", emg, found[f"{speed}.residual_no_emg"], "residual law over the same without EMG")
+        for name in LAW_WORDS:
+            if name != "zero_impedance" and not (speed == SITTING_CONDITION and name in THIGH_LAWS):
+                own = torques(found, name, speed)
+                yield _ratio(f"{speed}.{name}", own, base, f"{name} over zero impedance, {speed}")
+    for speed in WALKING_SPEEDS:
+        stance, swing = (torques(found, "residual", speed, part) for part in ("stance", "swing"))
+        yield _ratio(f"{speed}.stance_over_swing", stance, swing, "residual law, RMS in stance over that in swing")
+        own = torques(found, "residual", speed)
+        plain = torques(found, "residual_no_emg", speed)
+        yield _ratio(f"{speed}.emg", own, plain, "residual law over the same without EMG")
         for name in ("zero_impedance", "residual", "residual_thigh_sensor"):
-            error = found[f"{speed}.{name}.error"]
-            yield _row(f"{speed}.{name}.error", np.degrees(error.mean()), "deg", "RMS of knee from what was meant")
-    free = found["3.6.free_foot"]
-    yield _ratio("free_foot", free, found["3.6.residual"], "residual law at 3.6 km/h, ground that holds no foot")
-    for speed in SPEEDS:
-        for name in names[1:]:
-            stopped = found[f"{speed}.{name}.stopped"].sum()
-            yield _row(f"{speed}.{name}.stopped", stopped, "1", f"sessions of {count} that the law's gate stopped")
-    sessions = count * (len(names) * len(SPEEDS) + 1)
-    yield _row("stopped", sum(one["faults"] for one in tried), "1", f"sessions of {sessions} that a gate stopped")
+            error = np.degrees(torques(found, name, speed, "error").mean())
+            yield _row(f"{speed}.{name}.error", error, "deg", "RMS of knee from what was meant")
+    free = torques(found, "residual", FREE_FOOT)
+    residual = torques(found, "residual", "3.6")
+    yield _ratio("free_foot", free, residual, "residual law at 3.6 km/h, ground that holds no foot")
+    for speed in WALKING_SPEEDS:
+        for name in LAW_WORDS:
+            if name != "zero_impedance":
+                faults = [row.fault for row in walked(found, name, speed) if row.fault != "none"]
+                note = f"sessions of {count} that the law's gate stopped" + (f": {', '.join(faults)}" if faults else "")
+                yield _row(f"{speed}.{name}.stopped", len(faults), "1", note)
+    walks = [row for row in found if row.condition != SITTING_CONDITION]
+    stopped = sum(row.fault != "none" for row in walks)
+    yield _row("stopped", stopped, "1", f"sessions of {len(walks)} that a gate stopped")
+    yield from further_rows(found, count)
 
 
-def try_walker(seed: int) -> dict[str, float]:
-    """Return RMS strap torques [N*m] and errors [rad] by speed and law of one wearer, and how many sessions stopped."""
-    rig, name, constants = drawn_rig(knee_orthosis(), seed), f"D{seed}", chosen()
-    card = identify_wearer_of(rig, name, seed).card(constants.emg)
-    built = controllers(card, rig.period, NO_PHASES, constants, only=LAWS)
-    made: dict[str, float] = {"faults": 0.0}
-    for law in LAWS:
-        taken = swing(rig, name, seed, built[law].build(), duration=DURATION_S)
-        made[f"sitting.{law}"] = _rms(taken.truth.strap_torque[taken.time >= SETTLING_S])
-    for speed, (pace, running) in SPEEDS.items():
-        rate = 1.0 / rig.period
-        thigh = walking_thigh(rate, DURATION_S, np.random.default_rng([seed, 3]), pace=pace, running=running)
-        for law in (*LAWS, *THIGH_LAWS):
-            made |= _walk(rig, name, card, built, law, thigh, f"{speed}.{law}", made, seed)
-    thigh = walking_thigh(1.0 / rig.period, DURATION_S, np.random.default_rng([seed, 3]))
-    made |= _walk(rig, name, card, built, "residual", thigh, "3.6.free_foot", made, seed, holds=0.0)
-    return made
+def further_rows(first: Sequence[WalkedRow], count: int) -> Iterator[ResultRow]:
+    """Return each ratio again over wearers of every seed, with its range over seeds."""
+    if not FURTHER_SEEDS:
+        return
+    groups = [first, *(walk(seed, count, FURTHER_LAWS) for seed in FURTHER_SEEDS)]
+    everybody = [row for group in groups for row in group]
+    for speed in (SITTING_CONDITION, *WALKING_SPEEDS):
+        for name in FURTHER_LAWS[1:]:
+            by_seed = [
+                torques(group, name, speed).mean() / torques(group, "zero_impedance", speed).mean() for group in groups
+            ]
+            own, base = torques(everybody, name, speed), torques(everybody, "zero_impedance", speed)
+            stopped = sum(row.fault != "none" for row in walked(everybody, name, speed))
+            words = (
+                f"{name} over zero impedance, {speed}, seeds {SEED}, {', '.join(map(str, FURTHER_SEEDS))}: "
+                f"{', '.join(f'{x:.2f}' for x in by_seed)}; stopped {stopped}"
+            )
+            yield _ratio(f"{speed}.{name}.seeds", own, base, words)
 
 
-def _walk(
-    rig: KneeRig,
-    name: str,
-    card: WearerCard,
-    built,
-    law: str,
-    thigh: MovingThigh,
-    key: str,
-    made,
-    seed: int,
-    holds: float = 1.0,
-) -> dict[str, float]:
-    controller = built[THIGH_LAWS.get(law, law)].build()
-    if law in THIGH_LAWS:
-        controller = LawWithThighSensor(controller, card.coupling, thigh, rig.period)
-    trial = thigh_trial(key, rig.subjects[name], thigh, rig, holds)
-    taken = run_trial(rig, trial, rng=np.random.default_rng([seed, 7]), controller=controller)
-    judged = taken.time >= SETTLING_S
-    torque, bearing = taken.truth.strap_torque, thigh.bearing > 0.5
-    error = taken.truth.limb_position - thigh.flexion
-    fault = "none" if controller is None else controller.fault
-    return {
-        key: _rms(torque[judged]), f"{key}.stance": _rms(torque[judged & bearing]),
-        f"{key}.swing": _rms(torque[judged & ~bearing]), f"{key}.error": _rms(error[judged]),
-        "faults": made["faults"] + (fault != "none"), f"{key}.stopped": float(fault != "none"),
-    }  # fmt: skip
+def walk(seed: int, count: int, laws: tuple[str, ...]) -> list[WalkedRow]:
+    """Return what some laws leave of the walks of wearers who are drawn with a seed and those after it."""
+    jobs = [(_walk_one, f"D{seed + i}", laws) for i in range(count)]
+    return [row for rows in ordered_results(jobs) for row in rows]
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _walk_one(name: str, laws: tuple[str, ...]) -> tuple[WalkedRow, ...]:
+    return evaluate_walker(knee_orthosis(), name, laws=laws, duration=DURATION_S)
+
+
+def torques(rows: Sequence[WalkedRow], law: str, condition: str, what: str = "torque") -> np.ndarray:
+    """Return a field of the rows of one law in one condition, by wearer, (n,)."""
+    return np.array([getattr(row, what) for row in walked(rows, law, condition)])
 
 
 def _ratio(name: str, over: np.ndarray, under: np.ndarray, words: str) -> ResultRow:

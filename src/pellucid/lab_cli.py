@@ -55,6 +55,15 @@ def predict(
     controller: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Controller as export names it; repeatable.")
     ] = None,
+    load: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="KG M", help="Load on the robot and its distance.")
+    ] = None,
+    held: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="KG M", help="Load in the hand and its distance.")
+    ] = None,
+    support: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="Share of the forearm's weight that support carries.")
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     json: Json = False,
@@ -69,7 +78,8 @@ def predict(
     with cluster(scheduler) as executor, show_progress() as tell:
         found = run(
             *folders, people=people, robots=robots, movements=movements, participants=participants,
-            controllers=controller, seed=seed, executor=executor, on_progress=tell,
+            controllers=controller, load=load, held=held, support=support, seed=seed, executor=executor,
+            on_progress=tell,
         )  # fmt: skip
         page = write_prediction_page(folders[0], found)
     if json:

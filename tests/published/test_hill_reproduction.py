@@ -5,7 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from pellucid.fit.swing import swing_information
 from pellucid.papers.figure import VERDICT_WORDS
+from pellucid.papers.hill import release_orders, sections, torque
+from pellucid.papers.hill import rows as rows_of_torque
 from pellucid.papers.hill.paper import HillPaper
 from pellucid.papers.hill.torque import BASELINE_FAMILIES
 from pellucid.papers.reproduce import reproduce
@@ -16,7 +19,15 @@ from pellucid.studies.results import read_rows
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("hill")
     paper = HillPaper(names=("S4",), workers=1)
-    return out, paper, reproduce(paper, out).figures
+    with pytest.MonkeyPatch.context() as patch:
+        # Fewer limits of the acceleration are tried for the swing that shows inertia, one of the orders of release,
+        # and two baselines of the recorded muscles: all take time, and no test here hangs on their number.
+        patch.setattr(swing_information, "_ACCELERATION_LIMIT_COUNT", 3)
+        orders = (release_orders.ALL_AT_ONCE, "quick_first")
+        patch.setattr(release_orders, "RELEASE_ORDERS", {name: release_orders.RELEASE_ORDERS[name] for name in orders})
+        for module in (torque, rows_of_torque, sections):
+            patch.setattr(module, "RECORDED_EMG_BASELINES", ("nmco", "ridge"))
+        return out, paper, reproduce(paper, out).figures
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.nightly  # three minutes of processor time: each wearer
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("knee")
-    paper = KneePaper(seeds=(1,), estimators=("tree", "ridge"), compared=(), workers=1)
+    paper = KneePaper(seeds=(1,), estimators=("tree", "ridge"), compared=(), walking=(), workers=1)
     return out, paper, reproduce(paper, out).figures
 
 

@@ -71,6 +71,10 @@ def test_a_folder_to_write_to_that_is_a_file_is_refused_before_any_work(make_stu
         ({"movements": 3}, "found 3 movements, expected an even number"),
         ({"seed": -1}, "found the seed -1"),
         ({"controllers": ["nothing"]}, 'found no controller "nothing"'),
+        ({"load": (-1.0, 0.3)}, "found a load of -1 kg at 0.3 m, expected both above 0"),
+        ({"held": (1.0, 0.3), "controllers": ["transparent", "fc"]}, 'found "fc", which carries no load, expected'),
+        ({"support": 1.5}, "found a support of 1.5, expected a share above 0, up to 1"),
+        ({"support": 0.5, "controllers": ["transparent"]}, 'found transparent with a support, expected "support"'),
     ],
 )
 def test_a_prediction_of_no_study_is_refused_before_any_work(tmp_path, monkeypatch, given, said):

@@ -147,10 +147,19 @@ def quick(monkeypatch):
     monkeypatch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge",))
 
 
-def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
-    study = leg(tmp_path / "leg")
-    said = []
-    found = calibrate(study, lambda text, share: said.append(share))
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """The leg's study, what was found of it, and the shares of work that were told meanwhile."""
+    study, said = leg(tmp_path_factory.mktemp("calibrated") / "leg"), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "REPORTED_ESTIMATORS", ("ridge", "tree", "motion"))
+        patch.setattr(module, "CAUSAL_ESTIMATORS", ("ridge",))
+        found = calibrate(study, lambda text, share: said.append(share))
+    return study, found, said
+
+
+def test_moments_are_judged_on_what_was_held_out(calibrated):
+    study, found, said = calibrated
     rows = {row.id: row for row in found.rows}
     assert {"leg.knee.ridge.r2", "leg.knee.ridge.rmse", "leg.knee.ridge.r2.rest", "leg.knee.ridge.causal.r2"} <= set(
         rows
@@ -257,9 +266,9 @@ def test_a_band_says_what_it_holds():
     assert coverage_text(TorqueTrace("knee", "a", time, time, {"ridge": time})) == ""
 
 
-def test_the_card_says_the_same_as_the_map(tmp_path, quick):
-    study = leg(tmp_path / "leg")
-    card = calibrate(study).cards["torque_map_knee"]
+def test_the_card_says_the_same_as_the_map(tmp_path, calibrated):
+    study, made, _ = calibrated
+    card = made.cards["torque_map_knee"]
     write_parameter_card(tmp_path / "card.json", card)
     card = read_parameter_card(tmp_path / "card.json")
     fitted, evaluated, _ = moment_trials(study, "knee")
@@ -277,9 +286,9 @@ def test_the_card_says_the_same_as_the_map(tmp_path, quick):
         )
 
 
-def test_figures_repeat(tmp_path, quick):
-    study = leg(tmp_path / "leg")
-    assert calibrate(study).rows == calibrate(study).rows
+def test_figures_repeat(calibrated, quick):
+    study, found, _ = calibrated
+    assert calibrate(study).rows == found.rows
 
 
 def test_nothing_beyond_a_window_is_seen(tmp_path):
@@ -325,7 +334,8 @@ def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):
 
 
 @pytest.mark.slow
-def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_path, quick):
+def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_path, quick, monkeypatch):
+    monkeypatch.setattr(module, "REPORTED_ESTIMATORS", ("ridge",))
     study = orthosis(tmp_path / "orthosis")
     one = moved_body(study, "S1")
     assert isinstance(one, MovedBody)
@@ -417,9 +427,8 @@ def test_no_torque_at_all_is_refused(tmp_path, quick):
         calibrate(open_study(study.folder))
 
 
-def test_the_page_shows_what_was_found(tmp_path, quick):
-    study = leg(tmp_path / "leg")
-    found = calibrate(study)
+def test_the_page_shows_what_was_found(tmp_path, calibrated):
+    study, found, _ = calibrated
     text = write_page(tmp_path / "report", page(study, found)).read_text(encoding="utf-8")
     for words in (
         "Torque from EMG: knee, judged",

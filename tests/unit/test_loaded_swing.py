@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from pellucid._errors import IdentificationError
+from pellucid.fit.swing import swing_information as swing_information_module
 from pellucid.fit.swing.leg_balance import bare_leg_torque, leg_alone, worn_exoskeleton_torque
 from pellucid.fit.swing.loaded_swing import (
     adam_swings,
@@ -27,7 +28,10 @@ REACH = np.radians(35.0)
 
 @pytest.fixture(scope="module")
 def rich():
-    return optimise_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
+    with pytest.MonkeyPatch.context() as patch:
+        # Fewer limits of the acceleration are tried, which takes most of the time.
+        patch.setattr(swing_information_module, "_ACCELERATION_LIMIT_COUNT", 4)
+        return optimise_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
 
 
 def balance(body, position, velocity, acceleration, hanging=0.0):
@@ -79,9 +83,9 @@ def test_difference_with_the_better_swing_is_the_leg(rich, rng):
     assert not inertia.at_bound
 
 
-def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):
+def test_the_angle_of_rest_is_found_where_it_is_not_known(rich, rng):
     # A wide swing, for a cosine is nearly an offset in a narrow one.
-    wide = optimise_swing(0.45, 1.34, reach=1.2, peak_torque=14.0, rng=np.random.default_rng(8))
+    wide = replace(rich, a=1.2 / REACH * rich.a, b=1.2 / REACH * rich.b)
     fit = fit_swings([recorded(wide, LOADED, rng=rng, hanging=0.1)], corrected_form(None))
     found = {p.name: p for p in fit.parameters}
     assert list(found) == ["inertia", "weight_moment", "hanging", "viscous", "coulomb", "offset"]
@@ -162,7 +166,7 @@ def test_a_fixed_rate_wanders_only_where_gradients_are_of_parts(rng):
     assert np.all(fixed.spread() > 10.0 * falling.spread())
 
 
-def test_the_better_swing_shows_more_with_less_torque(rich):
+def test_the_better_swing_shows_more_with_less_torque(rich, monkeypatch):
     about = {"noise": 0.3, "bandwidth": 2.0, "duration": 60.0}
     printed = swing_information(two_sines(np.radians(20.0)), 0.45, 1.34, **about)
     better = swing_information(rich, 0.45, 1.34, **about)
@@ -170,6 +174,7 @@ def test_the_better_swing_shows_more_with_less_torque(rich):
     assert better.peak_torque <= 8.0
     low, high, _, _ = rich.peaks()
     assert max(-low, high) <= REACH * 1.0001
+    monkeypatch.setattr(swing_information_module, "_ACCELERATION_LIMIT_COUNT", 1)
     with pytest.raises(IdentificationError, match="expected at most 1 N"):
         optimise_swing(0.45, 1.34, reach=REACH, peak_torque=1.0, rng=np.random.default_rng(1))
 

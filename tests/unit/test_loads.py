@@ -78,6 +78,28 @@ def test_what_cannot_carry_a_load_says_so():
         ELBOW_CONTROLLERS["support"].build(COHERENT, PLACE)
 
 
+@pytest.mark.parametrize("name", [name for name in ELBOW_CONTROLLERS if name != "dithered"])
+def test_a_controller_says_whether_it_carries_a_load(name):
+    from test_elbow_laws import BOTH
+
+    controller = ELBOW_CONTROLLERS[name]
+    card = {"pooled": POOLED, "dissociated": BOTH, "load": COHERENT}[controller.method]
+    settings = {"limb": LIMB} if controller.wearer else {}
+    settings |= {"exponents": (-1.0, -1.9)} if controller.exponents else {}
+    if controller.carries_load:
+        assert controller.build(card, PLACE, load=KILOGRAM_LOAD, **settings).load == KILOGRAM_LOAD
+    else:
+        with pytest.raises(PellucidError, match="found no body whose weight it carries"):
+            controller.build(card, PLACE, load=KILOGRAM_LOAD, **settings)
+
+
+def test_a_body_joined_with_another_has_the_weight_and_inertia_of_both():
+    both = LIMB.joined(KILOGRAM_LOAD)
+    assert both.gravity() == pytest.approx(LIMB.gravity() + KILOGRAM_LOAD.gravity())
+    assert both.inertia == pytest.approx(LIMB.inertia + KILOGRAM_LOAD.inertia)
+    assert both.mass == pytest.approx(LIMB.mass + 1.0)
+
+
 def test_laws_without_a_load_have_the_numbers_that_they_had():
     for law in (transparent(COHERENT, PLACE), ControlLaw("joint", JOINT_LAW.defaults | {"gravity_sine": 1.0})):
         assert law.load is None

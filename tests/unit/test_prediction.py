@@ -4,6 +4,7 @@ import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from pellucid.lab.pointing import prediction, sensitivity
 from pellucid.lab.pointing.conditions import identify_cards
 from pellucid.lab.pointing.prediction import (
     INDICES,
+    NOTHING_CARRIED,
+    CarriedWeight,
     Prediction,
     RobotOutcome,
     draw_balanced_lifts,
@@ -26,6 +29,7 @@ from pellucid.lab.pointing.prediction import (
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.sensitivity import CHANCE_FACTOR, list_factors, screen_factors
 from pellucid.lab.predict import PREDICTION_FILE, predict
+from pellucid.models.anthropometry import point_mass
 from pellucid.start_study import init
 from pellucid.studies.results import read_rows
 
@@ -115,6 +119,32 @@ def test_a_study_is_people_on_one_robot_and_its_effect_a_ratio_of_means():
     assert few.interval("unsettled", "A")[1] == pytest.approx(150.0, abs=20.0)
 
 
+def test_a_load_is_predicted_carried_and_not_carried(identified):
+    """A kilogram, in the hand or on the robot: whose law carries it, moves with less effort for the acceleration."""
+    asked = identified | {"controllers": {"sensed": "force_sensor"}, "robots": 1, "seed": 2}
+    rigs, effort = [elbow_participants()], INDICES.index("emg_per_acc")
+    plain = predict_effects(rigs, **asked)
+    assert plain.laws == ("sensed",)
+    for carried in (CarriedWeight(held=point_mass(1.0, 0.3)), CarriedWeight(load=point_mass(1.0, 0.3))):
+        made = predict_effects(rigs, carried=carried, **asked)
+        assert made.laws == ("sensed", "sensed_not_carrying")
+        with_law, without = made.values[0, :, :, effort]
+        assert np.all(with_law < 0.9 * without)
+        # What is in the hand is there without a robot, too; what is on the robot is not.
+        same = np.allclose(made.control, plain.control)
+        assert same == (carried.held is None)
+
+
+def test_a_share_of_the_limb_is_what_the_supporting_law_is_built_with():
+    carried = CarriedWeight(support=0.6)
+    assert carried.settings_of("support") == {"share": 0.6}
+    assert carried.without("support") == {"share": 0.0}
+    assert carried.settings_of("transparent") == {}
+    assert str(carried) == "60 % of the forearm's weight supported"
+    both = CarriedWeight(point_mass(1.0, 0.3), point_mass(0.5, 0.32))
+    assert str(both) == "a load of 1 kg at 0.3 m on the robot and a load of 0.5 kg at 0.32 m in the hand"
+
+
 def test_what_cannot_be_drawn_is_refused(identified):
     with pytest.raises(PellucidError, match="found 7 people, expected at least the 8"):
         fabricated().studies(size=8)
@@ -148,6 +178,17 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
     low, middle, high = (rows[f"these.predicted.vmax.fc{end}"].value for end in (".low", "", ".high"))
     assert low < middle < high
     assert {row.split for row in rows.values()} == {"simulated"}
+    assert asked["carried"] == NOTHING_CARRIED
+    assert "Carried:" not in text
+    told = CliRunner().invoke(app, ["predict", these, "--people", "7", "--held", "0.5", "0.3", "--support", "0.6"])
+    assert told.exit_code == 0, told.output
+    assert tuple(asked["controllers"]) == ("transparent", "force_sensor", "support")
+    assert asked["carried"] == CarriedWeight(None, point_mass(0.5, 0.3), 0.6)
+    text = unescape((tmp_path / "these" / "lab" / "prediction" / "index.html").read_text(encoding="utf-8"))
+    text = text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{RIGHT SINGLE QUOTATION MARK}", "'")
+    assert "Carried: a load of 0.5 kg at 0.3 m in the hand and 60 % of the forearm's weight supported" in text
+    notes = {row.note for row in read_rows(tmp_path / "these" / PREDICTION_FILE) if ".vmax." in row.id}
+    assert all("a load of 0.5 kg at 0.3 m in the hand" in note for note in notes)
     with pytest.raises(StudyError, match='found no controller "fcc"'):
         predict(these, controllers=["fcc"])
     init(tmp_path / "joint", rig="bench-joint")

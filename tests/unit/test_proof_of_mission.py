@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from evidence._lead import RATE_HZ, Stretch, best_shift, compare_detectors, rows_of
 from evidence._lead_control import LateEmg
-from evidence._loads import ratio_interval, with_fastened_load
+from evidence._loads import ratio_interval
 
-from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.elbow.rig import able_elbow, with_fastened_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, StudyError
+from pellucid.fit.swing import swing_information
 from pellucid.lab.known_rigs import rig_text
 from pellucid.lab.seated.muscles import torque_at_rest
 from pellucid.lab.seated.protocol import seated_trials
@@ -24,12 +25,21 @@ RIG = load_seated_rig()
 
 @pytest.fixture(scope="module")
 def made():
-    return seated_trials(RIG, ("S4",))
+    with pytest.MonkeyPatch.context() as patch:
+        # Fewer limits of the acceleration are tried for the swing that shows inertia: it takes most of the time.
+        patch.setattr(swing_information, "_ACCELERATION_LIMIT_COUNT", 3)
+        return seated_trials(RIG, ("S4",))
 
 
 @pytest.fixture(scope="module")
 def taken(made):
     return record_in_memory(RIG, made, seed=1)
+
+
+@pytest.fixture(scope="module")
+def identified(taken):
+    config, recordings, _ = taken
+    return identify_swings(config, recordings)
 
 
 def test_the_subjects_are_as_old_tall_and_heavy_as_the_papers():
@@ -93,9 +103,8 @@ def test_files_hold_what_memory_holds(taken, made, tmp_path):
     assert np.array_equal(mvc["angle.knee"], next(r for r in taken[1] if r.name == "S4_mvc")["angle.knee"])
 
 
-def test_steps_1_and_2_find_the_leg(taken):
-    config, recordings, _ = taken
-    found = identify_swings(config, recordings)
+def test_steps_1_and_2_find_the_leg(identified):
+    found = identified
     subject = subjects(RIG)["S4"]
     assert found.empty.inertia.value == pytest.approx(RIG.exoskeleton_inertia, rel=0.05)
     assert found.legs["S4"].inertia.value == pytest.approx(subject.inertia, rel=0.1)
@@ -103,9 +112,9 @@ def test_steps_1_and_2_find_the_leg(taken):
     assert {card.kind for card in found.cards.values()} == {"orthosis", "limb"}
 
 
-def test_whose_leg_it_is_does_not_hang_on_a_recordings_name(taken):
+def test_whose_leg_it_is_does_not_hang_on_a_recordings_name(taken, identified):
     config, recordings, _ = taken
-    found = identify_swings(config, recordings)
+    found = identified
     renamed = identify_swings(config, [replace(r, name=f"trial_{i}") for i, r in enumerate(recordings)])
     assert [*renamed.cards["S4.limb"].checksums.values()] == [*found.cards["S4.limb"].checksums.values()]
     bodies = {who for made in (found, renamed) for who in made.wearers.values()}

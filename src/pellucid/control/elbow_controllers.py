@@ -7,13 +7,14 @@ lowest resonance is stated and high enough.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from .._errors import PellucidError
-from ..models.anthropometry import Segment
+from ..models.anthropometry import Segment, point_mass
 from ..models.slider_card import SliderCard
 from .control_law import ControlLaw
 from .elbow_laws import full_compensation, partial_compensation, position_control
@@ -79,6 +80,7 @@ class ElbowController:
     wearer: bool = False  # Whether `build` also needs the wearer's `limb`, a `Segment`
     exponents: bool = False  # Whether it has those of equation 8, which are chosen on a robot
     assists: bool = False  # Whether it carries part of its wearer, so that its interaction torque is not to vanish
+    carries_load: bool = True  # Whether it carries one coherent body, and so a load on the robot or in the hand
 
     def build(
         self, card: SliderCard, slider: float, *, lowest_resonance: float | None = None, load: Segment | None = None,
@@ -167,12 +169,16 @@ def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **
 
 
 ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
-    "clpc": ElbowController("the maker's position control, as published", "pooled", position_control),
+    "clpc": ElbowController(
+        "the maker's position control, as published", "pooled", position_control, carries_load=False
+    ),
     "pcfr": ElbowController(
-        "compensation by direction without friction, as published", "dissociated", partial_compensation, exponents=True
+        "compensation by direction without friction, as published", "dissociated", partial_compensation, exponents=True,
+        carries_load=False,
     ),
     "fc": ElbowController(
-        "compensation by direction with friction, as published", "dissociated", full_compensation, exponents=True
+        "compensation by direction with friction, as published", "dissociated", full_compensation, exponents=True,
+        carries_load=False,
     ),
     "without_friction": ElbowController(
         "one coherent body compensated but for its friction: PCFr corrected", "load",
@@ -199,7 +205,7 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
         transparent_and(DEFAULT_OBSERVER, **SENSED_BODY),
     ),
     "zero_impedance": ElbowController(
-        "the measured interaction torque driven to zero, no more", "load", zero_impedance
+        "the measured interaction torque driven to zero, no more", "load", zero_impedance, carries_load=False
     ),
     "residual": ElbowController(
         "the measured interaction torque driven to zero, and the body carried as EMG foresees it", "load",
@@ -212,3 +218,16 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
     "amplification": ElbowController("the wearer's torque amplified", "load", sensitivity_amplification),
 }  # fmt: skip
 """By the name that ``pellucid export --controller`` takes."""
+
+
+def stated_load(where: str, name: str, given: tuple[float, float] | None) -> Segment | None:
+    """Return a load as a point mass, of its mass [kg] and distance from the axis [m]; None for none.
+
+    `where` and `name` stand in the PellucidError that is raised if either is not above 0.
+    """
+    if given is None:
+        return None
+    mass, distance = given
+    if not (math.isfinite(mass) and math.isfinite(distance) and mass > 0.0 and distance > 0.0):
+        raise PellucidError(f"{where}: found a {name} of {mass:g} kg at {distance:g} m, expected both above 0")
+    return point_mass(mass, distance)

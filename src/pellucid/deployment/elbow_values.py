@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from typing import Any
 
 from .._errors import PellucidError
 from ..control.control_law import LAWS, ControlLaw
-from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
+from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController, stated_load
 from ..control.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
 from ..control.joint_compensation import (
     DEFAULT_PERIOD_S,
@@ -21,7 +20,7 @@ from ..control.joint_compensation import (
 )
 from ..control.supervised import body_of
 from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ
-from ..models.anthropometry import Segment, forearm, point_mass
+from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..procedures.card_sources import require_fresh, source_notes
 from ..procedures.rig_instruments import rig_instruments
@@ -88,7 +87,8 @@ def elbow_values(
     if exponents is not None:
         settings["exponents"] = exponents
     stiff = named.build_stiff(card, place, **settings)
-    carried_loads = {"load": _load(study, "load", load), "held": _load(study, "held", held)}
+    where = f"export of {study.name}"
+    carried_loads = {"load": stated_load(where, "load", load), "held": stated_load(where, "held", held)}
     law = named.build(card, place, lowest_resonance=lowest_resonance(study), **carried_loads, **settings)
     remarks = dict(_remarks(study, law, named.card))
     if LAWS[law.kind].carries_body:
@@ -139,18 +139,6 @@ def _gain_notes(stiff: ControlLaw, law: ControlLaw) -> Iterator[str]:
             f"The share of the disturbance observer is {law.values['disturbance_share']:.2g}, as in the virtual lab: "
             "with more, some rang whose wearer carried a load."
         )
-
-
-def _load(study: Study, name: str, given: tuple[float, float] | None) -> Segment | None:
-    """Return a load as a point mass, of its mass [kg] and distance from the axis [m]."""
-    if given is None:
-        return None
-    mass, distance = given
-    if not (math.isfinite(mass) and math.isfinite(distance) and mass > 0.0 and distance > 0.0):
-        raise PellucidError(
-            f"export of {study.name}: found a {name} of {mass:g} kg at {distance:g} m, expected both above 0"
-        )
-    return point_mass(mass, distance)
 
 
 def _load_notes(law: ControlLaw, held: tuple[float, float] | None) -> Iterator[str]:

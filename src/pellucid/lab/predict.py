@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from .._errors import PellucidError, StudyError
-from ..control.elbow_controllers import ELBOW_CONTROLLERS
+from ..control.elbow_controllers import ELBOW_CONTROLLERS, stated_load
 from ..procedures.result import FigureTable, Result
 from ..studies.results import ResultRow, write_rows
 from .known_rigs import parse_rig
 from .pointing.predicted_indices import PREDICTED_INDICES
-from .pointing.prediction import PUBLISHED_CONTROLLERS, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
+from .pointing.prediction import (
+    CARRYING_CONTROLLERS,
+    NOTHING_CARRIED,
+    PUBLISHED_CONTROLLERS,
+    STUDY_INTERVAL_SHARE,
+    CarriedWeight,
+    DrawnStudies,
+    Prediction,
+    predict_effects,
+)
 from .pointing.rig import PointingRig
 from .shipped_rigs import text_of_rig
 from .simulate import rig_file, study_name
@@ -33,10 +42,13 @@ class Predicted(Result):
         Indices of movement of every pair of a person and a robot.
     studies : DrawnStudies
         Virtual studies that were drawn from these pairs.
+    carried : CarriedWeight
+        Load on the robot, load in the hand, and share of the limb that controllers carry.
     """
 
     prediction: Prediction = field(repr=False)
     studies: DrawnStudies = field(repr=False)
+    carried: CarriedWeight = NOTHING_CARRIED
 
 
 def predict(
@@ -47,6 +59,9 @@ def predict(
     movements: int = 20,
     participants: int = 6,
     controllers: Sequence[str] | None = None,
+    load: tuple[float, float] | None = None,
+    held: tuple[float, float] | None = None,
+    support: float | None = None,
     seed: int = 1,
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
@@ -71,7 +86,16 @@ def predict(
     participants : int
         Number of people in a drawn study.
     controllers : sequence of str, optional
-        Controllers by their names in `export`; the published three if left out.
+        Controllers by their names in `export`; the published three if left out, or `transparent`, `force_sensor` and
+        `support` where a weight is to be carried.
+    load : tuple of float, optional
+        Load that is fastened to the robot once it is identified: mass [kg] and distance from the axis [m]. Controllers
+        carry it; each is also worn without carrying it.
+    held : tuple of float, optional
+        Load in the hand, with a robot and without: mass [kg] and distance from the axis [m]. Controllers carry its
+        weight; each is also worn without carrying it.
+    support : float, optional
+        Share of the forearm's weight that the controller `support` carries, 0 to 1; its own share if left out.
     seed : int
         Seed of every random draw, at least 0.
     executor : concurrent.futures.Executor, optional
@@ -104,13 +128,20 @@ def predict(
         raise StudyError(
             f'controllers: found no controller "{unknown[0]}", expected some of {", ".join(ELBOW_CONTROLLERS)}'
         )
+    carried = CarriedWeight(
+        stated_load("predict", "load", load), stated_load("predict", "held", held), _read_share(support)
+    )
+    if not controllers and carried != NOTHING_CARRIED:
+        loaded = carried.load is not None or carried.held is not None
+        controllers = CARRYING_CONTROLLERS if loaded else ("support",)
     named = {name: name for name in controllers} if controllers else PUBLISHED_CONTROLLERS
+    _require_carriers(named, carried)
     made = predict_effects(
-        rigs, people=people, robots=robots, movements=movements, controllers=named, seed=seed, executor=executor,
-        on_progress=on_progress,
+        rigs, people=people, robots=robots, movements=movements, controllers=named, carried=carried, seed=seed,
+        executor=executor, on_progress=on_progress,
     )  # fmt: skip
     studies = made.studies(size=participants)
-    found = _make_result(study_name(Path(folder)), made, studies, participants)
+    found = _make_result(study_name(Path(folder)), made, studies, participants, carried=carried)
     write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
     return found
 
@@ -131,6 +162,24 @@ def _require_counts(folders: int, *, people: int, robots: int, movements: int, p
         raise PellucidError(f"predict: found {movements} movements, expected an even number: there and back")
 
 
+def _read_share(given: float | None) -> float | None:
+    """Return a share of the forearm's weight; raise a PellucidError if it is not within 0 and 1."""
+    if given is not None and not 0.0 < given <= 1.0:
+        raise PellucidError(f"predict: found a support of {given:g}, expected a share above 0, up to 1")
+    return given
+
+
+def _require_carriers(controllers: Mapping[str, str], carried: CarriedWeight) -> None:
+    """Raise a StudyError if a controller cannot carry what is to be carried; nothing has been simulated yet."""
+    if carried.load is not None or carried.held is not None:
+        unable = [name for name in controllers.values() if not ELBOW_CONTROLLERS[name].carries_load]
+        if unable:
+            able = ", ".join(name for name, one in ELBOW_CONTROLLERS.items() if one.carries_load)
+            raise StudyError(f'controllers: found "{unable[0]}", which carries no load, expected some of {able}')
+    if carried.support is not None and not any(ELBOW_CONTROLLERS[name].assists for name in controllers.values()):
+        raise StudyError(f'controllers: found {", ".join(controllers.values())} with a support, expected "support"')
+
+
 def _read_rig(folder: Path) -> PointingRig:
     """Read the rig of a folder; raise a StudyError if its people do not point."""
     path = rig_file(folder)
@@ -140,10 +189,13 @@ def _read_rig(folder: Path) -> PointingRig:
     return rig
 
 
-def _make_result(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
+def _make_result(
+    name: str, made: Prediction, studies: DrawnStudies, participants: int, *, carried: CarriedWeight
+) -> Predicted:
     """Return the table and the rows of a prediction."""
     rows, table = [], []
     drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
+    drawn += f", {carried}" if carried != NOTHING_CARRIED else ""
     for index in PREDICTED_INDICES:
         for law in made.laws:
             low, middle, high = studies.interval(index.name, law)
@@ -165,5 +217,5 @@ def _make_result(name: str, made: Prediction, studies: DrawnStudies, participant
     return Predicted(
         study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
         rows=tuple(rows), cards={}, checksums={}, confidence=STUDY_INTERVAL_SHARE, command="predict",
-        prediction=made, studies=studies,
+        prediction=made, studies=studies, carried=carried,
     )  # fmt: skip

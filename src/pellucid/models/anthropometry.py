@@ -87,6 +87,12 @@ class Segment:
         """Gravity torque held out horizontally, m g l [N m], at an `acceleration` of gravity [m/s^2]."""
         return self.mass * acceleration * self.centre
 
+    def joined(self, other: Segment) -> Segment:
+        """Return this body and another about the same joint as one."""
+        mass = self.mass + other.mass
+        centre = (self.mass * self.centre + other.mass * other.centre) / mass
+        return Segment(mass, centre, self.inertia + other.inertia)
+
 
 def shank_length(height: float, *, to: str = "ankle") -> float:
     """Length of the shank where it was not measured. `height` [m]; gives [m]."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..drawing.drawing import Drawing, draw
 from ..lab.pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
+from ..lab.pointing.prediction import NOTHING_CARRIED
 from ..lab.predict import Predicted
 from ..pages.forest import Estimate, forest
 from ..pages.page import Answer, AnswerVerdict, Page, Section, write_page
@@ -49,12 +50,23 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
                     "Every drawn robot is identified, makes controllers of its identification, and is worn by every "
                     "drawn person. Studies are drawn from these pairs as a lab would run them. All of it is simulated: "
                     "a prediction is no measurement of people.",
+                    *_carried_paragraph(found),
                 ),
             ),
         ),
         footer=f"Written by pellucid {version('pellucid')}. Every number is in lab/prediction.json.",
     )  # fmt: skip
     return write_page(Path(folder) / PREDICTION_PAGE_FOLDER, page)
+
+
+def _carried_paragraph(found: Predicted) -> tuple[str, ...]:
+    """Return what was carried in words, if anything was."""
+    if found.carried == NOTHING_CARRIED:
+        return ()
+    return (
+        f"Carried: {found.carried}. Each controller was also worn without carrying it, as its rival (not carrying). "
+        "A load in the hand is held without a robot, too, so that changes are those that the robot makes.",
+    )
 
 
 def _verdict(found: Predicted, index: PredictedIndex) -> AnswerVerdict:

@@ -42,6 +42,11 @@ class CardLaw:
         """One more of it, at rest."""
         self.running = self.law.start()
 
+    @property
+    def fault(self) -> str:
+        """Fault that the law has latched; "none" if there is none."""
+        return str(self.running.fault)
+
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Torque asked of each joint, shape (4,) [N m]."""
         if self.points is None:

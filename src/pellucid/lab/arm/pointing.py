@@ -4,7 +4,8 @@ A person plans a minimum jerk of all joints to a posture that points at the targ
 alone needs, and those of the load that is expected of what is worn. Muscles are a servo about the plan (`wearer`).
 Where the hand is not near the target when the plan ends, a correction follows as soon as it is seen. The load that was
 felt changes the expectation before the next movement: for each joint a regression on posture, velocity, its sign and
-acceleration [1]_. Whoever needed a correction is a little slower next time, and quicker otherwise.
+acceleration over the latest movements [1]_. Whoever needed a correction is a little slower next time, and quicker
+otherwise.
 
 .. [1] R. Shadmehr, M. A. Smith, J. W. Krakauer, "Error correction, sensory prediction, and adaptation in motor
    control", Annual Review of Neuroscience 33, 2010.
@@ -18,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...control.supervisor_faults import NO_FAULT
 from ...signals.filters import zero_phase_lowpass
 from .bodies import built_tree
 from .human_motion import GENERATED_REACHES, JOINTS
@@ -49,6 +51,9 @@ DWELL_S = 0.3
 DURATION_RULE_S = (0.45, 0.40)
 """Duration of a plan at a comfortable pace: a constant [s], and a part for each radian of the largest joint's way."""
 
+MINIMUM_JERK_PEAK = 1.875
+"""Peak velocity of a minimum jerk over its mean one [1]."""
+
 FAST_PACE = 0.6
 """Duration of a fast movement's plan over that of a comfortable one [1]."""
 
@@ -61,8 +66,8 @@ QUICKER_AFTER_SUCCESS = 0.985
 PACE_BOUNDS = (0.8, 1.6)
 """Smallest and largest factor on durations that adaptation reaches [1]."""
 
-LEARNING_RATE = 0.5
-"""Share of the change of the expected load that a movement brings [1]."""
+MEMORY_SHARE = 0.9
+"""Weight of what earlier movements told, after each movement [1]. Chosen by judgement; no measurement is recorded."""
 
 FELT_NOISE_NM = 0.5
 """Standard deviation of the torque that is felt at a joint [N*m]."""
@@ -121,7 +126,7 @@ class PointingBlock:
     """What one person did in one condition."""
 
     movements: tuple[PointingMovement, ...] = field(repr=False)
-    stopped: bool  # whether the arm was thrown off its plan, so that nothing more was done
+    stopped: bool  # whether a law's gate or an arm thrown off its plan ended it; `movements` are those before
 
     def mean(self, what: str, *, upward: bool | None = None, fast: bool | None = None, skip: int = 0) -> float:
         """Return the mean of a field over the movements of a kind, the first `skip` left out; NaN if there is none."""
@@ -198,17 +203,28 @@ def expected_torque(
     return np.einsum("jnk,jk->nj", load_features(position, velocity, acceleration), load)
 
 
-def learn_load(
-    load: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, felt: np.ndarray
-) -> np.ndarray:
-    """Return the load that is expected after a movement in which torques `felt` (n, 4) were taken [N*m]."""
-    made = load.copy()
-    for j, rows in enumerate(load_features(position, velocity, acceleration)):
-        # Neighbouring samples tell the same: ten of them count as one.
-        information = rows.T @ rows / (10.0 * FELT_NOISE_NM**2) + np.diag(1.0 / LOAD_TRUST**2)
-        left = felt[:, j] - rows @ load[j]
-        made[j] += LEARNING_RATE * np.linalg.solve(information, rows.T @ left / (10.0 * FELT_NOISE_NM**2))
-    return made
+class LoadMemory:
+    """What a person expects of a load: a regression over the movements that were made, the latest ones weighing most.
+
+    One movement follows one line of postures, along which posture, velocity and friction are hard to tell apart. A
+    person who believed each movement by itself would expect torques at other postures that were never there.
+    """
+
+    def __init__(self) -> None:
+        count = len(LOAD_TRUST)
+        self._information = np.zeros((len(JOINTS), count, count))
+        self._moment = np.zeros((len(JOINTS), count))
+        self.coefficients = np.zeros((len(JOINTS), count))  # as `expected_torque` takes them
+
+    def learn(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, felt: np.ndarray) -> None:
+        """Take in a movement with shape (n, 4) in which torques `felt` (n, 4) were taken [N*m]."""
+        for j, rows in enumerate(load_features(position, velocity, acceleration)):
+            # Neighbouring samples tell the same: ten of them count as one.
+            weight = 1.0 / (10.0 * FELT_NOISE_NM**2)
+            self._information[j] = MEMORY_SHARE * self._information[j] + weight * rows.T @ rows
+            self._moment[j] = MEMORY_SHARE * self._moment[j] + weight * rows.T @ felt[:, j]
+            prior = np.diag(1.0 / LOAD_TRUST**2)
+            self.coefficients[j] = np.linalg.solve(self._information[j] + prior, self._moment[j])
 
 
 def hand_place(person: Person, posture: np.ndarray) -> np.ndarray:
@@ -218,11 +234,18 @@ def hand_place(person: Person, posture: np.ndarray) -> np.ndarray:
 
 
 def point(
-    rig: ArmRig, person: Person, law: ArmLaw | None, targets: Sequence[PointingTarget], *, seed: int = 1
+    rig: ArmRig,
+    person: Person,
+    law: ArmLaw | None,
+    targets: Sequence[PointingTarget],
+    *,
+    seed: int = 1,
+    asked_speed: np.ndarray | None = None,
 ) -> PointingBlock:
     """Simulate a person who points at `targets` one after another.
 
-    Without a `law` the person wears nothing. `seed` draws the noise of sensors and of what is felt.
+    Without a `law` the person wears nothing. `seed` draws the noise of sensors and of what is felt. With an
+    `asked_speed`, shape (4,) [rad/s], the person was asked to move no joint faster, and plans no movement that does.
     """
     rate = rig.constants.sampling.rate
     period, worn = 1.0 / rate, law is not None
@@ -233,8 +256,8 @@ def point(
     plant = rig.plant(**arguments)
     low, high = np.array(GENERATED_REACHES["low"]), np.array(GENERATED_REACHES["high"])
     posture = 0.75 * low + 0.25 * high
-    load, pace = np.zeros((len(JOINTS), len(LOAD_TRUST))), 1.0
-    plan = _Plan(person, posture, posture, 0.5, rate, load)
+    load, pace = LoadMemory(), 1.0
+    plan = _Plan(person, posture, posture, 0.5, rate, load.coefficients)
     plant.reset(np.append(posture, HANDLE_AT * person.forearm), posture)
     if law is not None:
         law.reset()
@@ -265,7 +288,10 @@ def point(
         place, first = hand_place(person, goal), hand_place(person, limb)
         begin = plan.at(k_plan)[0]
         seconds = DURATION_RULE_S[0] + DURATION_RULE_S[1] * float(np.abs(goal - begin).max())
-        plan = _Plan(person, begin, goal, seconds * pace * (FAST_PACE if target.fast else 1.0), rate, load)
+        seconds *= pace * (FAST_PACE if target.fast else 1.0)
+        if asked_speed is not None:
+            seconds = max(seconds, MINIMUM_JERK_PEAK * float((np.abs(goal - begin) / asked_speed).max()))
+        plan = _Plan(person, begin, goal, seconds, rate, load.coefficients)
         k_plan, kept, corrections, near, arrived = 0, [], 0, 0.0, False
         for k in range(round(MOVEMENT_LIMIT_S * rate)):
             wanted = plan.at(k_plan)
@@ -274,7 +300,7 @@ def point(
             if k % ANALYSIS_STEP == 0:
                 kept.append(np.concatenate([limb, speed, on_limb]))
                 if not np.abs(limb - wanted[0]).max() < MAX_MOTION_ERROR_RAD:
-                    return PointingBlock(tuple(movements), stopped=True)
+                    return PointingBlock(tuple(movements[1:]), stopped=True)
                 off = float(np.linalg.norm(hand_place(person, limb) - place))
                 there = off < TARGET_RADIUS_M and float(np.abs(speed).max()) < ARRIVED_SPEED_RAD_S
                 near = near + ANALYSIS_STEP * period if there else 0.0
@@ -284,10 +310,13 @@ def point(
                 if k_plan > plan.count + round(VISION_DELAY_S * rate) and off >= TARGET_RADIUS_M:
                     # What is seen is how far the arm is off, not where the plan was to end.
                     shifted = plan.position[-1] + (goal - limb)
-                    plan = _Plan(person, plan.position[-1], shifted, CORRECTION_DURATION_S, rate, load)
+                    plan = _Plan(person, plan.position[-1], shifted, CORRECTION_DURATION_S, rate, load.coefficients)
                     k_plan, corrections = 0, corrections + 1
         table = np.array(kept)
         movement = _measured(person, table, target, first, place, corrections, arrived, ANALYSIS_STEP * period)
+        if getattr(law, "fault", NO_FAULT) != NO_FAULT:
+            # The robot was off in some part of this movement.
+            return PointingBlock(tuple(movements[1:]), stopped=True)
         movements.append(movement)
         for _ in range(round(DWELL_S * rate)):
             limb, _, _ = advance(*plan.at(k_plan))
@@ -295,7 +324,7 @@ def point(
         acceleration = np.gradient(table[:, 4:8], ANALYSIS_STEP * period, axis=0)
         taken = -table[:, 8:12] + FELT_NOISE_NM * rng.standard_normal((len(table), 4)) * worn
         if worn:
-            load = learn_load(load, table[:, :4], table[:, 4:8], acceleration, taken)
+            load.learn(table[:, :4], table[:, 4:8], acceleration, taken)
         pace *= SLOWER_AFTER_CORRECTION if corrections else QUICKER_AFTER_SUCCESS
         pace = float(np.clip(pace, *PACE_BOUNDS))
     # The first target is where the person stands already.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models.anthropometry import Segment
 from ...models.joint import GRAVITY
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns
 from ..rig import Outcome, Taken, Tell
@@ -144,3 +145,15 @@ def drawn_rigs(rig: ElbowRig, count: int = 5, seed: int = 20261121) -> tuple[Elb
         rig.changed({path: float(rng.uniform(*ends)) for path, ends in ranges.items()}, f"drawn-{i + 1}")
         for i in range(count)
     )
+
+
+def with_fastened_load(robot: ElbowRig, load: Segment) -> ElbowRig:
+    """Return a robot whose link also has a load that is fastened to it."""
+    link = robot.constants.link
+    mass = link.mass + load.mass
+    along = (link.mass * link.centre[0] + load.mass * load.centre) / mass
+    across = link.mass * link.centre[1] / mass
+    about_axis = link.inertia + link.mass * (link.centre[0] ** 2 + link.centre[1] ** 2) + load.inertia
+    inertia = about_axis - mass * (along**2 + across**2)
+    values = {"link.mass": mass, "link.centre": (along, across), "link.inertia": inertia}
+    return robot.changed(values, f"{robot.name}-load")

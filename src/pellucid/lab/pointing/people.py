@@ -33,11 +33,17 @@ class Person:
     reward: float  # value of arriving at the target [J]; the larger it is, the faster the person moves
     emg_gains: tuple[float, ...]  # RMS of every muscle at full excitation [V]
     drawn: tuple[tuple[str, float], ...] = ()  # names and values of the person's own parameters, SI
+    held: Segment | None = None  # load in the hand, about the elbow; None for none
 
     @property
     def forearm(self) -> Segment:
         """Return forearm and hand as one segment that rotates about the elbow."""
         return forearm(self.mass, self.height)
+
+    @property
+    def moved(self) -> Segment:
+        """Return what the muscles move: forearm and hand, with the load that the hand holds."""
+        return self.forearm if self.held is None else self.forearm.joined(self.held)
 
     @property
     def forearm_length(self) -> float:
@@ -46,7 +52,7 @@ class Person:
 
     def vector(self, rig: PointingPlant) -> np.ndarray:
         """Return the core's parameters of this person, shape (k,), SI, in the order of `parameter_names`."""
-        arm, vision, segment = rig["arm"], rig["vision"], self.forearm
+        arm, vision, segment = rig["arm"], rig["vision"], self.moved
         tables = {key: value for table in personal_table_names(rig) for key, value in rig.tables.get(table, {}).items()}
         values = {
             **tables,

@@ -19,8 +19,11 @@ from scipy.stats import qmc
 
 from ..._errors import PellucidError
 from ..._processes import ordered_results
+from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ..elbow.rig import ElbowRig
+from ...control.transparent_laws import expecting_load
+from ...models.anthropometry import Segment
+from ..elbow.rig import ElbowRig, with_fastened_load
 from .conditions import Cards, choose_exponents, controller_builder, identify_cards, offered_controller
 from .people import Person, draw_people
 from .predicted_indices import PREDICTED_INDICES, PREDICTED_INDICES_BY_NAME, change
@@ -60,6 +63,49 @@ Load-dependent friction is drawn on its own."""
 
 Exponents = tuple[float, float]
 """Exponents k of equation 8 of the ABLE paper, upwards and downwards."""
+
+
+@dataclass(frozen=True)
+class CarriedWeight:
+    """What robots and people of a prediction carry beyond themselves, and controllers carry for them."""
+
+    load: Segment | None = None  # load on the robot, about its axis; None for none
+    held: Segment | None = None  # load in the hand, with a robot and without; None for none
+    support: float | None = None  # share of the forearm's weight that "support" carries [1]; None for its own
+
+    def settings_of(self, controller: str) -> dict[str, Segment | float]:
+        """Return what a controller is built with, so that it carries this."""
+        settings: dict[str, Segment | float] = {}
+        if self.load is not None:
+            settings["load"] = self.load
+        if self.held is not None:
+            settings["held"] = self.held
+        if self.support is not None and ELBOW_CONTROLLERS[controller].assists:
+            settings["share"] = self.support
+        return settings
+
+    def without(self, controller: str) -> dict[str, float]:
+        """Return what the rival of a controller is built with, which carries none of this."""
+        return {"share": 0.0} if ELBOW_CONTROLLERS[controller].assists else {}
+
+    def __str__(self) -> str:
+        loads = [
+            f"a load of {one.mass:.3g} kg at {one.centre:.3g} m {where}"
+            for one, where in ((self.load, "on the robot"), (self.held, "in the hand"))
+            if one is not None
+        ]
+        share = [] if self.support is None else [f"{100.0 * self.support:.3g} % of the forearm's weight supported"]
+        return " and ".join(loads + share)
+
+
+NOTHING_CARRIED = CarriedWeight()
+"""People and robots carry themselves alone."""
+
+NOT_CARRYING = "_not_carrying"
+"""End of the name of a condition in which the controller carries none of the load, or of the limb."""
+
+CARRYING_CONTROLLERS = ("transparent", "force_sensor", "support")
+"""Controllers that are worn where a weight is to be carried and no others are named."""
 
 
 @dataclass(frozen=True)
@@ -218,6 +264,7 @@ def predict_effects(
     controllers: Mapping[str, str] | None = None,
     exponents: Sequence[Exponents | None] = (None,),
     friction: tuple[float, float] = FRICTION_SCALE_RANGE,
+    carried: CarriedWeight = NOTHING_CARRIED,
     seed: int = 1,
     workers: int | None = None,
     executor: Executor | None = None,
@@ -242,6 +289,9 @@ def predict_effects(
         choose them.
     friction : tuple of float
         Smallest and largest factor on the friction of the robot [1].
+    carried : CarriedWeight
+        Load on the robot, load in the hand, and share of the limb's weight that controllers carry. With any of them,
+        every controller that carries it is also worn without, under its name with `NOT_CARRYING`.
     seed : int
         Seed of every random draw.
     workers : int, optional
@@ -268,14 +318,23 @@ def predict_effects(
         raise PellucidError(f"prediction: found {movements} movements, expected an even number: there and back")
     tell, begun = on_progress or (lambda text, share: None), time.perf_counter()
     controllers = dict(controllers or PUBLISHED_CONTROLLERS)
+    controllers |= {
+        f"{condition}{NOT_CARRYING}": name for condition, name in controllers.items() if carried.settings_of(name)
+    }
     drawn = draw_robots(rigs[0].robot, robots, friction=friction, seed=seed)
-    who = [draw_people(rig, np.random.default_rng([seed, 0x9E, i]), count=people) for i, rig in enumerate(rigs)]
+    who = [
+        tuple(
+            replace(person, held=carried.held)
+            for person in draw_people(rig, np.random.default_rng([seed, 0x9E, i]), count=people)
+        )
+        for i, rig in enumerate(rigs)
+    ]
     jobs: list[tuple] = [(_control_indices, rig, who[i], movements, (seed, 0, i)) for i, rig in enumerate(rigs)]
     for i, (scale, robot) in enumerate(drawn):
         model = i % len(rigs)
         k = exponents[i // len(rigs) % len(exponents)]
         one = DrawnRobot(replace(rigs[model], robot=robot), model, scale, k)
-        jobs.append((_robot_outcome, one, who[model], controllers, movements, (seed, 1, i)))
+        jobs.append((_robot_outcome, one, who[model], controllers, movements, (seed, 1, i), carried))
     tell(f"{people} people without a robot, and on {robots} robots", 0.0)
     found = ordered_results(
         jobs, workers, lambda done, of: tell(f"{done} of {of} robots and controls", done / of), executor
@@ -301,18 +360,31 @@ def _robot_outcome(
     controllers: Mapping[str, str],
     movements: int,
     seed: tuple[int, ...],
+    carried: CarriedWeight = NOTHING_CARRIED,
 ) -> RobotOutcome:
-    """Identify a robot, and return the indices of everybody who wears it under every law."""
+    """Identify a robot, and return the indices of everybody who wears it under every law.
+
+    A load is put on the robot after it was identified.
+    """
     begun, rig = time.process_time(), drawn.rig
     cards = identify_cards(rig.robot, seed=seed[-1])
     k = drawn.exponents
     chosen = k is None and any(ELBOW_CONTROLLERS[name].exponents for name in controllers.values())
     if chosen:
         k = choose_exponents(rig, cards, seed=seed)[0]
+    if carried.load is not None:
+        rig = replace(rig, robot=with_fastened_load(rig.robot, carried.load))
     ready = time.process_time()
+
+    def law_of(condition: str, name: str, person: Person) -> RobotLaw:
+        if not condition.endswith(NOT_CARRYING):
+            return build_law(cards, name, k, rig, person, **carried.settings_of(name))
+        law = build_law(cards, name, k, rig, person, **carried.without(name))
+        return law if carried.load is None else expecting_load(law, carried.load)
+
     values = [
         [
-            simulate_indices(rig, person, condition, build_law(cards, name, k, rig, person), movements, (*seed, j, i))
+            simulate_indices(rig, person, condition, law_of(condition, name, person), movements, (*seed, j, i))
             for j, person in enumerate(people)
         ]
         for i, (condition, name) in enumerate(controllers.items())
@@ -324,9 +396,14 @@ def _robot_outcome(
     )  # fmt: skip
 
 
-def build_law(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
-    """Build a controller of an identified robot for a person; it has no dither where the card does not permit it."""
-    return controller_builder(cards, offered_controller(cards, controller), exponents=exponents)(
+def build_law(
+    cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person, **settings
+) -> ControlLaw:
+    """Build a controller of an identified robot for a person; it has no dither where the card does not permit it.
+
+    `settings` are further settings of the law, as a load that it carries.
+    """
+    return controller_builder(cards, offered_controller(cards, controller), exponents=exponents, **settings)(
         person, person.slider(rig)
     )
 

@@ -154,7 +154,7 @@ def simulate_session(
     vector, fs = person.vector(rig), 1.0 / rig.period
     reference, width = pointing["reference"], planning["sign_width"]
     lifts = draw_session_lifts(rig, rng) if lifts is None else np.asarray(lifts, float)
-    expected, forearm_inertia = np.zeros(5), person.forearm.inertia
+    expected, moved_inertia = np.zeros(5), person.moved.inertia
     arm = _strapped(rig, person, vector, law, reference, rng)
     max_samples, noise_samples = round(pointing["longest"] * fs), round(DRAWN_NOISE_S * fs)
     sensor = rig["force_sensor"]
@@ -166,7 +166,7 @@ def simulate_session(
         for target in (reference + lift, reference):
             amplitude = target - position
             dynamics = (
-                forearm_inertia + max(expected[0], 0.0),
+                moved_inertia + max(expected[0], 0.0),
                 rig.constants.arm.viscous + max(expected[1], 0.0),
                 max(expected[2], 0.0),
             )

@@ -27,6 +27,7 @@ from .torque import (
     score_map,
     torque_steps,
 )
+from .walking import WALKING_WEARERS, WalkedRow, evaluate_walker, walking_rows, walking_section
 from .wearers import (
     Bench,
     WearerErrors,
@@ -52,7 +53,7 @@ class KneePaper(Paper):
         "fitted": (".fitted", "knee.tf.fit.published_form", "knee.emg.target"),
         "simulated": (
             ".recomputed.", "knee.mgl_", ".inertia", ".damping", ".stiffness", ".coverage.", "knee.imu.", ".gravity",
-            "_margin.",
+            "_margin.", ".walking.",
         ),
     }  # fmt: skip
     main: ClassVar = (
@@ -64,6 +65,7 @@ class KneePaper(Paper):
     estimators: Sequence[str] = (*ESTIMATOR_NAMES, *PUBLISHED_ESTIMATOR_NAMES)  # Estimators of the torque maps
     # Wearers on whom controllers are tried: the rig's own, or drawn ones D<seed>
     compared: Sequence[str] = REPRODUCED_WEARERS
+    walking: Sequence[str] = WALKING_WEARERS  # Wearers who walk under laws that were built sitting; empty: nobody
     workers: int | None = None  # Processes; as many as there are processors if None
 
     rig: KneeRig = field(init=False)
@@ -74,6 +76,7 @@ class KneePaper(Paper):
     maps: list[ScoredMap] = field(init=False, default_factory=list)
     drawn: list[WearerErrors] = field(init=False, default_factory=list)  # Subjects of all seeds
     controllers: list[ControllerRow] = field(init=False, default_factory=list)  # Comparison by wearer and swing
+    walked: list[WalkedRow] = field(init=False, default_factory=list)  # Laws worn while walking, by wearer
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
         """Yield figures of orthosis, limbs, torque from EMG, strap and compensator, then those from print alone."""
@@ -86,6 +89,7 @@ class KneePaper(Paper):
         yield from torques_rows(self.steps, self.maps, self.printed)
         yield from coupling_rows(self.wearers, self.drawn, self.printed)
         yield from residual_rows(self.controllers)
+        yield from walking_rows(self.walked)
         yield from recomputed(self.printed)
 
     def _compute(self, tell: Progress) -> None:
@@ -98,9 +102,10 @@ class KneePaper(Paper):
             for e in self.estimators
             if p == "published" or e not in PUBLISHED_ESTIMATOR_NAMES
         ]
-        total = len(names) * (1 + len(maps)) + len(self.compared) + len(self.seeds) - 1
+        total = len(names) * (1 + len(maps)) + len(self.compared) + len(self.walking) + len(self.seeds) - 1
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in names]
         jobs += [(evaluate_wearer, self.rig, name) for name in self.compared]
+        jobs += [(evaluate_walker, self.rig, name) for name in self.walking]
         jobs += [(_drawn, self.rig, seed) for seed in self.seeds[1:]]
         for count, (_, result) in enumerate(finished_results(jobs, self.workers), 1):
             tell(f"{count} of {total} parts", 0.05 + 0.9 * count / total)
@@ -108,6 +113,7 @@ class KneePaper(Paper):
         self.wearers = {n: self.wearers[n] for n in names}
         self.maps.sort(key=lambda m: (names.index(m.subject), maps.index((m.protocol, m.estimator))))
         self.controllers.sort(key=lambda c: self.compared.index(c.subject))
+        self.walked.sort(key=lambda w: self.walking.index(w.subject))
         self.drawn.sort(key=lambda d: (self.seeds.index(d.seed), names.index(d.subject)))
 
     def _keep(self, result, maps: Sequence[tuple[str, str]]) -> list[Job]:
@@ -117,6 +123,8 @@ class KneePaper(Paper):
                 self.maps.append(result)
             case (ControllerRow(), *_):
                 self.controllers += result
+            case (WalkedRow(), *_):
+                self.walked += result
             case list():
                 self.drawn += result
             case (found, steps):
@@ -165,7 +173,9 @@ class KneePaper(Paper):
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
         """Return the thesis's tables and figures, then its further work."""
-        return (*thesis_sections(self, figures), *((residual_section(self.controllers),) if self.controllers else ()))
+        residual = (residual_section(self.controllers),) if self.controllers else ()
+        walking = (walking_section(self.walked),) if self.walked else ()
+        return (*thesis_sections(self, figures), *residual, *walking)
 
     def footer(self) -> str:
         """Return the number of seeds, the rig's status, and the thesis's errata."""
