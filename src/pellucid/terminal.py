@@ -207,8 +207,8 @@ def print_items(
 ) -> None:
     """Print sentences, each with the mark of its kind: "good", "note" or "warning".
 
-    Unless ``-v`` asks for all, at most `MAX_NOTES_UNLESS_VERBOSE` notes are printed, and of all sentences the first that
-    fit into `max_lines`; the others are counted. After ``-q`` no note is printed.
+    Unless ``-v`` asks for all, at most `MAX_NOTES_UNLESS_VERBOSE` notes are printed, and of all sentences the first
+    that fit into `max_lines`; the others are counted. After ``-q`` no note is printed.
     """
     from .procedures.print_result import print_sentences, sentence_lines
 
