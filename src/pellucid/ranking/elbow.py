@@ -114,8 +114,10 @@ def elbow_laws(
     robot: ElbowRig, rig: PointingRig, person: Person, only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK))
 ) -> tuple[dict[str, RobotLaw], Cards]:
     """Return the controllers for one person on an identified robot, by name, and the robot's cards."""
-    fit, cards = identify_robot(robot)
-    exponents = choose_exponents(rig, cards)[0]
+    with job_part(0, 2):
+        fit, cards = identify_robot(robot)
+    with job_part(1, 2):
+        exponents = choose_exponents(rig, cards)[0]
     place = person.slider(rig)
 
     def make(name: str) -> RobotLaw:
