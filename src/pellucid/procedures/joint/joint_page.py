@@ -148,7 +148,7 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
         else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
     )
     return Answer(
-        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} %?",
+        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} % over all of them?",
         "no" if wrong or (held and not good) else "yes" if good else "unsure",
         figure,
         () if wrong else (following,),
@@ -235,7 +235,9 @@ def _headline(study: Study, fit: JointResult) -> str:
     single = [percent(pooled_error(group)) for group in by_recording(held)]
     count = len(single)
     spread = sorted(single, key=float) if count > 1 and all(map(_is_number, single)) else []
-    between = f" (between {spread[0]} and {spread[-1]} %, by recording)" if spread else ""
+    within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
+    beyond = f"; {within} of {count} within {MAX_GOOD_ERROR:g} %" if within < len(spread) else ""
+    between = f" ({spread[0]} to {spread[-1]} % by recording{beyond})" if spread else ""
     recordings = "a recording that it has" if count == 1 else f"{count} recordings that it has"
     return (
         f"The {fit.best} friction model of the {study.rig.joint} predicts the {effort} of {recordings} not seen with "
