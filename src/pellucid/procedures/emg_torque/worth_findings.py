@@ -69,7 +69,7 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
     for each in worth:
         where = f" on {each.recording.replace('_', ' ')}" if each.recording else ""
         made = each.worth
-        figure = f"R² {_signed(made.gain)}"
+        figure = f"{'' if by_answer else 'gain in '}R² {_signed(made.gain)}"
         if np.isfinite(made.low):
             level = "" if by_answer else "95 % interval "
             figure += f", {level}{_signed(made.low)} to {_signed(made.high)}"
