@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
 from contextvars import ContextVar
+from functools import partial
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
@@ -100,7 +101,7 @@ def shared_results(
     if workers <= 1:
         found, before = [], 0.0
         for i, ((make, *arguments), weight) in enumerate(zip(jobs, weights, strict=True)):
-            token = _share_of_job.set(lambda share, i=i, b=before, w=weight: tell(i, (b + share * w) / whole))
+            token = _share_of_job.set(partial(_tell_share, tell, i, before / whole, weight / whole))
             try:
                 found.append(make(*arguments))
             finally:
@@ -121,6 +122,11 @@ def shared_results(
             parts = (w * (1.0 if job.done() else s) for w, s, job in zip(weights, shares, begun, strict=True))
             tell(len(jobs) - len(left), min(sum(parts) / whole, 1.0))
         return [each.result() for each in begun]
+
+
+def _tell_share(tell: Callable[[int, float], None], done: int, before: float, weight: float, share: float) -> None:
+    """Tell the share of all work, of which a job begins after `before` and takes `weight`."""
+    tell(done, before + share * weight)
 
 
 def _take_shares(shares: Any) -> None:
