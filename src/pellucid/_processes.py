@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
+from contextvars import ContextVar
+from functools import partial
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
@@ -18,6 +21,32 @@ loaded."""
 
 Job = tuple
 """A function, followed by its arguments."""
+
+SHARE_INTERVAL_S = 1.0
+"""Time after which the shares that jobs tell are read again [s]."""
+
+_share_of_job: ContextVar[Callable[[float], None]] = ContextVar("_share_of_job", default=lambda share: None)
+_shares: Any = None  # share done of each job, in a helper process that `shared_results` started
+
+
+def tell_job_share(share: float) -> None:
+    """Tell the share of the job that is done, 0 to 1, or within `job_part` of that part.
+
+    `shared_results` reads it; anywhere else nobody does.
+    """
+    _share_of_job.get()(share)
+
+
+@contextmanager
+def job_part(part: int, of: int) -> Iterator[None]:
+    """Let `tell_job_share` in this context tell the share of part number `part` of `of` equal ones of the job."""
+    whole = _share_of_job.get()
+    token = _share_of_job.set(lambda share: whole((part + share) / of))
+    try:
+        yield
+        whole((part + 1) / of)
+    finally:
+        _share_of_job.reset(token)
 
 
 def finished_results(
@@ -57,6 +86,62 @@ def ordered_results(
         found[i] = result
         tell(len(found), len(jobs))
     return [found[i] for i in range(len(jobs))]
+
+
+def shared_results(
+    jobs: Sequence[Job], workers: int | None, tell: Callable[[int, float], None], weights: Sequence[float]
+) -> list:
+    """Run `jobs` as `ordered_results` does, and tell every `SHARE_INTERVAL_S` how much of all of them is done.
+
+    `tell` is called with the number of finished jobs and the share of all work. Jobs tell their own shares by
+    `tell_job_share`; `weights` are their expected times, in any unit.
+    """
+    workers = workers or os.cpu_count() or 1
+    whole = sum(weights)
+    if workers <= 1:
+        found, before = [], 0.0
+        for i, ((make, *arguments), weight) in enumerate(zip(jobs, weights, strict=True)):
+            token = _share_of_job.set(partial(_tell_share, tell, i, before / whole, weight / whole))
+            try:
+                found.append(make(*arguments))
+            finally:
+                _share_of_job.reset(token)
+            before += weight
+            tell(i + 1, before / whole)
+        return found
+    shares = _HelperContext().RawArray("d", len(jobs))
+    with one_thread_each(), ProcessPoolExecutor(
+        workers, mp_context=_HelperContext(), initializer=_take_shares, initargs=(shares,)
+    ) as pool:  # fmt: skip
+        begun = [pool.submit(_run_sharing, i, *job) for i, job in enumerate(jobs)]
+        left = set(begun)
+        while left:
+            done, left = wait(left, timeout=SHARE_INTERVAL_S, return_when=FIRST_COMPLETED)
+            for each in done:
+                each.result()
+            parts = (w * (1.0 if job.done() else s) for w, s, job in zip(weights, shares, begun, strict=True))
+            tell(len(jobs) - len(left), min(sum(parts) / whole, 1.0))
+        return [each.result() for each in begun]
+
+
+def _tell_share(tell: Callable[[int, float], None], done: int, before: float, weight: float, share: float) -> None:
+    """Tell the share of all work, of which a job begins after `before` and takes `weight`."""
+    tell(done, before + share * weight)
+
+
+def _take_shares(shares: Any) -> None:
+    """Keep, in a helper process, the array to which its jobs write their shares."""
+    global _shares
+    _shares = shares
+
+
+def _run_sharing(index: int, make: Callable, *arguments: Any) -> Any:
+    """Run a job whose share is written to the place `index` of the array."""
+    token = _share_of_job.set(lambda share: operator.setitem(_shares, index, share))
+    try:
+        return make(*arguments)
+    finally:
+        _share_of_job.reset(token)
 
 
 def results_with_helpers(

@@ -26,6 +26,7 @@ from .procedures.command import (
     procedure_commands,
 )
 from .terminal import (
+    MAX_ITEM_LINES_UNLESS_VERBOSE,
     Json,
     count_of,
     is_verbose,
@@ -33,6 +34,8 @@ from .terminal import (
     print_items,
     print_json,
     print_line,
+    print_lines,
+    print_short_table,
     replace_unprintable_characters,
     show_progress,
 )
@@ -52,11 +55,23 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 datasets_app = typer.Typer(
-    name="datasets", help="List or fetch public recordings of real machines.", rich_markup_mode=None,
+    name="datasets", cls=CommandGroup, help="List or fetch public recordings of real machines.", rich_markup_mode=None,
     no_args_is_help=True, epilog=example("pellucid datasets list"),
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 app.add_typer(datasets_app, rich_help_panel=LEARN_GROUP)
+
+MAX_NAMED_CHANNELS = 6
+"""Largest number of channels that the last line of `check` names; the warnings above it name all."""
+
+MAX_TERMS_LENGTH = 16
+"""Largest number of characters of a data set's terms in a list of one line for each."""
+
+MAX_PROPOSAL_LINES = 24
+"""Largest number of lines on a proposed study without ``-v``."""
+
+MAX_PROPOSAL_CHECK_LINES = 14
+"""Largest number of lines of the check of a proposed study without ``-v``, which stands below the proposal."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Outside = Annotated[
@@ -149,15 +164,18 @@ def _init_from(folder: Path, files: list[Path], *, yes: bool, answer: list[str])
     with show_progress() as tell:
         tell("reading files", 0.1)
         made = init_from_files(folder, files, answers=answers, ask=None if yes or not sys.stdin.isatty() else ask)
-    for line in proposal_lines(made):
-        print_line(out, line)
+    *lines, last = proposal_lines(made)
+    print_lines(out, lines, MAX_PROPOSAL_LINES, "further line")
+    print_line(out, last)
     _check_proposed(folder)
 
 
 def _check_proposed(folder: Path) -> None:
     """Check a study that was proposed; its faults are told, and do not end the command."""
+    from .procedures.registry import open_study
+
     try:
-        check(folder)
+        _check(open_study(folder), folder, max_lines=MAX_PROPOSAL_CHECK_LINES)
     except typer.Exit:
         print_line(
             make_console(), f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}."
@@ -169,11 +187,17 @@ def _check_proposed(folder: Path) -> None:
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
 def check(folder: Folder, json: Json = False, allow_outside: Outside = False) -> None:
     """Check recordings before identification; status 1 if unfit."""
-    from .procedures.registry import asked, open_study
+    from .procedures.registry import open_study
+
+    _check(open_study(folder, allow_outside=allow_outside), folder, json=json)
+
+
+def _check(study: Study, folder: Path, *, json: bool = False, max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE) -> None:
+    """Check a study, and print what was found in at most `max_lines` lines unless ``-v`` asks for all."""
+    from .procedures.registry import asked
     from .procedures.run import check as run
     from .recordings.fault import grouped_messages
 
-    study = open_study(folder, allow_outside=allow_outside)
     with show_progress() as tell:
         faults = run(study, on_progress=tell)
     if json:
@@ -183,15 +207,17 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
     refused = [f for f in faults if f.severity == "refuse"]
     warned = [f for f in faults if f.severity == "warn"]
     others = [f for f in faults if f.severity not in ("warn", "refuse")]
-    print_items(out, [("warning", text) for text in [*grouped_messages(refused), *grouped_messages(warned)]])
-    print_items(out, [("note", text) for text in grouped_messages(others)])
+    warnings = [("warning", text) for text in [*grouped_messages(refused), *grouped_messages(warned)]]
+    print_items(out, [*warnings, *(("note", text) for text in grouped_messages(others))], max_lines)
     if refused:
         print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
         raise typer.Exit(1)
     command = asked(study)[0].command
     if warned:
-        where = ", ".join(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
-        print_line(out, f"Fit to {command} from, but see the warnings: {where}. Next: pellucid {command} {folder}")
+        where = list(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
+        more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
+        named = f"{', '.join(where[:MAX_NAMED_CHANNELS])}{more}"
+        print_line(out, f"Fit to {command} from, but see the warnings: {named}. Next: pellucid {command} {folder}")
         return
     print_line(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
@@ -232,7 +258,6 @@ def identify(
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
     """Identify several studies in parallel, and print one table of all; exit with status 1 if one failed."""
     from .assessment.cluster import cluster
-    from .procedures.print_result import fitting_tables
     from .procedures.several import identify_several, table_of
 
     with cluster(scheduler) as executor, show_progress() as tell:
@@ -240,11 +265,8 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
             folders, families=families, allow_outside=allow_outside, executor=executor, on_progress=tell
         )
     console = make_console()
-    for table in fitting_tables(*table_of(found), console.width):
-        console.print(table)
-    for each in found:
-        if not each.failure:
-            print_line(console, f"{each.study}: {each.headline}")
+    print_short_table(console, *table_of(found))
+    print_items(console, [("good", f"{each.study}: {each.headline}") for each in found if not each.failure], 16)
     failed = [("warning", f"{each.folder}: {each.failure}") for each in found if each.failure]
     print_items(console, failed)
     if failed:
@@ -341,7 +363,6 @@ def plan(
     from .assessment.cluster import cluster
     from .procedures.assessment.plan import pilot_changes
     from .procedures.assessment.plan import plan as run
-    from .procedures.print_result import fitting_tables
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
@@ -349,8 +370,7 @@ def plan(
         found = run(study, power=power, participants=participants, pilot=people, studies=studies, executor=executor)
     print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
-    for table in fitting_tables(found.heads, rows, console.width):
-        console.print(table)
+    print_short_table(console, found.heads, rows, 30)
     print_line(console, found.note)
 
 
@@ -466,7 +486,6 @@ def compare(
     """Compare the parameters of a joint in two studies."""
     from .pages.quantities import number, typeset_units, unit_text
     from .procedures.compare import compare as run
-    from .procedures.print_result import fitting_tables
 
     found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
     rows = [
@@ -483,9 +502,8 @@ def compare(
     ]
     out = make_console()
     print_line(out, f"\n{found.family} friction; A is {a}, B is {b}")
-    for table in fitting_tables(("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, out.width):
-        out.print(table)
-    print_items(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts])
+    print_short_table(out, ("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, 24)
+    print_items(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts], 14)
     out.print()
 
 
@@ -574,7 +592,6 @@ def incident(
     from .procedures.incident import NEAREST_WATCH_COUNT, account_table
     from .procedures.incident import incident as run
     from .procedures.incident_page import write_incident_page
-    from .procedures.print_result import fitting_tables
 
     found = run(file)
     page = write_incident_page(found, file.with_name(f"{file.stem}-page") if out is None else out)
@@ -584,10 +601,8 @@ def incident(
         typer.echo(dumps(account_table(found), indent=1, ensure_ascii=False))
         return
     console = make_console()
-    print_items(console, found.sentences)
-    heads, rows = found.watch_table(NEAREST_WATCH_COUNT)
-    for table in fitting_tables(heads, rows, console.width):
-        console.print(table)
+    print_items(console, found.sentences, 20)
+    print_short_table(console, *found.watch_table(NEAREST_WATCH_COUNT))
     print_line(console, f"Page: {page}")
 
 
@@ -606,7 +621,6 @@ def audit(
     from .pages.quantities import typeset_units
     from .procedures.audit import audit as run
     from .procedures.audit_page import write_audit_page
-    from .procedures.print_result import fitting_tables
 
     found = run(files, rate=rate)
     page = write_audit_page(found, out)
@@ -617,13 +631,12 @@ def audit(
     else:
         console = make_console()
         print_line(console, found.headline)
-        heads, rows = ("channel", "holds", "verdict"), [(v.channel, v.holds, v.verdict) for v in found.verdicts]
-        for table in fitting_tables(heads, rows, console.width):
-            console.print(table)
+        rows = [(v.channel, v.holds, v.verdict) for v in found.verdicts]
+        print_short_table(console, ("channel", "holds", "verdict"), rows)
         marks = {"alarm": "warning", "note": "note"}
         said = [(marks[level], f"{v.channel}: {typeset_units(text)}") for v in found.verdicts for level, text in v.said]
-        print_items(console, said)
-        print_items(console, [("wrong", file.unread) for file in found.unread])
+        unread = [("wrong", file.unread) for file in found.unread]
+        print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)
         print_line(console, f"Page: {page}")
     if not found.is_sound:
         raise typer.Exit(1)
@@ -754,20 +767,30 @@ def version() -> None:
 
 @datasets_app.command("list", epilog=example("pellucid datasets list"))
 def datasets_list() -> None:
-    """List the public data sets with their terms, and whether they are on this machine."""
-    from . import datasets
-    from .procedures.print_result import plain_table
+    """List the public data sets with their terms, and whether they are on this machine.
 
+    Each is one line, and -v prints what it is and its terms in full.
+    """
+    from . import datasets
+    from .procedures.print_result import plain_table, shorten_text
+
+    out, names = make_console(), (*datasets.names(), *datasets.motion_names())
+    # Ten characters lie between the columns and at the edges, four are of the last column.
+    room = max(out.width - max(map(len, names)) - MAX_TERMS_LENGTH - 14, 20)
     table = plain_table("name", "what it is~", "terms~", "here")
-    for name in (*datasets.names(), *datasets.motion_names()):
+    for name in names:
         found = datasets.info(name)
         try:
             datasets.path(name)
             here = "yes"
         except PellucidError:
             here = "no"
-        table.add_row(name, found.title, found.licence, here)
-    make_console().print(table)
+        lengths = (len(found.title), len(found.licence)) if is_verbose() else (room, MAX_TERMS_LENGTH)
+        cells = (shorten_text(text, length) for text, length in zip((found.title, found.licence), lengths, strict=True))
+        table.add_row(name, *cells, here)
+    out.print(table)
+    if not is_verbose():
+        print_line(out, "-v prints what each is and its terms in full.")
 
 
 @datasets_app.command("fetch", epilog=example("pellucid datasets fetch NAME"))

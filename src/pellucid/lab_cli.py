@@ -12,7 +12,18 @@ import typer
 
 from .command_group import example
 from .procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
-from .terminal import Json, count_of, make_console, print_items, print_json, print_line, show_progress
+from .terminal import (
+    Json,
+    count_of,
+    is_verbose,
+    make_console,
+    print_items,
+    print_json,
+    print_line,
+    print_lines,
+    print_short_table,
+    show_progress,
+)
 
 
 def simulate(
@@ -86,7 +97,7 @@ def predict(
         print_json(found)
         return
     out = make_console()
-    print_result(out, found)
+    print_result(out, found, brief=not is_verbose())
     print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}. Page: {page}")
 
 
@@ -124,8 +135,7 @@ def reproduce(
     with show_progress() as tell:
         made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
     console = make_console()
-    for line in made.lines:
-        print_line(console, line)
+    print_lines(console, made.lines, 40, "further figure")
     print_line(console, f"Page: {made.page}")
 
 
@@ -147,7 +157,6 @@ def rank(
 
     The page ranks controllers of the elbow, the knee and an arm; your own laws stand beside them.
     """
-    from .procedures.print_result import fitting_tables
     from .ranking.foreign_law import why_stopped
     from .ranking.rank import rank as run
     from .ranking.strategies import controller_words
@@ -167,13 +176,15 @@ def rank(
             for i, name in enumerate(task.controllers)
         ]
         print_line(console, "")
-        for table in fitting_tables((task.task, "mean rank", "torque (N·m)", "80 % of pairs"), rows, console.width):
-            console.print(table)
-    for task in made.tasks:
-        for name in (each.name for each in made.laws if each.name in task.tried):
-            why = why_stopped(one.fault for one in task.tried[name])
-            if why:
-                print_line(console, f"{controller_words(task.task, name)}, {task.task}: stopped: {', '.join(why)}")
+        heads = (task.task, "mean rank", "torque (N·m)", "80 % of pairs")
+        print_short_table(console, heads, rows, 32 // len(made.tasks))
+    stopped = [
+        f"{controller_words(task.task, name)}, {task.task}: stopped: {', '.join(why)}"
+        for task in made.tasks
+        for name in (each.name for each in made.laws if each.name in task.tried)
+        if (why := why_stopped(one.fault for one in task.tried[name]))
+    ]
+    print_lines(console, stopped, 6, "further law")
     if sealed:
         print_line(console, f"The seed was {made.seed}.")
     print_line(console, f"Page: {made.page}")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from itertools import accumulate, takewhile
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -27,7 +29,15 @@ CHARACTER_REPLACEMENTS = {
 
 
 MAX_NOTES_UNLESS_VERBOSE = 6
-"""Largest number of notes that a command prints without ``-v``; warnings are all printed."""
+"""Largest number of notes that a command prints without ``-v``."""
+
+MAX_ITEM_LINES_UNLESS_VERBOSE = 34
+"""Largest number of lines that warnings and notes together take without ``-v``.
+
+The command's own lines fill the screen."""
+
+MAX_TABLE_LINES_UNLESS_VERBOSE = 20
+"""Largest number of lines of a table that stands beside sentences without ``-v``."""
 
 FIRST_PROGRESS_S = 2.0
 """Time after which a command says what it does, and how often it says so again [s]."""
@@ -85,7 +95,6 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
         Progress,
         SpinnerColumn,
         Task,
-        TaskProgressColumn,
         TextColumn,
         TimeElapsedColumn,
     )
@@ -101,7 +110,13 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
             waited = elapsed - stepped[-1] if stepped else 0.0
             return Text(remaining_text(elapsed, task.percentage / 100.0, waited), style="dim")
 
-    columns = (SpinnerColumn("line"), TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(),
+    class ShareColumn(TextColumn):
+        """Share of the work that is done."""
+
+        def render(self, task: Task) -> Text:
+            return Text(share_text(task.percentage / 100.0, task.elapsed or 0.0), style="magenta")
+
+    columns = (SpinnerColumn("line"), TextColumn("{task.description}"), BarColumn(24), ShareColumn(""),
                TimeElapsedColumn(), RemainingColumn(""))  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
@@ -111,6 +126,12 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
             progress.update(task, description=text, completed=share)
 
         yield tell
+
+
+def share_text(share: float, elapsed: float) -> str:
+    """Return the `share` that was done in `elapsed` [s] in percent, with a decimal where one percent takes longer than
+    `FIRST_PROGRESS_S`."""
+    return f"{100.0 * share:.{int(0.0 < share < 1.0 and elapsed > 100.0 * FIRST_PROGRESS_S * share)}f} %"
 
 
 def remaining_text(elapsed: float, share: float, waited: float = 0.0) -> str:
@@ -169,7 +190,7 @@ def _print_progress(text: str, share: float, told: float, elapsed: float) -> Non
     Before that can be predicted, the time so far is printed; `told` is the time of the last step [s].
     """
     left = remaining_text(elapsed, share, elapsed - told) or f"{elapsed:.0f} s so far"
-    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}, {left}", err=True)
+    typer.echo(f"pellucid: {share_text(share, elapsed)} {text}, {left}", err=True)
 
 
 def print_json(result: Result) -> None:
@@ -181,28 +202,62 @@ def print_json(result: Result) -> None:
     typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 
 
-def print_items(out: Console, items: Sequence[tuple[str, str]]) -> None:
+def print_items(
+    out: Console, items: Sequence[tuple[str, str]], max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE
+) -> None:
     """Print sentences, each with the mark of its kind: "good", "note" or "warning".
 
-    Of more than `MAX_NOTES_UNLESS_VERBOSE` notes the first are printed unless ``-v`` asks for all; after ``-q`` none.
+    Unless ``-v`` asks for all, at most `MAX_NOTES_UNLESS_VERBOSE` notes are printed, and of all sentences the first
+    that fit into `max_lines`; the others are counted. After ``-q`` no note is printed.
     """
-    from .procedures.print_result import print_sentences
+    from .procedures.print_result import print_sentences, sentence_lines
 
-    shown, left = _noted(items)
+    shown = _noted(items)
+    if not _is_verbose.get():
+        taken = accumulate(sentence_lines(out, [item]) for item in shown)
+        shown = shown[: max(sum(1 for _ in takewhile(lambda lines: lines <= max_lines, taken)), 1)]
     print_sentences(out, shown)
-    if left and not _is_quiet.get():
-        print_line(out, f"  and {count_of(left, 'further note')}, which -v prints")
+    kinds = Counter(kind for kind, _ in items) - Counter(kind for kind, _ in shown)
+    notes = 0 if _is_quiet.get() else kinds.pop("note", 0)
+    kinds.pop("note", 0)
+    noun = "further remark" if set(kinds) <= {"good"} else "further warning"
+    counted = [count_of(kinds.total(), noun)] if kinds else []
+    counted += [count_of(notes, "further note")] if notes else []
+    if counted:
+        print_line(out, f"  and {' and '.join(counted)}, which -v prints")
 
 
-def _noted(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], int]:
-    """Return the sentences that are to be printed, and the number of notes among the others."""
+def _noted(items: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return the sentences without the notes beyond those that are printed unless ``-v`` asks for all."""
     if _is_verbose.get():
-        return list(items), 0
+        return list(items)
     room = 0 if _is_quiet.get() else MAX_NOTES_UNLESS_VERBOSE
     notes = [item for item in items if item[0] == "note"]
     # One more is printed rather than counted.
     kept = notes if len(notes) == room + 1 and room else notes[:room]
-    return [item for item in items if item[0] != "note" or item in kept], len(notes) - len(kept)
+    return [item for item in items if item[0] != "note" or item in kept]
+
+
+def print_lines(out: Console, lines: Sequence[str], max_lines: int, noun: str) -> None:
+    """Print lines; unless ``-v`` asks for all, the first that fit into `max_lines` of the terminal. The others are
+    counted as what `noun` calls them."""
+    kept = len(lines)
+    if not _is_verbose.get():
+        taken = list(accumulate(max(-(-len(line) // out.width), 1) for line in lines))
+        kept = max(sum(each <= max_lines for each in taken), 1)
+    for line in lines[:kept]:
+        print_line(out, line)
+    if len(lines) > kept:
+        print_line(out, f"  and {count_of(len(lines) - kept, noun)}, which -v prints")
+
+
+def print_short_table(
+    out: Console, heads: Sequence[str], rows: Sequence[Sequence[str]], max_lines: int = MAX_TABLE_LINES_UNLESS_VERBOSE
+) -> None:
+    """Print a table that fits the terminal; unless ``-v`` asks for all, the first rows that fit into `max_lines`."""
+    from .procedures.print_result import print_table
+
+    print_table(out, heads, rows, None if _is_verbose.get() else max_lines)
 
 
 def count_of(n: int, what: str) -> str:

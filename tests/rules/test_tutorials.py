@@ -10,6 +10,7 @@ import pytest
 from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_difference, toml_text
 
 from pellucid.datasets.registry import shipped
+from pellucid.papers.printed import printed
 from pellucid.procedures.registry import study_model
 from pellucid.studies.study_file import parse_study_file
 
@@ -70,6 +71,18 @@ def test_the_first_screen_of_a_tutorial_is_a_command_and_its_output(page):
 def test_a_tutorial_begins_with_how_to_reach_the_command(page):
     first = next(block for block in blocks_of(page) if block.language == "sh")
     assert first.text.splitlines()[0] == "source .venv/bin/activate", first.where
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / "findings.md"], ids=lambda page: page.name)
+def test_a_paper_that_is_reproduced_is_named_in_full_and_said_to_be_re_enacted(page):
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    for name in dict.fromkeys(re.findall(r"pellucid reproduce (\w+) --out", text)):
+        paper = printed(name)
+        surnames = [author.split()[-1] for author in paper.authors.split(", ")] if paper.authors != "not named" else []
+        year = [f"({paper.year})"] if surnames else []
+        known = [*surnames, *year, *([f"https://doi.org/{paper.doi}"] if paper.doi else ["no DOI of it is known"])]
+        assert [part for part in (*known, paper.title) if part not in text] == [], name
+        assert re.search("re-enact(s|ed) on a virtual rig", text), name
 
 
 def test_what_is_to_be_installed_can_be():

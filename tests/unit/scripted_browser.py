@@ -18,6 +18,25 @@ CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if 
 """The browser of this system; "" for none."""
 
 WIDTH, HEIGHT = 1280, 860
+NARROW_PX = 420
+"""Width of the window of a telephone."""
+
+CUT_SCRIPT = """() => {
+  const found = [];
+  if (document.documentElement.scrollWidth > innerWidth) found.push('the page scrolls sideways');
+  for (const one of document.querySelectorAll('body *')) {
+    const box = one.getBoundingClientRect(), name = `${one.tagName} ${one.id} ${one.textContent.trim().slice(0, 40)}`;
+    if (!box.width) continue;
+    if (box.right > innerWidth + 1 || box.left < -1) found.push(name);
+    const hides = getComputedStyle(one).overflowX === 'hidden';
+    if (hides && one.scrollWidth > one.clientWidth + 1) found.push(`cut: ${name}`);
+  }
+  for (const one of document.querySelectorAll('.words:not([hidden])'))
+    if (one.firstElementChild.getBoundingClientRect().top < 0) found.push(`above the window: ${one.id}`);
+  return found;
+}"""
+"""Script that lists what of a page is cut or wider than its window."""
+
 PATIENCE_S = 180.0
 
 
@@ -142,6 +161,16 @@ class Players:
             self.operator.evaluate("document.getElementById('refused').hidden = true")
             for role, page in (("participant", self.participant), ("operator", self.operator)):
                 page.screenshot(path=Path(folder) / f"live_{role}_{name}.png")
+
+    def cut_elements(self, width):
+        """Return what is cut or wider than the window on both pages at a `width` [px]."""
+        found = []
+        for role, page in (("operator", self.operator), ("participant", self.participant)):
+            page.set_viewport_size({"width": width, "height": HEIGHT})
+            page.wait_for_timeout(400)
+            found += [f"{role}: {text}" for text in page.evaluate(CUT_SCRIPT)]
+            page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+        return found
 
     def until_judged(self):
         """Wait for the end of the trial, and for the button that goes on."""

@@ -55,7 +55,7 @@ def test_a_folder_to_write_to_that_is_a_file_is_refused_before_any_work(make_stu
     with pytest.raises(PellucidError, match="found a file, expected a folder to write to"):
         pl.open(study.folder, out=file)
     nothing_works(
-        monkeypatch, (ranking, "ordered_results"), (reproduction, "paper_named"), (demonstration, "_clear_folders")
+        monkeypatch, (ranking, "shared_results"), (reproduction, "paper_named"), (demonstration, "_clear_folders")
     )
     for made in (ranking.rank, demonstration.demo, lambda out: reproduction.reproduce("hill", out)):
         with pytest.raises(PellucidError, match="found a file, expected a folder"):

@@ -14,19 +14,26 @@ from pellucid import cli
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.assessment.isochrony import affine
 from pellucid.procedures.assessment.paper_tables import write_tables
+from pellucid.procedures.assessment.primary_change import primary_change
 from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import assess, check
+from pellucid.procedures.run import assess as assess_with_all_studies
+from pellucid.procedures.run import check
 from pellucid.procedures.run import report as write_report
 from pellucid.studies.results import read_rows
 
 pytestmark = pytest.mark.slow
 
 
+def assess(study, studies=100):
+    """Assess with few simulated studies: how many people are needed is asked of the whole study alone."""
+    return assess_with_all_studies(study, studies=studies)
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Six participants with EMG and markers, assessed."""
     study = made_pointing.study(tmp_path_factory.mktemp("whole"), with_emg=True, markers=True)
-    return SimpleNamespace(study=study, found=assess(study))
+    return SimpleNamespace(study=study, found=assess_with_all_studies(study))
 
 
 def value(found, name):
@@ -125,21 +132,31 @@ def test_participants_needed_grow_as_changes_shrink(whole):
     assert own.participants <= dict((e.effect, e.participants) for e in whole.found.needed if not e.index)[1.0]
 
 
-def test_the_same_study_gives_the_same_rows(whole):
-    assert assess(open_study(whole.study.folder)).rows == whole.found.rows
-
-
-def test_the_command_prints_saves_and_leads_to_the_report(whole):
-    result = CliRunner().invoke(cli.app, ["assess", str(whole.study.folder)])
+def test_the_command_saves_its_rows_and_prints_one_screen_that_answers_and_leads_to_the_report(whole, monkeypatch):
+    monkeypatch.setattr("pellucid.procedures.run.run", lambda study, name, **options: whole.found)
+    result = CliRunner().invoke(cli.app, ["assess", str(whole.study.folder)], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
-    lines = result.output.splitlines()
-    assert max(len(line) for line in lines if str(whole.study.folder) not in line) <= 120
-    assert "…" not in result.output
-    assert "Nemenyi" in result.output
+    lines = result.stdout.splitlines()
+    assert sum(-(-len(line) // 80) for line in lines) <= 45
+    told = primary_change(whole.found, "duration_median", "PCFr")
+    first = " ".join(" ".join(lines[:6]).split())
+    assert f"PCFr {told.value:+.1f} % (95 % CI {told.low:+.1f} to {told.high:+.1f} %)" in first
+    answers = [line for line in lines if re.match(r" (Median dur|Peak vel|EMG/Acc)", line)]
+    assert len(answers) == 9
+    assert all(line.split()[-1] in ("differs", "say") for line in answers)
+    assert "-v prints" in result.stdout
     assert f"pellucid report {whole.study.folder}" in result.output
     assert tuple(read_rows(whole.study.results_path)) == whole.found.rows
-    told = json.loads(CliRunner().invoke(cli.app, ["assess", str(whole.study.folder), "--json"]).stdout)
-    assert {row["id"] for row in told["figures"]} == {row.id for row in whole.found.rows}
+    assert "Nemenyi's test" in str(whole.found)
+
+
+def test_the_same_study_gives_the_same_rows_and_json_has_every_figure(tmp_path):
+    study = small(tmp_path, with_emg=True)
+    made = CliRunner().invoke(cli.app, ["assess", str(study.folder), "--json", "--studies", "100"])
+    told = {row["id"] for row in json.loads(made.stdout)["figures"]}
+    assert told == {row.id for row in read_rows(study.results_path)}
+    assert "pointing.transparency.duration_median.pcfr" in told
+    assert tuple(read_rows(study.results_path)) == assess(open_study(study.folder)).rows
 
 
 def test_tables_are_written_as_a_paper_and_a_statistician_need_them(whole):
@@ -174,10 +191,12 @@ def test_the_report_shows_every_participant(whole):
     assert (whole.study.report_dir / "isochrony.svg").is_file()
 
 
-def test_a_study_that_only_assesses_is_checked_and_says_what_to_do(whole):
-    assert [f for f in check(whole.study) if f.severity == "refuse"] == []
-    assert "Next: pellucid assess" in CliRunner().invoke(cli.app, ["check", str(whole.study.folder)]).output
-    result = CliRunner().invoke(cli.app, ["identify", str(whole.study.folder)])
+def test_a_study_that_only_assesses_is_checked_and_says_what_to_do(tmp_path):
+    study = small(tmp_path)
+    checked = CliRunner().invoke(cli.app, ["check", str(study.folder)])
+    assert checked.exit_code == 0
+    assert "Next: pellucid assess" in checked.output
+    result = CliRunner().invoke(cli.app, ["identify", str(study.folder)])
     assert "pellucid assess" in str(result.exception)
 
 
@@ -401,13 +420,13 @@ def test_a_drift_of_emgs_clock_is_taken_back_and_told(tmp_path):
     fast = 2e-3
 
     def stretch(person, condition, time, angle, target, emg):
-        return time, angle, target, emg * (1.0 + (fast if (person, condition) == ("P2", "PCFr") else 0.0))
+        return time, angle, target, emg * (1.0 + (fast if (person, condition) == ("P1", "PCFr") else 0.0))
 
-    options = {"participants": 2, "repetitions": 6, "with_emg": True}
+    options = {"participants": 1, "repetitions": 6, "with_emg": True}
     found = assess(small(tmp_path / "drifts", change=stretch, **options))
     known = assess(small(tmp_path / "keeps", **options))
     (said,) = [v.text for v in found.verdicts if "clocks that part" in v.text]
-    assert "P2_PCFr_emg.csv" in said
+    assert "P1_PCFr_emg.csv" in said
     assert abs(float(said.split("part by ")[1].split(" ")[0]) + 1e6 * fast) < 0.1 * 1e6 * fast
     ours, theirs = (f.assessed["emg_level"].table.values for f in (found, known))
     assert ours == pytest.approx(theirs, rel=0.02)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scripted_browser import PATIENCE_S, Players, browser, served
+from scripted_browser import NARROW_PX, PATIENCE_S, Players, browser, served
 from test_live_session import session_of
 
 from pellucid.procedures.registry import open_study
@@ -191,9 +191,19 @@ def test_a_scripted_browser_plays_a_short_session_on_the_engine(tmp_path, monkey
     path.write_text(text, encoding="utf-8")
     with played(folder, monkeypatch, evaluated=False) as (players, made):
         session = players.session
+        players.wait(lambda: players.participant.is_visible("#yes"))
+        assert players.cut_elements(NARROW_PX) == []
+        heads = [page.inner_text(".role") for page in (players.operator, players.participant)]
+        assert [head.lower() for head in heads] == ["operator", "participant"]
+        grounds = [
+            page.evaluate("getComputedStyle(document.querySelector('header')).backgroundColor")
+            for page in (players.operator, players.participant)
+        ]
+        assert grounds[0] != grounds[1]
         players.until_running(0.1)
         players.do("stop")
         players.until_judged()
+        assert players.cut_elements(NARROW_PX) == []
         players.do("repeat")
         players.wait(lambda: players.operator.is_visible("#reset"))
         players.do("reset")

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import fabricate
 import numpy as np
@@ -15,11 +16,12 @@ from pellucid.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, with
 from pellucid.pages.quantities import percent, typeset_sentence, value_and_half_interval
 from pellucid.pages.tables import Row, Table
 from pellucid.pages.values import Value, marked_up, plain_text
+from pellucid.procedures.joint import joint_page as module
 from pellucid.procedures.joint.joint_page import page as joint_page
 from pellucid.procedures.joint.joint_result import rows_of
 from pellucid.procedures.run import _one_page
-from pellucid.procedures.run import report as write_report
 from pellucid.procedures.study_page import study_page
+from pellucid.procedures.tree.tree_page import _verdict as robot_verdict
 
 VALUE = re.compile(r'<data value="([^"]+)" data-id="([^"]+)">([^<]+)</data>')
 
@@ -78,37 +80,52 @@ def test_a_value_is_marked_with_the_id_of_its_row_through_every_sentence():
     assert "&amp;" in marked_up(text)
 
 
-def test_one_number_has_one_value_on_the_page_of_a_joint_and_in_its_results(tmp_path):
-    fit = fabricate.fit()
-    text = write_report(fabricate.study(tmp_path / "bench", fit), fit).read_text(encoding="utf-8")
-    stored = {row.id: row.value for row in rows_of(fit)}
-    found = VALUE.findall(text)
-    assert len(found) > 2 * len(fit.headlined.estimate.parameters)
+@pytest.fixture(scope="module")
+def joint(tmp_path_factory):
+    """A joint's result, its page, and the page's text; drawn once for all tests."""
+    folder, fit = tmp_path_factory.mktemp("joint"), fabricate.fit()
+    made = joint_page(fabricate.study(folder / "bench", fit), fit)
+    return SimpleNamespace(fit=fit, page=made, text=write_page(folder / "page", made).read_text(encoding="utf-8"))
+
+
+def test_one_number_has_one_value_on_the_page_of_a_joint_and_in_its_results(joint):
+    stored = {row.id: row.value for row in rows_of(joint.fit)}
+    found = VALUE.findall(joint.text)
+    assert len(found) > 2 * len(joint.fit.headlined.estimate.parameters)
     assert len({(name, shown) for _, name, shown in found}) == len({name for _, name, _ in found})
     for number, name, _ in found:
         assert float(number) == stored[name]
 
 
-def test_tile_sentence_and_table_tell_the_chosen_estimators_error(tmp_path):
-    fit = fabricate.fit()
-    text = write_report(fabricate.study(tmp_path / "bench", fit), fit).read_text(encoding="utf-8")
-    error = percent(fit.headlined.heldout_effort_error)
-    shown = [s for _, name, s in VALUE.findall(text) if name.endswith("headline.heldout.effort_error")]
+def test_tile_sentence_and_table_tell_the_chosen_estimators_error(joint):
+    error = percent(joint.fit.headlined.heldout_effort_error)
+    shown = [s for _, name, s in VALUE.findall(joint.text) if name.endswith("headline.heldout.effort_error")]
     assert len(shown) >= 2
     assert set(shown) == {error}
 
 
-@pytest.mark.parametrize(
-    ("options", "verdict"), [({}, None), ({"heldout": 0, "samples": 400}, "unsure")], ids=["judged", "nothing held out"]
-)
-def test_a_joint_says_whether_it_predicts(options, verdict, tmp_path):
-    fit = fabricate.fit(**options)
-    study = fabricate.study(tmp_path / "bench", fit)
-    answer = joint_page(study, fit).answer
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    assert answer.verdict == (verdict or ("no" if wrong else answer.verdict))
-    assert answer.verdict == "unsure" or verdict is None
+def test_a_joint_says_whether_it_predicts(joint, tmp_path):
+    wrong = any(v.kind == "wrong" for v in joint.fit.verdicts)
+    assert joint.page.answer.verdict == ("no" if wrong else joint.page.answer.verdict)
+    assert "<animate" in joint.page.answer.figure.svg
+    fit = fabricate.fit(heldout=0, samples=400)
+    answer = joint_page(fabricate.study(tmp_path / "bench", fit), fit).answer
+    assert answer.verdict == "unsure"
     assert "<animate" in answer.figure.svg
+
+
+def test_a_joint_says_how_many_recordings_are_beyond_the_bound():
+    held = [SimpleNamespace(split="heldout", recording=f"r{i}", error=error) for i, error in enumerate((8.0, 29.3))]
+    fit = SimpleNamespace(
+        headlined=SimpleNamespace(predictions=held), best="load", effort_unit="N*m", verdicts=(), study="s"
+    )
+    study = SimpleNamespace(rig=SimpleNamespace(joint="servo"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "headline_error", lambda fit: "11.4")
+        patch.setattr(module, "by_recording", lambda held: [[each] for each in held])
+        patch.setattr(module, "pooled_error", lambda group: group[0].error)
+        said = module._headline(study, fit)
+    assert said.endswith("an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %).")
 
 
 @pytest.mark.parametrize(("kind", "verdict"), [("wrong", "no"), ("warning", "unsure"), ("note", "yes")])
@@ -149,3 +166,21 @@ def test_a_forest_writes_the_numbers_under_their_ids():
     estimates = [Estimate("a", 1.0, 0.5, 1.5, text="1.00", id="s.a"), Estimate("b", 2.0, np.nan, np.nan)]
     made = draw(forest, estimates, "changes", "Change (%)", caption="Two changes and one interval.", margin=(-1.0, 1.0))
     assert 'data-id="s.a"' in made.inline()
+
+
+@pytest.mark.parametrize(
+    ("judged", "errors", "kinds", "verdict"),
+    [
+        ("heldout", (5.0, 12.0), ("note",), "yes"),
+        ("heldout", (5.0, 25.0), (), "no"),
+        ("heldout", (5.0, 12.0), ("wrong",), "no"),
+        ("fitted", (5.0, 12.0), (), "unsure"),
+    ],
+)
+def test_a_robot_is_judged_by_its_worst_joint_where_it_was_not_fitted(judged, errors, kinds, verdict):
+    found = SimpleNamespace(
+        judged=judged,
+        verdicts=[Verdict(kind, "This was found.") for kind in kinds],
+        errors_of=lambda model, where: SimpleNamespace(each=errors),
+    )
+    assert robot_verdict(found) == verdict

@@ -7,7 +7,8 @@ import pytest
 from rich.console import Console
 
 from pellucid.fit.parameter import Parameter, Verdict
-from pellucid.procedures.print_result import print_result
+from pellucid.procedures.combined_result import CombinedResult
+from pellucid.procedures.print_result import MAX_SCREEN_LINES, print_result
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 
 CELLS = ("0.474±0.031*", "−1.25e−05", "<0.001", "16.2 to 27.5")
@@ -93,8 +94,32 @@ def test_a_long_result_is_one_screen_and_says_what_is_left_out():
     assert "muscle 14 " in text
     assert "muscle 15 " not in text
     assert "Bands are not known to hold." in text
-    said = "-v prints 285 further rows, 2 further tables, 17 further remarks, whole sentences as well."
+    said = "-v prints 285 further rows, 2 further tables, 17 further remarks, whole sentences as well; the page shows"
     assert said in " ".join(text.split())
+
+
+@pytest.mark.parametrize("width", [80, 100])
+@pytest.mark.parametrize("count", [1, 12])
+def test_a_result_of_any_length_is_one_screen_and_its_first_table_is_whole_before_the_second(width, count):
+    rows = tuple((f"index {i}", "a condition", "+2.0 % (at least)", "−13.1 to +19.7 %", "differs") for i in range(9))
+    answers = FigureTable("Answers", ("Index", "Condition", "Change", "95 % CI", "Said"), rows)
+    many = tuple((f"i{j}", 1.0) for j in range(40))
+    others = tuple(FigureTable(f"Other {i}", ("Index", "Mean"), many) for i in range(9))
+    verdicts = tuple(Verdict("warning", f"Remark {i} goes on for a while and says little. " * 6) for i in range(20))
+    made = [
+        Result(study="s", headline="It is so. " * 60, tables=(answers, *others), verdicts=verdicts, rows=(), cards={},
+               checksums={}, command="assess", procedure=f"p{i}")
+        for i in range(count)
+    ]  # fmt: skip
+    result = made[0] if count == 1 else CombinedResult.from_parts(made[:2])
+    text = StringIO()
+    print_result(Console(width=width, highlight=False, no_color=True, file=text), result, brief=True)
+    lines = text.getvalue().splitlines()
+    assert len(lines) <= MAX_SCREEN_LINES
+    if count == 1:
+        assert sum("index " in line for line in lines) == 9
+        assert "Remark 19" not in text.getvalue()
+    assert "-v prints" in text.getvalue()
 
 
 def test_a_result_without_long_tables_is_printed_whole():

@@ -6,11 +6,12 @@ import math
 import operator
 import subprocess
 import sys
+import time
 
 import pytest
 
 from pellucid import _processes
-from pellucid._processes import keep_helpers, results_with_helpers
+from pellucid._processes import job_part, keep_helpers, results_with_helpers, shared_results, tell_job_share
 
 SCRIPT = """
 import math
@@ -30,6 +31,36 @@ def test_what_was_found_is_in_the_order_of_the_jobs(workers):
     assert [share for _, share in begun] == sorted(share for _, share in begun)
     with pytest.raises(ZeroDivisionError):
         results_with_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], workers)
+
+
+def work_in_parts(parts, pause):
+    """Tell the share of two parts, each of several steps, and return their number."""
+    for part in range(2):
+        with job_part(part, 2):
+            for step in range(parts):
+                time.sleep(pause)
+                tell_job_share((step + 1) / parts)
+    return parts
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_tell_their_shares_while_they_last(workers, monkeypatch):
+    monkeypatch.setattr(_processes, "SHARE_INTERVAL_S", 0.05)
+    told = []
+    made = shared_results(
+        [(work_in_parts, 4, 0.1), (work_in_parts, 1, 0.1)], workers, lambda done, share: told.append((done, share)),
+        [3.0, 1.0],
+    )  # fmt: skip
+    assert made == [4, 1]
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert told[-1] == (2, pytest.approx(1.0))
+    # The first job has three quarters of the weight, and tells eight steps before it ends.
+    assert len({share for share in shares if 0.0 < share < 1.0}) >= 5
+    with pytest.raises(ZeroDivisionError):
+        shared_results([(operator.truediv, 1, i) for i in (1, 0, 1)], workers, lambda done, share: None, [1.0] * 3)
+    # Outside such jobs nobody listens.
+    assert work_in_parts(1, 0.0) == 1
 
 
 def test_kept_helpers_are_begun_once(monkeypatch):

@@ -136,9 +136,12 @@ def test_the_same_fit_gives_the_same_bytes(fit, written, tmp_path):
 @pytest.mark.parametrize(
     "options",
     [
-        {"motion": "rotary", "fitted": 2, "heldout": 3, "samples": 300},
+        pytest.param({"motion": "rotary", "fitted": 2, "heldout": 3, "samples": 300}, marks=pytest.mark.nightly),
         {"heldout": 0, "samples": 400},
-        {"families": ("symmetric",), "others": False, "simulated": False, "samples": 400},
+        pytest.param(
+            {"families": ("symmetric",), "others": False, "simulated": False, "samples": 400},
+            marks=pytest.mark.nightly,
+        ),
         {"motion": "rotary", "effort_unit": "V", "families": ("load", "combined"), "samples": 400},
     ],
     ids=["many recordings", "nothing held out", "one family, nothing else", "per volt"],

@@ -11,7 +11,7 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
 from pellucid.studies.results import read_rows
-from pellucid.terminal import _print_first_line, remaining_text
+from pellucid.terminal import _print_first_line, remaining_text, share_text
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +75,11 @@ def test_the_time_that_remains_becomes_less_while_a_step_lasts():
     ]  # fmt: skip
     # Nothing of the prediction is left: the step itself takes part in the next.
     assert remaining_text(250.0, 0.5, 150.0) == "about 4 min left"
+
+
+def test_a_decimal_is_told_where_a_percent_takes_longer_than_two_seconds():
+    assert [share_text(0.5, 90.0), share_text(0.5, 200.0), share_text(1.0, 900.0)] == ["50 %", "50.0 %", "100 %"]
+    assert share_text(0.0124, 10.0) == "1.2 %"
 
 
 def test_before_a_prediction_the_time_so_far_is_told(capsys, monkeypatch):

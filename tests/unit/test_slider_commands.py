@@ -97,7 +97,7 @@ def test_the_commands_go_through(elbow):
     add_worn_recording(elbow, 0.010, -0.006)
     result = run(cli.app, ["check", str(elbow)])
     assert result.exit_code == 0, result.output
-    result = run(cli.app, ["identify", str(elbow)])
+    result = run(cli.app, ["identify", "-v", str(elbow)])
     assert result.exit_code == 0, result.output
     assert "three steps, one set for each direction" in result.output
     assert "load_motoring" in result.output

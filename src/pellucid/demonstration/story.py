@@ -27,7 +27,7 @@ from ..pages.values import Value
 from ..procedures.assessment import assessment_figures
 from ..procedures.assessment.assessment_page import change_value, known_changes
 from ..procedures.assessment.assessment_result import AssessmentResult
-from ..procedures.joint.joint_page import headline_error, joint_answer, parameter_value
+from ..procedures.joint.joint_page import error_range_text, headline_error, joint_answer, parameter_value
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
 from .coverage import RICHER_PLANTS
@@ -71,8 +71,8 @@ def _headline(made: Demonstration) -> str:
     judged = len(made.real.recordings("validate"))
     torque = _torque_values(made)
     return (
-        f"A real servo's model, identified from its recordings, predicts the torque of {judged} recordings that it has "
-        f"not seen with an error of {_real_error(made)} %. A virtual robot's model, found the same way, makes a "
+        f"A real servo's model predicts the torque of {judged} recordings that it has not seen with an error of "
+        f"{_real_error(made)} %{error_range_text(made.real_fit)}. A virtual robot's model, found the same way, makes a "
         f"controller that leaves {torque[BEST_SENSED_CONTROLLER]} N·m between robot and person."
     )
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from ..drawing.drawing import Drawing, one_panel, tidy
 from ..drawing.style import colour
+from .quantities import MINUS_SIGN
 
 ROW_HEIGHT_IN = 0.34
 """Height of one estimate in a figure [in]."""
@@ -45,8 +46,8 @@ def forest_panel(
         axis.plot([one.value], [row], color=tone, marker="o", markersize=6.0, zorder=4)
         if one.text and isfinite(one.value):
             written = axis.annotate(
-                one.text, (one.value, row), xytext=(0, 6), textcoords="offset points", ha="center", va="bottom",
-                fontsize=8.5, fontweight="bold", color=tone, zorder=5,
+                one.text.replace("-", MINUS_SIGN), (one.value, row), xytext=(0, 6), textcoords="offset points",
+                ha="center", va="bottom", fontsize=8.5, fontweight="bold", color=tone, zorder=5,
             )  # fmt: skip
             if one.id:
                 written.set_gid(f"value:{one.id}")

@@ -120,7 +120,12 @@ class Paper(ABC):
             self.tiles(figures),
             sections if drawn is None else without_drawing(sections, drawn.name),
             self.footer(),
-            answer=Answer("Does every printed figure agree with what a virtual rig gives?", verdict, drawn),
+            answer=Answer(
+                "Does every printed figure agree with what a virtual rig gives?",
+                verdict,
+                drawn,
+                ("Read what cannot be so in print, with a test for each: docs/errata.md.",),
+            ),
         )
 
     def write_more(self, out: Path) -> None:

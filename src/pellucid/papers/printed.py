@@ -70,7 +70,8 @@ class PrintedPaper:
     def citation(self) -> str:
         """Authors, year, title, journal and DOI."""
         doi = f", doi:{self.doi}" if self.doi else ""
-        return f"{self.authors} ({self.year}): {self.title}, {self.journal}{doi}"
+        authors = "Author not named" if self.authors == "not named" else self.authors
+        return f"{authors} ({self.year}): {self.title}, {self.journal}{doi}"
 
     def __getitem__(self, name: str) -> float:
         """Return a single number of `values`, without the rest."""

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from io import StringIO
+from itertools import accumulate
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Protocol
 
 from rich import markup
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -30,11 +31,20 @@ VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!",
 VERDICT_ORDER = ("wrong", "warning", "note", "good")
 """Kinds of verdicts, worst first."""
 
+MAX_SCREEN_LINES = 40
+"""Largest number of lines of a result on one screen of 45; the command's own lines below it take the others."""
+
 MAX_BRIEF_SENTENCES = 4
 """Largest number of verdicts on a result that is shortened to one screen."""
 
 MAX_BRIEF_SENTENCE_LENGTH = 150
 """Largest number of characters of such a verdict."""
+
+MAX_BRIEF_HEADLINE_LENGTH = 700
+"""Largest number of characters of the first sentence of such a result."""
+
+MIN_BRIEF_ROWS = 3
+"""A table of such a result is left out if fewer of its rows than these would fit, unless it has fewer."""
 
 DEFAULT_WIDTH = 100
 """Width of a printed result without a terminal, in characters."""
@@ -79,57 +89,125 @@ class PrintableResult(Protocol):
     def confidence(self) -> float:
         """Confidence level of the intervals."""
 
+    @property
+    def each(self) -> Sequence[PrintableResult]:
+        """Results of the single procedures, whose tables share a screen."""
+
 
 def print_result(out: Console, result: PrintableResult, *, brief: bool = False) -> None:
     """Print the headline, every table and every verdict.
 
-    With `brief`, a result whose tables state a `max_brief_rows` is shortened to about one screen, and the last line
-    says what was left out. Other results are printed whole.
+    With `brief`, a result that is longer than one screen, or whose tables state a `max_brief_rows`, is shortened to
+    one: the headline, the worst verdicts, and of the tables what fits, in their order. The last line says what was left
+    out.
     """
-    out.print(f"\n{result.study}: {typeset_units(result.headline)}", markup=False)
+    headline = f"\n{result.study}: {typeset_units(result.headline)}"
     tables, sentences = result.tables, [(v.kind, typeset_units(v.said)) for v in result.verdicts]
-    left_out: list[str] = []
-    if brief and any(t.max_brief_rows is not None for t in tables):
-        tables, left_out = _shorten_tables(tables)
+    prose, left_out = result.prose, list[str]()
+    if brief and (any(t.max_brief_rows is not None for t in tables) or _result_lines(out, result) > MAX_SCREEN_LINES):
+        headline = shorten_text(headline, MAX_BRIEF_HEADLINE_LENGTH)
         sentences, omitted = _shorten_sentences(sentences)
-        left_out += omitted
-    for title, heads, rows in _tables(tables, result.confidence):
-        out.print(f"\n{title}", markup=False)
-        for table in fitting_tables(heads, rows, out.width):
-            out.print(table)
+        # Three lines are the empty one at the end and the two that say what was left out.
+        room = MAX_SCREEN_LINES - _line_count(out, Text(headline)) - sentence_lines(out, sentences) - 3
+        tables, cut = _shorten_tables(out, result, room)
+        left_out += [*cut, *omitted, *(["the paragraph for a paper"] if prose else [])]
+        left_out += ["the whole first sentence"] if headline.endswith(" …") else []
+        prose = ""
+    out.print(headline, markup=False)
+    for table in tables:
+        for each in _printed_table(out, table, result.confidence):
+            out.print(each)
     print_sentences(out, sentences)
     if left_out:
-        out.print(f"  -v prints {', '.join(left_out)} as well.", markup=False)
+        out.print(f"  -v prints {', '.join(left_out)} as well; the page shows them.", markup=False)
     out.print()
-    if result.prose:
-        out.print(result.prose, markup=False)
+    if prose:
+        out.print(prose, markup=False)
         out.print()
 
 
+def shorten_text(text: str, length: int) -> str:
+    """Return a text, or its beginning and " …" if it has more than `length` characters; line breaks stay."""
+    return text if len(text) <= length else f"{text[: length - 1].rsplit(maxsplit=1)[0]} …"
+
+
+def _printed_table(out: Console, table: ParameterTable | FigureTable, confidence: float) -> list[Text | Table]:
+    """Return a title and the tables below it as they are printed."""
+    ((title, heads, rows),) = _tables((table,), confidence)
+    return [Text(f"\n{title}"), *fitting_tables(heads, rows, out.width)]
+
+
+def _line_count(out: Console, *printed: RenderableType) -> int:
+    """Return the number of lines that something takes on a terminal."""
+    return sum(len(out.render_lines(each, pad=False)) for each in printed)
+
+
+def _result_lines(out: Console, result: PrintableResult) -> int:
+    """Return the number of lines of a whole result."""
+    tables = [each for table in result.tables for each in _printed_table(out, table, result.confidence)]
+    sentences = [(v.kind, typeset_units(v.said)) for v in result.verdicts]
+    text = [
+        Text(f"\n{result.study}: {typeset_units(result.headline)}"),
+        *([Text(result.prose)] if result.prose else []),
+    ]
+    return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1
+
+
 def _shorten_tables(
-    tables: Sequence[ParameterTable | FigureTable],
+    out: Console, result: PrintableResult, room: int
 ) -> tuple[list[ParameterTable | FigureTable], list[str]]:
-    """Return the tables with no more rows than each states for one screen, and in words what was left out."""
-    shown: list[ParameterTable | FigureTable] = []
-    omitted_tables, omitted_rows = 0, 0
-    for table in tables:
-        most = table.max_brief_rows
-        count = len(table.rows if isinstance(table, FigureTable) else table.parameters)
-        if most is None or count <= most:
-            shown.append(table)
-        elif not most:
+    """Return the tables with as many rows as fit into `room` lines, and in words what was left out.
+
+    The first table of each procedure is fitted before the second of any, and none after one that does not fit. No table
+    has more rows than it states for one screen.
+    """
+    order = sorted((place, i) for i, part in enumerate(result.each) for place in range(len(part.tables)))
+    firsts = list(accumulate((len(part.tables) for part in result.each), initial=0))
+    shown: dict[int, ParameterTable | FigureTable] = {}
+    omitted_tables, omitted_rows, full = 0, 0, set[int]()
+    for place, i in order:
+        table = result.each[i].tables[place]
+        count = len(_rows(table))
+        short, lines = _fitting_rows(out, table, result.confidence, room) if i not in full else (None, 0)
+        if short is None:
             omitted_tables += 1
-        else:
-            omitted_rows += count - most
-            if isinstance(table, FigureTable):
-                shown.append(replace(table, rows=table.rows[:most]))
-            else:
-                shown.append(replace(table, parameters=table.parameters[:most]))
-    return shown, [
+            full |= {i} if table.max_brief_rows != 0 else set()
+            continue
+        shown[firsts[i] + place], room = short, room - lines
+        omitted_rows += count - len(_rows(short))
+    return [shown[i] for i in sorted(shown)], [
         f"{count} {noun}{'' if count == 1 else 's'}"
         for count, noun in ((omitted_rows, "further row"), (omitted_tables, "further table"))
         if count
     ]
+
+
+def _fitting_rows(
+    out: Console, table: ParameterTable | FigureTable, confidence: float, room: int
+) -> tuple[ParameterTable | FigureTable | None, int]:
+    """Return a table with its first rows that fit into `room` lines, and their lines; None if too few of them fit."""
+    count = len(_rows(table))
+    most = count if table.max_brief_rows is None else min(table.max_brief_rows, count)
+    if table.max_brief_rows == 0:
+        return None, 0
+    # A row takes a line at least, so that no more rows than lines need be tried.
+    for rows in range(min(most, max(room, 0)), min(MIN_BRIEF_ROWS, count) - 1, -1):
+        short = table if rows == count else _first_rows(table, rows)
+        lines = _line_count(out, *_printed_table(out, short, confidence))
+        if lines <= room:
+            return short, lines
+    return None, 0
+
+
+def _rows(table: ParameterTable | FigureTable) -> Sequence[object]:
+    return table.rows if isinstance(table, FigureTable) else table.parameters
+
+
+def _first_rows(table: ParameterTable | FigureTable, count: int) -> ParameterTable | FigureTable:
+    """Return a table with its first rows alone."""
+    if isinstance(table, FigureTable):
+        return replace(table, rows=table.rows[:count])
+    return replace(table, parameters=table.parameters[:count])
 
 
 def _shorten_sentences(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
@@ -234,13 +312,39 @@ def _widths(head: str, cells: Sequence[str]) -> tuple[int, int]:
 
 def print_sentences(out: Console, items: Sequence[tuple[str, str]]) -> None:
     """Print sentences with a mark in front, wrapped and indented."""
+    if items:
+        out.print(Padding(_sentence_grid(items), 0))
+
+
+def sentence_lines(out: Console, items: Sequence[tuple[str, str]]) -> int:
+    """Return the number of lines that `print_sentences` would print."""
+    return _line_count(out, _sentence_grid(items)) if items else 0
+
+
+def _sentence_grid(items: Sequence[tuple[str, str]]) -> Table:
+    """Return sentences with a mark in front of each."""
     grid = Table.grid(padding=(0, 1))
     for kind, text in items:
         mark, style = VERDICT_MARKS.get(kind, ("·", "dim"))
         # Long words are folded and not cut, because a message may contain an address longer than a line.
         grid.add_row(Text(mark, style=style), Text(text, overflow="fold"))
-    if items:
-        out.print(Padding(grid, 0))
+    return grid
+
+
+def print_table(
+    out: Console, heads: Sequence[str], rows: Sequence[Sequence[str]], max_lines: int | None = None
+) -> None:
+    """Print a table that fits the terminal; of more than `max_lines` lines the first rows, and the others' number."""
+    # A row takes a line at least, so that no more rows than lines need be tried.
+    for count in range(min(len(rows), len(rows) if max_lines is None else max_lines), -1, -1):
+        made = fitting_tables(heads, rows[:count], out.width)
+        if max_lines is None or count <= MIN_BRIEF_ROWS or _line_count(out, *made) <= max_lines:
+            break
+    for table in made:
+        out.print(table)
+    if count < len(rows):
+        left = len(rows) - count
+        out.print(f"  and {left} further row{'' if left == 1 else 's'}, which -v prints", markup=False)
 
 
 def _tables(

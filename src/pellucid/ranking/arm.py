@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from .._processes import job_part, tell_job_share
 from ..control.instruments import Instruments
 from ..control.supervisor_faults import NO_FAULT
 from ..control.tree_laws import TreeLaw, carried, with_force_sensor
@@ -153,16 +154,19 @@ def arm_pair(
     two encoders and a measured drive at each joint.
     """
     wanted = tuple(strategies_of_task(REACHING_TASK)) if only is None else only
-    in_use, made = draw_arm_in_use(index, seed, wanted), []
-    for name in wanted:
-        if name == UNPOWERED_ARM:
-            made.append(_trial(name, index, in_use.wear(UnpoweredArm())))
-            continue
-        law = in_use.faulty(name)
-        tried = _trial(name, index, in_use.wear(law), law.said)
-        made.append(replace(tried, fault_energy=_worst_fault(in_use, lambda *f, n=name: in_use.faulty(n, *f))))
-    for foreign in laws:
-        with closing(ForeignProcess(foreign)) as process:
+    parts, made = 1 + len(wanted) + len(laws), []
+    with job_part(0, parts):
+        in_use = draw_arm_in_use(index, seed, wanted)
+    for part, name in enumerate(wanted, 1):
+        with job_part(part, parts):
+            if name == UNPOWERED_ARM:
+                made.append(_trial(name, index, in_use.wear(UnpoweredArm())))
+                continue
+            law = in_use.faulty(name)
+            tried = _trial(name, index, in_use.wear(law), law.said)
+            made.append(replace(tried, fault_energy=_worst_fault(in_use, lambda *f, n=name: in_use.faulty(n, *f))))
+    for part, foreign in enumerate(laws, 1 + len(wanted)):
+        with job_part(part, parts), closing(ForeignProcess(foreign)) as process:
             if process.fault == NO_FAULT and "arm" not in process.robots:
                 continue
             law = in_use.commanded(process)
@@ -202,6 +206,7 @@ def _worst_fault(in_use: ArmInUse, make: Callable[[str, int], FaultyLaw]) -> flo
     if law.found < FAULT_ONSET_S:
         return None
     for number, (fault, kind) in enumerate(KINDS.items()):
+        tell_job_share((number + 1.0) / (len(KINDS) + 1.0))
         if fault in HIDDEN_FAULTS or (kind["needs"] == "interaction" and law.points is None):
             continue
         faulty = make(fault, number % len(law.law.card.names))

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._processes import job_part, tell_job_share
 from ..assessment.indices import EMG_PER_ACCELERATION, MEDIAN_DURATION, PEAK_VELOCITY
 from ..control.control_law import ControlLaw
 from ..control.elbow_controllers import BEST_CONTROLLER
@@ -29,7 +30,7 @@ from ..lab.pointing.predicted_indices import change
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
 from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
-from ..lab.safety.fault_table import DETECTABLE_FAULTS, try_law
+from ..lab.safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS, try_law
 from ..lab.safety.worn_robot import WornRobot, make_worn_robot
 from .foreign_elbow import elbow_law_of
 from .foreign_law import ForeignLaw, ForeignProcess
@@ -65,10 +66,12 @@ def try_elbow(
 
     Single faults are tried, and steps timed, if `faults`.
     """
-    own, cards = elbow_laws(rig.robot, rig, person, only)
-    unworn = point(rig, person, None, [seed, index])
-    free = session_indices(unworn)
-    worn = make_worn_robot(rig, person, cards, seed + index).commissioned(person)
+    parts = 1 + len(only) + len(laws)
+    with job_part(0, parts):
+        own, cards = elbow_laws(rig.robot, rig, person, only)
+        unworn = point(rig, person, None, [seed, index])
+        free = session_indices(unworn)
+        worn = make_worn_robot(rig, person, cards, seed + index).commissioned(person)
     made = []
 
     def wear(name: str, law: RobotLaw) -> ControllerTrial:
@@ -85,14 +88,15 @@ def try_elbow(
             indices=index_values(session, unworn),
         )
 
-    for name, law in own.items():
-        tried = wear(name, law)
-        if faults and isinstance(law, ControlLaw):
-            energy = _worst_fault_energy(worn, index, name, worn.watched(law))
-            tried = replace(tried, fault_energy=energy, cost=float(np.median(step_times(law, TIMED_STEPS))))
-        made.append(tried)
-    for foreign in laws:
-        with closing(ForeignProcess(foreign)) as process:
+    for part, (name, law) in enumerate(own.items(), 1):
+        with job_part(part, parts):
+            tried = wear(name, law)
+            if faults and isinstance(law, ControlLaw):
+                energy = _worst_fault_energy(worn, index, name, worn.watched(law))
+                tried = replace(tried, fault_energy=energy, cost=float(np.median(step_times(law, TIMED_STEPS))))
+            made.append(tried)
+    for part, foreign in enumerate(laws, 1 + len(own)):
+        with job_part(part, parts), closing(ForeignProcess(foreign)) as process:
             if process.fault == NO_FAULT and "elbow" not in process.robots:
                 continue
             tried = wear(foreign.name, elbow_law_of(process, worn, start_up=False))
@@ -110,8 +114,10 @@ def elbow_laws(
     robot: ElbowRig, rig: PointingRig, person: Person, only: Sequence[str] = tuple(strategies_of_task(POINTING_TASK))
 ) -> tuple[dict[str, RobotLaw], Cards]:
     """Return the controllers for one person on an identified robot, by name, and the robot's cards."""
-    fit, cards = identify_robot(robot)
-    exponents = choose_exponents(rig, cards)[0]
+    with job_part(0, 2):
+        fit, cards = identify_robot(robot)
+    with job_part(1, 2):
+        exponents = choose_exponents(rig, cards)[0]
     place = person.slider(rig)
 
     def make(name: str) -> RobotLaw:
@@ -152,5 +158,8 @@ def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
 
 def _worst_fault_energy(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> float:
     """Return the largest energy that a single detectable fault gives the person until the robot is safe [J]."""
-    trials = try_law(worn, index, name, law)
-    return max(trial.excess for trial in trials if trial.kind in DETECTABLE_FAULTS)
+    worst, trials = 0.0, try_law(worn, index, name, law)
+    for number, trial in enumerate(trials, 1):
+        tell_job_share(min(number / len(FAULT_KINDS), 1.0))
+        worst = max(worst, trial.excess if trial.kind in DETECTABLE_FAULTS else 0.0)
+    return worst

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._processes import job_part
 from ..control.supervisor_faults import NO_FAULT
 from ..control.worn_design import design_worn_law, other_straps
 from ..lab.knee.chosen_constants import ChosenConstants, chosen
@@ -66,48 +67,51 @@ def knee_pair(
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
     the time. Single faults are tried in swings.
     """
-    identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
+    parts = 1 + len(only) + len(laws)
+    with job_part(0, parts):
+        identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
     built = ranked_controllers(identified.card(constants.emg), rig, constants, only)
     plain = without_control(rig, name) if sway else None
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     worn = knee_in_use(rig, WEARERS_PER_SEED * seed + index)
     made = []
-    for kind in only:
-        one, where = built[kind], without_power(rig) if kind == "no_control" else rig
-        margins = one.margins() if one.margins else None
-        held = None
-        if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
-            held = holds_margins(rig, name, one.build, plain)
-        safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
-        safety["fault_energy"] = worst_knee_fault(worn, kind, one.build)
-        for task in (SWING_TASK, WALKING_TASK):
-            controller: Controller | None = one.build()
-            subject = rig.subjects[name]
-            trial = (
-                swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
-                if task == SWING_TASK
-                else walking_trial(rig, "walking", subject, path)
-            )
-            rng = np.random.default_rng([seed, index, 7])
-            readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
-            given = given_and_taken_power(_power(readings), 1.0 / rig.period)
-            fault = getattr(controller, "fault", "none")
-            made.append(
-                ControllerTrial(task, kind, index, rms_mismatch_and_torque(readings)[1], *given, **safety, fault=fault)
-            )
-    for law in laws:
-        held = None
-        with ForeignControllers(law, rig) as build:
-            first = build()
-            if first.fault == NO_FAULT and "knee" not in first.robots:
-                continue
-            if plain is not None and first.fault == NO_FAULT:
-                held = holds_margins(rig, name, build, plain)
-        joules = worst_foreign_knee_fault(worn, law)
-        for task in (SWING_TASK, WALKING_TASK):
-            tried = _try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session)
-            made.append(replace(tried, holds=held, fault_energy=joules))
+    for part, kind in enumerate(only, 1):
+        with job_part(part, parts):
+            one, where = built[kind], without_power(rig) if kind == "no_control" else rig
+            margins = one.margins() if one.margins else None
+            held = None
+            if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
+                held = holds_margins(rig, name, one.build, plain)
+            safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
+            safety["fault_energy"] = worst_knee_fault(worn, kind, one.build)
+            for task in (SWING_TASK, WALKING_TASK):
+                controller: Controller | None = one.build()
+                subject = rig.subjects[name]
+                trial = (
+                    swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
+                    if task == SWING_TASK
+                    else walking_trial(rig, "walking", subject, path)
+                )
+                rng = np.random.default_rng([seed, index, 7])
+                readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
+                given = given_and_taken_power(_power(readings), 1.0 / rig.period)
+                fault = getattr(controller, "fault", "none")
+                torque = rms_mismatch_and_torque(readings)[1]
+                made.append(ControllerTrial(task, kind, index, torque, *given, **safety, fault=fault))
+    for part, law in enumerate(laws, 1 + len(only)):
+        with job_part(part, parts):
+            held = None
+            with ForeignControllers(law, rig) as build:
+                first = build()
+                if first.fault == NO_FAULT and "knee" not in first.robots:
+                    continue
+                if plain is not None and first.fault == NO_FAULT:
+                    held = holds_margins(rig, name, build, plain)
+            joules = worst_foreign_knee_fault(worn, law)
+            for task in (SWING_TASK, WALKING_TASK):
+                tried = _try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session)
+                made.append(replace(tried, holds=held, fault_energy=joules))
     return made
 
 

@@ -12,12 +12,13 @@ from contextlib import closing
 
 import numpy as np
 
+from .._processes import tell_job_share
 from ..control.supervised import SupervisedLaw
 from ..control.supervisor_faults import NO_FAULT
 from ..control.worn import WornCompensator, watched_worn
 from ..lab.knee.rig import KneeRig
 from ..lab.knee.trial import Controller
-from ..lab.safety.fault_table import DETECTABLE_FAULTS
+from ..lab.safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS
 from ..lab.safety.worn_knee import KNOWLEDGE_LOG_SD, KneeInUse, LawCommand, try_worn_law
 from ..papers.knee.body_laws import BodyLaw
 from .foreign_law import ForeignLaw, ForeignProcess, identified_drive, watched_command
@@ -70,7 +71,10 @@ def _worst_energy(
     worn: KneeInUse, name: str, law: SupervisedLaw, *, listens: bool = False, command: LawCommand | None = None
 ) -> float | None:
     """Return the largest energy [J]; None if the supervisor stopped the law before any fault began."""
-    trials = list(try_worn_law(worn, name, law, listens=listens, command=command))
+    trials = []
+    for trial in try_worn_law(worn, name, law, listens=listens, command=command):
+        trials.append(trial)
+        tell_job_share(min(len(trials) / len(FAULT_KINDS), 1.0))
     if any(trial.early for trial in trials):
         return None
     return max(trial.excess for trial in trials if trial.kind in DETECTABLE_FAULTS)

@@ -12,7 +12,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._given import require_folder
-from .._processes import ordered_results
+from .._processes import shared_results
 from ..assessment.friedman import friedman, nemenyi
 from ..studies.results import ResultRow, require_own_page, write_rows
 from .arm import arm_pair
@@ -39,6 +39,12 @@ MAX_SEALED_SEED = 10**6
 SWAY_TESTED_COUNT = 2
 """Number of wearers with whom margins are tested in simulation, if there are more wearers than these. The test takes as
 long as everything else."""
+
+JOB_WEIGHTS: Mapping[Callable, float] = {knee_pair: 1.0, elbow_pair: 1.0, arm_pair: 1.0}
+"""Expected time of a pair of each robot over that of a knee without the test for sway, by which progress is told."""
+
+SWAY_WEIGHT = 2.0
+"""Time of a knee with the test for sway over that of one without."""
 
 
 @dataclass(frozen=True)
@@ -116,9 +122,13 @@ def rank(
     jobs: list[tuple] = [(knee_pair, i, seed, sways[i], knee, read) for i in range(pairs)]
     jobs += [(elbow_pair, i, pairs, seed, read) for i in range(pairs)]
     jobs += [(arm_pair, i, seed, None, read) for i in range(pairs)]
-    found = ordered_results(
-        jobs, workers, lambda done, of: tell(f"{done} of {of} pairs of a person and a robot", 0.95 * done / of)
+    found = shared_results(
+        jobs,
+        workers,
+        lambda done, share: tell(f"{done} of {len(jobs)} pairs of a person and a robot", 0.95 * share),
+        [JOB_WEIGHTS[make] * (SWAY_WEIGHT if make is knee_pair and sways[i] else 1.0) for make, i, *_ in jobs],
     )
+    tell("counting instructions, comparing indices and writing the page", 0.95)
     tried = _with_cost([one for made in found for one in made], read)
     tasks = tuple(rank_task(task, [one for one in tried if one.task == task]) for task in CONTROLLER_FIELDS)
     out.mkdir(parents=True, exist_ok=True)

@@ -53,7 +53,7 @@ def write_ranking(
         sections=sections if figure is None else without_drawing(sections, figure.name),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
         answer=Answer(
-            "Is a controller told from every simple rival?",
+            "Does any controller leave less torque than every simple rival, by a test?",
             _verdict(tasks),
             figure,
             (
@@ -88,7 +88,10 @@ def _headline(tasks: Sequence[TaskRanking], pairs: int) -> str:
         low, middle, high = task.spread(_shares(task))
         between = f" ({low[0]:.2f} to {high[0]:.2f} in 80 % of pairs)" if task.has_interval else ""
         parts.append(f"{task.task}: {option_name(task.controllers[0])} leaves {middle[0]:.2f}{between}")
-    who = "a drawn person in a drawn robot" if pairs == 1 else f"{pairs} drawn people in drawn robots"
+    who = (
+        "one drawn person in one drawn robot, which says nothing of others" if pairs == 1
+        else f"{pairs} drawn people in drawn robots"
+    )  # fmt: skip
     return (
         f"Torque between robot and person as a share of that without power, {who}: {'; '.join(parts)}. No constant was "
         "chosen on these people or robots."
@@ -153,7 +156,8 @@ def _task_section(task: TaskRanking) -> Section:
     )
     drawing = draw(
         ranked_torque, lines, f"ranked_{anchor}",
-        caption="A dot for each pair, a bar their median; the simplest rivals without a hue. Logarithmic.",
+        caption=f"{task.task.capitalize()}: a dot for each pair of a person and a robot, a bar their median; the "
+        "simplest rivals without a hue. Logarithmic.",
     )  # fmt: skip
     ranked, more = _tables(task)
     return Section(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._errors import PellucidError, StudyError
+from ..._processes import tell_job_share
 from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
 from ...control.elbow_laws import full_compensation
@@ -155,6 +156,7 @@ def choose_exponents(
         sessions = simulate_sessions(jobs, threads=threads)
         mean = (float(np.mean([interaction_rms(s, direction) for s in sessions])) for direction in (1, -1))
         torques[k] = tuple(np.inf if np.isnan(torque) else torque for torque in mean)
+        tell_job_share(len(torques) / len(EXPONENT_CANDIDATES))
     return tuple(min(EXPONENT_CANDIDATES, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 

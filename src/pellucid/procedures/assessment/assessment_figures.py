@@ -216,7 +216,8 @@ def changes_figure(
         Estimate(
             condition.replace("_", " "), change.value, change.low, change.high,
             roles.get(condition, CONDITION_COLOUR_ROLES[-1]),
-            change_figure(change.value, change.unit).replace("-", MINUS_SIGN) if np.isfinite(change.value) else "",
+            f"{'≥ ' if change.at_least else ''}{change_figure(change.value, change.unit)}".replace("-", MINUS_SIGN)
+            if np.isfinite(change.value) else "",
             "" if change.at_least else f"{study}.transparency.{each.name}.{condition.lower()}",
         )
         for condition, change in changes.items()

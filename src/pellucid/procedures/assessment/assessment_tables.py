@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...assessment.indices import index_names
 from ...assessment.power import CANDIDATE_SIZES
 from ..result import FigureTable
 from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
-from .primary_change import change_figure, primary_change
+from .primary_change import ESTIMAND_WORDS, change_figure, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
@@ -22,15 +23,15 @@ PRINTED_UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
-    """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
-    certificate = certificate_tables(found)
-    made = [*certificate, summary_table(found)]
+    """Tables of an assessment, the answer first: certificate, changes, means, tests, and the rest."""
+    certificate, changes = certificate_tables(found), change_table(found)
+    tested = any(each.comparison.nemenyi is not None for each in found.assessed.values())
+    made = [*certificate[:1], *([changes] if changes.rows else []), *certificate[1:], summary_table(found)]
+    made += [test_table(found)] if tested else []
     if found.settling:
         made.append(settling_table(found))
     made += [description_table(found, each) for each in found.assessed.values() if each.table.index.has_table]
-    if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
-        made.insert(1 + len(certificate), test_table(found))
-        made.append(pair_table(found))
+    made += [pair_table(found)] if tested else []
     if found.isochrony:
         made.append(isochrony_table(found))
     if found.sensitivity:
@@ -45,6 +46,34 @@ def certificate_tables(found: AssessmentResult) -> list[FigureTable]:
         return []
     made = (each(found) for each in (certificate_table, beside_table, doubt_table, curve_table))
     return [table for table in made if table.rows]
+
+
+def change_table(found: AssessmentResult) -> FigureTable:
+    """How the indices of the paragraph change from control in each condition, and whether a test tells that apart.
+
+    The test is Nemenyi's, or signed ranks corrected after Holm where an index has no value without the robot.
+    """
+    rows = []
+    for name in index_names(lambda index: index.paragraph_place):
+        each = found.assessed.get(name)
+        for own in each.comparison.against_control if each is not None else ():
+            change = primary_change(found, name, own.condition)
+            if change is None or not np.isfinite(change.value):
+                continue
+            value, low, high = (
+                change_figure(x, change.unit).replace("-", MINUS_SIGN) for x in (change.value, change.low, change.high)
+            )
+            bounded = np.isfinite(change.low) and np.isfinite(change.high)
+            interval = f" ({low} to {high})" if bounded else ""
+            least = "at least " if change.at_least else ""
+            tested = each.comparison.nemenyi is not None and found.control in each.table.conditions
+            p = each.comparison.pair(found.control, own.condition) if tested else own.holm
+            told = None if np.isnan(p) else "differs" if p < 1.0 - found.confidence else "cannot say"
+            change_cell = f"{least}{value}{interval} {change.unit}".rstrip()
+            rows.append((each.table.index.short, own.condition, change_cell, told))
+    level = f"{100 * found.confidence:g} % CI"
+    title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
+    return FigureTable(title, ("Index", "Condition", "Change", "Test says"), tuple(rows))
 
 
 def summary_table(found: AssessmentResult) -> FigureTable:

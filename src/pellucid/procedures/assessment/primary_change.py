@@ -34,7 +34,7 @@ def change_figure(value: float, unit: str) -> str:
     """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
     if unit != "%":
         return f"{value:+.3g}"
-    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{value:+.1f}"
+    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{round(value, 1) + 0.0:+.1f}"  # 0 has no minus sign
 
 
 @dataclass(frozen=True)

@@ -23,18 +23,23 @@ MIN_ISOCHRONY_R2 = 0.8
 
 
 def headline(found: AssessmentResult) -> str:
-    """Return the result in one sentence."""
+    """Return the result in one sentence, after the verdict on each condition with stated margins."""
+    verdicts_text = "".join(f"{one.condition}: {one.certificate.verdict}. " for one in found.certified)
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     counts_text = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
     leading = found.assessed.get(leading_index().name)
     if leading is None or not leading.comparison.against_control:
-        return f"{counts_text}."
-    changes = {c: primary_change(found, leading.name, c) for c in found.conditions if c != found.control}
-    parts = [f"{condition} {change_text(change)}" for condition, change in changes.items() if change is not None]
+        return f"{verdicts_text}{counts_text}."
+    told = {c: _change(found, leading, c).partition(", ") for c in found.conditions if c != found.control}
+    parts = [
+        f"{condition} {value}" + (f" ({interval})" if interval else "")
+        for condition, (value, _, interval) in told.items()
+        if value
+    ]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
     more = f"; never settled: {_listed(cut)}" if cut else ""
     words = _lower(leading.table.index.words)
-    return f"{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
+    return f"{verdicts_text}{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
 
 
 def paragraph(found: AssessmentResult) -> str:

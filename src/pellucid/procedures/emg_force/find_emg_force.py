@@ -9,14 +9,16 @@ Anything else cannot be said from these people.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from ..._errors import RecordingError
 from ...fit.parameter import Verdict
+from ...pages.quantities import MINUS_SIGN
 from ...signals.filters import zero_phase_lowpass
 from ...studies.results import ResultRow
 from ...studies.study import Study
@@ -36,6 +38,14 @@ MAX_CORRELATION = 0.9999
 
 Answer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
 """The four answers to what a muscle's EMG tells of force."""
+
+HEADLINE_WORDS: dict[Answer, str] = {
+    "follows the force": "tells the force",
+    "tells some of the force": "tells some of the force",
+    "tells little of the force": "tells little of it",
+    "cannot say": "cannot be said to tell it",
+}
+"""Predicate of the muscles with each answer in the headline."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +100,7 @@ def find_emg_force(study: Study, table: EmgForceTable, tell: Progress = quiet) -
         for (task, muscle), own in sorted(each.items(), key=lambda item: table.agonists.get(item[0][0]) != item[0][1])
     )
     return EmgForceResult(
-        study=study.name, headline=_headline(found), tables=(_table(found, table.confidence),),
+        study=study.name, headline=_headline(found, table.confidence), tables=(_table(found, table.confidence),),
         rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
         confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
     )  # fmt: skip
@@ -146,20 +156,25 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _answer_words(e: MuscleForce) -> str:
-    """Return the answer as a predicate."""
-    return "cannot be said to follow the force" if e.answer == "cannot say" else e.answer
-
-
-def _headline(found: Sequence[MuscleForce]) -> str:
-    """Return the headline: each task's own muscle with its correlation, interval and answer."""
-    parts = [
-        f"{_words(e.task)}: {_words(e.muscle)} {_answer_words(e)} (r {e.mean:.2f}, {e.low:.2f} to {e.high:.2f}, "
-        f"{len(e.each)} people)"
-        for e in found
-        if e.agonist
-    ]
-    return "; ".join(parts) + "."
+def _headline(found: Sequence[MuscleForce], level: float) -> str:
+    """Return the headline: each task's own muscle with its correlation and interval, by answer, the worst last."""
+    own = [e for e in found if e.agonist]
+    counts = sorted({len(e.each) for e in own})
+    people = "person" if counts == [1] else "people"
+    muscles = Counter(e.muscle for e in own)
+    parts = []
+    for answer in get_args(Answer):
+        told = [
+            f"{_words(e.muscle)}{f' in {_words(e.task)}' if muscles[e.muscle] > 1 else ''} {e.mean:.2f} "
+            f"({e.low:.2f} to {e.high:.2f})"
+            for e in own
+            if e.answer == answer
+        ]
+        if told:
+            few = "tell" if len(told) > 1 else "tells"
+            parts.append(f"{', '.join(told)} {HEADLINE_WORDS[answer].replace('tells', few)}")
+    of = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
+    return f"Correlation of EMG and force, {of} {people} ({100 * level:g} % interval): {'; '.join(parts)}."
 
 
 def _table(found: Sequence[MuscleForce], level: float) -> FigureTable:
@@ -167,8 +182,9 @@ def _table(found: Sequence[MuscleForce], level: float) -> FigureTable:
     heads = ("Task", "Muscle", "Own", "r over people", f"{100 * level:g} % interval", "of people", "EMG")
     rows = tuple(
         (
-            _words(e.task), _words(e.muscle), "yes" if e.agonist else "no", e.mean, f"{e.low:.2f} to {e.high:.2f}",
-            f"{min(e.each):.2f} to {max(e.each):.2f}", e.answer,
+            _words(e.task), _words(e.muscle), "yes" if e.agonist else "no", e.mean,
+            f"{e.low:.2f} to {e.high:.2f}".replace("-", MINUS_SIGN),
+            f"{min(e.each):.2f} to {max(e.each):.2f}".replace("-", MINUS_SIGN), e.answer,
         )
         for e in found
     )  # fmt: skip

@@ -476,13 +476,14 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     if changed:
         sentences.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
     few = [
-        f"{each.what} by {each.conditions}"
+        f"{each.what}, {each.conditions}"
         for each in found.chosen.values()
         if 1 < each.conditions < MIN_ERROR_BAND_CONDITIONS
     ]
     if few:
         sentences.append(
-            f"Bands are not known to hold, made of fewer than {MIN_ERROR_BAND_CONDITIONS} trials: {', '.join(few)}."
+            f"The error band rests on too few trials to be known to hold: {', '.join(few)}. Fit "
+            f"{MIN_ERROR_BAND_CONDITIONS} or more."
         )
     narrow = [
         f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"

@@ -45,8 +45,8 @@ def page(study: Study, findings: CalibrationResult) -> Page:
             ),
         )
     )  # fmt: skip
-    following = (f"Take the torque live on a controller: `pellucid export {study.name} --to c --out DIR`.",)
-    answer = replace(_answer(findings, sections), next=following)
+    answer = _answer(findings, sections)
+    answer = replace(answer, next=(_next_step(study, answer),))
     if answer.figure is not None:
         sections = without_drawing(sections, answer.figure.name)
     return study_page(
@@ -57,6 +57,16 @@ def page(study: Study, findings: CalibrationResult) -> Page:
         # Verdicts that invalidate results stand above all results. The others follow below the first section.
         verdicts=[v for v in findings.verdicts if _invalidates_results(v)],
         answer=answer,
+    )
+
+
+def _next_step(study: Study, answer: Answer) -> str:
+    """Return what to do next: use the torque, or record movements in which EMG could show its worth."""
+    if answer.verdict == "yes":
+        return f"Take the torque live on a controller: `pellucid export {study.name} --to c --out DIR`."
+    return (
+        "EMG can tell more than angles where torque does not follow the motion: record other loads and speeds, and "
+        'judge on them (`use = "validate"`).'
     )
 
 

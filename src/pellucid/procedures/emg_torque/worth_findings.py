@@ -69,9 +69,10 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
     for each in worth:
         where = f" on {each.recording.replace('_', ' ')}" if each.recording else ""
         made = each.worth
-        figure = f"R² {_signed(made.gain)}"
+        figure = f"{'' if by_answer else 'gain in '}R² {_signed(made.gain)}"
         if np.isfinite(made.low):
-            figure += f", {_signed(made.low)} to {_signed(made.high)}"
+            level = "" if by_answer else "95 % interval "
+            figure += f", {level}{_signed(made.low)} to {_signed(made.high)}"
         by_answer.setdefault(made.answer, []).append(f"{each.what}{where} ({figure})")
     words = {
         "worth it": "EMG is worth it over angles alone for",

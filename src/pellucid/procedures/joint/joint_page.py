@@ -148,7 +148,7 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
         else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
     )
     return Answer(
-        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} %?",
+        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} % over all of them?",
         "no" if wrong or (held and not good) else "yes" if good else "unsure",
         figure,
         () if wrong else (following,),
@@ -232,15 +232,27 @@ def _headline(study: Study, fit: JointResult) -> str:
             f"Nothing was held out. On what was fitted, the {fit.best} friction model of the {study.rig.joint} leaves "
             f"an error of {error} % of the {effort}."
         )
-    single = [percent(pooled_error(group)) for group in by_recording(held)]
-    count = len(single)
-    spread = sorted(single, key=float) if count > 1 and all(map(_is_number, single)) else []
-    between = f" (between {spread[0]} and {spread[-1]} %, by recording)" if spread else ""
+    count = len(by_recording(held))
     recordings = "a recording that it has" if count == 1 else f"{count} recordings that it has"
     return (
         f"The {fit.best} friction model of the {study.rig.joint} predicts the {effort} of {recordings} not seen with "
-        f"an error of {error} %{between}."
+        f"an error of {error} %{error_range_text(fit)}."
     )
+
+
+def error_range_text(fit: JointResult) -> str:
+    """Return in brackets the smallest and the largest held-out error of a recording; "" of a single one.
+
+    Where some recordings lie beyond the bound of a good prediction, the others are counted.
+    """
+    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
+    single = [percent(pooled_error(group)) for group in by_recording(held)]
+    if len(single) < 2 or not all(map(_is_number, single)):
+        return ""
+    spread = sorted(single, key=float)
+    within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
+    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %" if within < len(spread) else ""
+    return f" ({spread[0]} to {spread[-1]} % by recording{beyond})"
 
 
 def _is_number(text: str) -> bool:

@@ -97,8 +97,8 @@ def _answer(study: Study, fit: SliderFit) -> Answer:
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
     return Answer(
-        "Does one body, with friction that follows its load, predict the current within "
-        f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} % as well as a set of parameters for each direction?",
+        "Does one body with load friction predict the current as well as a set of parameters for each direction, to "
+        f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} %?",
         "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
         draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
         (f"Make a controller of its card: `pellucid export {study.name} --controller transparent`.",),

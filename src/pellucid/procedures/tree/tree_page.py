@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ...drawing.drawing import draw
 from ...fit.parameter import Parameter
 from ...fit.tree.friction_terms import sum_friction
 from ...fit.tree.tree_verdicts import parameter_verdict
-from ...pages.page import Page, Section, Tile
+from ...pages.page import AnswerVerdict, Page, Section, Tile
 from ...pages.quantities import (
     number,
     parameter_interval,
@@ -22,6 +23,7 @@ from ...pages.quantities import (
 )
 from ...pages.tables import Row, Table, number_table
 from ...studies.study import Study
+from ..badge_bounds import MAX_GOOD_ERROR
 from ..study_page import figure_tables, provenance, study_page
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
@@ -90,14 +92,25 @@ def page(study: Study, result: TreeResult) -> Page:
         *_intervals(result),
         *_drives(result),
     ]
-    return study_page(
+    made = study_page(
         title=f"{result.study}: identified robot",
         headline=typeset_sentence(_headline(result)),
         tiles=_tiles(result),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
+        question=f"Does the model predict every joint's effort within {MAX_GOOD_ERROR:g} % where it was not fitted?",
         following=(f"Make a controller of it: `pellucid export {study.name} --to c --out DIR`.",),
     )
+    return made if made.answer is None else replace(made, answer=replace(made.answer, verdict=_verdict(result)))
+
+
+def _verdict(found: TreeResult) -> AnswerVerdict:
+    """Return whether every joint's effort is predicted within the bound on what was not fitted."""
+    if any(v.kind == "wrong" for v in found.verdicts):
+        return "no"
+    if found.judged == "fitted":
+        return "unsure"
+    return "yes" if max(found.errors_of("best", found.judged).each) <= MAX_GOOD_ERROR else "no"
 
 
 def _in_order(found: TreeResult) -> Iterator:
@@ -123,7 +136,7 @@ def _headline(found: TreeResult) -> str:
     text += f"A robot of {len(found.names)} joints, identified from {count}. "
     text += (
         f"On {ROW_KIND_DESCRIPTIONS[found.judged]} its model misses {percent(best.mean)} % of the effort, "
-        "mean over joints; with "
+        f"mean over joints ({percent(min(best.each))} to {percent(max(best.each))} % by joint); with "
         f"plain friction {percent(base.mean)} %"
     )
     return text + (f", with bodies as stated {percent(stated.mean)} %." if stated else ".")
