@@ -16,8 +16,8 @@ from pellucid.fit.strap.strap_torque import StrappedSwing, StrapTorque
 
 TRUE = {
     "stiffness": 20.0, "damping": 0.6, "hardening": 40.0, "slack": 0.03, "relaxing_stiffness": 8.0,
-    "relaxation_time": 0.4, "along": 0.06, "across": -0.05, "friction": 0.0, "tissue_depth": 0.02,
-    "tissue_torque": 0.6,
+    "relaxation_time": 0.4, "along": 0.06, "across": -0.05, "friction": 0.0, "friction_way": 0.004,
+    "tissue_depth": 0.02, "tissue_torque": 0.6,
 }  # fmt: skip
 WITHOUT_FRICTION_AND_TISSUE = tuple(f for f in STRAP_FEATURES if f not in ("friction", "tissue"))
 SHIFT = 0.12

@@ -27,15 +27,6 @@ FEATURE_TEST_LEVEL = 0.05
 HELD_OUT_BLOCKS_PER_SWING = 4
 """Each swing is divided into this many blocks, which are held out in turn."""
 
-MIN_TISSUE_SHARE = 0.15
-"""Beside friction, tissue must give at least this share of the whole way under a large torque. What gives less is how
-cloth bends before it rubs, which looks like tissue in series. The share lies between those of straps that rub (9 and
-18 %) and of straps with tissue (24 to 31 %) among 18 drawn ones."""
-
-LARGE_TORQUE_QUANTILE = 0.99
-"""Quantile of the strap's torque that counts as large."""
-
-
 @dataclass(frozen=True, eq=False)
 class StrapChoice:
     """The chosen model's fit, with the fits of all models that were tried."""
@@ -55,15 +46,6 @@ def held_out_blocks(lengths: Sequence[int]) -> list[slice]:
         made += [slice(int(a), int(b)) for a, b in pairwise(edges)]
         begin += n
     return made
-
-
-def _gives_little(fit: StrapFit, records: Sequence[StrapRecord]) -> bool:
-    """Return whether a strap that rubs has tissue that gives too little to be told from how cloth bends."""
-    if not (fit.model.has("friction") and fit.model.has("tissue")):
-        return False
-    torque = float(np.quantile(np.abs(np.concatenate([r.torque for r in records])), LARGE_TORQUE_QUANTILE))
-    way = fit.values["tissue_depth"] * float(np.arcsinh(torque / fit.values["tissue_torque"]))
-    return way < MIN_TISSUE_SHARE * (way + torque / fit.values["stiffness"])
 
 
 def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit) -> StrapChoice:
@@ -92,8 +74,6 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
         loss = best.loss(blocks)
         found = {feature: p_without([feature], best, loss) for feature in best.model.features}
         missed = {feature: p for feature, (p, _) in found.items()}
-        if _gives_little(best, records):
-            missed["tissue"] = 1.0
         gone = [feature for feature, p in missed.items() if p >= level]
         if not gone:
             break
