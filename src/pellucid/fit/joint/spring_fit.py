@@ -3,8 +3,8 @@ r"""Identify a spring on the bench, such as a series-elastic element whose far e
 .. math::
    \tau = k q + d \dot q + f z + J \ddot q + \tau_0 \; (+ k_3 q^3)
 
-with q the deflection, f half the width of its hysteresis and J what moves with the end that is driven. z moves by dq/w and
-stays within -1 and 1 (an elastic-plastic element), so that hysteresis builds up over the way w. A spring that
+with q the deflection, f half the width of its hysteresis and J what moves with the end that is driven. z moves by dq/w
+and stays within -1 and 1 (an elastic-plastic element), so that hysteresis builds up over the way w. A spring that
 hardens or softens has a cubic term, which is fitted if it is told by the test that chooses friction families: it must
 save 5 % of the error on blocks left out, and its p value must be below 5 %.
 """
@@ -37,8 +37,8 @@ NEGLECTED_WAY_RATIOS = (0.25, 0.5, 2.0, 4.0)
 """Ways beside the fitted one, divided by it: hysteresis builds up over several at once."""
 
 INERTIA_REFUSAL = "what hysteresis does where it turns round looks like inertia"
-"""Reason for refusing the interval of the inertia: with hysteresis of another law (a bristle of Dahl, 24 draws) it held in
-15 of 24, where intervals of stiffness, damping and offset held in all and of hysteresis in 22."""
+"""Reason for refusing the interval of the inertia: with hysteresis of another law (a bristle of Dahl, 24 draws) it held
+in 15 of 24, where intervals of stiffness, damping and offset held in all and of hysteresis in 22."""
 
 MIN_DEFLECTION_SHARE = 0.05
 """Columns are told apart if each keeps at least this share of its norm beside the others."""
@@ -94,7 +94,7 @@ def spring_columns(motion: Motion, way: float, *, cubic: bool) -> np.ndarray:
 
 
 def bending(position: np.ndarray, way: float) -> np.ndarray:
-    """Return an elastic-plastic element along a deflection, both (n,): it moves by 1 over a `way` and stays within 1."""
+    """Return an elastic-plastic element along a deflection, both (n,): 1 more over a `way`, but no more than 1."""
     bend = np.zeros(len(position))
     now = 0.0
     for i, step in enumerate((np.diff(position) / way).tolist(), 1):
@@ -117,9 +117,9 @@ def solve_spring(
 def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> SpringFit:
     """Fit a spring to motions, and choose whether it is linear.
 
-    The standard errors have two parts: that of coloured residuals, and how far each parameter moves, and how much
-    less sure it is, if the spring may harden, pull harder one way, have a damping that declines with speed and a hysteresis that
-    builds up over other ways too.
+    The standard errors have two parts: that of coloured residuals, and how far each parameter moves, and how much less
+    sure it is, if the spring may harden, pull harder one way, have a damping that declines with speed and a hysteresis
+    that builds up over other ways too.
 
     Parameters
     ----------

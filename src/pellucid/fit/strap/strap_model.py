@@ -2,10 +2,10 @@ r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
 parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A
-strap rubs if dry friction acts beside the spring; its cloth bends over a way before it slips. Soft tissue in series is compressed less and less by a growing
-torque. Tissue that is a linear spring, with or without a damper, cannot be told from a standard linear solid, which has
-the same response. The strap's misalignment with the joint's axis is no property of the strap, but the other parameters
-are biased without it.
+strap rubs if dry friction acts beside the spring; its cloth bends over a way before it slips. Soft tissue in series is
+compressed less and less by a growing torque. Tissue that is a linear spring, with or without a damper, cannot be told
+from a standard linear solid, which has the same response. The strap's misalignment with the joint's axis is no property
+of the strap, but the other parameters are biased without it.
 """
 
 from __future__ import annotations

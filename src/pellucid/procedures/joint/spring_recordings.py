@@ -122,7 +122,9 @@ def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tup
         )
     if not fit.is_linear:
         cubic = next(p for p in fit.parameters if p.name == CUBIC_PARAMETER)
-        text = f"The spring {'hardens' if cubic.value > 0.0 else 'softens'} with its deflection: without that the error "
+        text = (
+            f"The spring {'hardens' if cubic.value > 0.0 else 'softens'} with its deflection: without that the error "
+        )
         text += f"would be {fit.linear_error:.2g} % where it is {fit.effort_error:.2g} %. "
         text += "The stiffness is that in the middle."
         made.append(Verdict("note", text, "", "locked_spring"))
@@ -131,7 +133,9 @@ def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tup
 
 def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> list[ResultRow]:
     head = f"{study.name}.spring"
-    made = [ResultRow(f"{head}.{p.name}", p.value, p.unit, "identify", "fitted", None, p.sentence()) for p in fit.parameters]
+    made = [
+        ResultRow(f"{head}.{p.name}", p.value, p.unit, "identify", "fitted", None, p.sentence()) for p in fit.parameters
+    ]
     said, unit = "hysteresis builds up over it from its middle", "rad" if study.rig.motion == "rotary" else "m"
     made.append(ResultRow(f"{head}.hysteresis_way", fit.way, unit, "identify", "fitted", None, said))
     linear = f"of the spring that is chosen; of a linear one {fit.linear_error:.3g} %"
@@ -144,7 +148,9 @@ def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ..
 def spring_page(study: Study, found: SpringResult) -> Page:
     """Return the report of a spring on the bench."""
     stiffness = found.fit.parameters[0]
-    tile = Tile("Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), "in the middle")
+    tile = Tile(
+        "Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), "in the middle"
+    )
     return study_page(
         title=f"{found.study}: a spring on the bench",
         headline=found.headline,

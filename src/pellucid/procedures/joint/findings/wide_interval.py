@@ -14,7 +14,7 @@ MAX_HALF_WIDTH_SHARE = 1.0 / 3.0
 """An interval is wide if half of its width exceeds this share of the value."""
 
 BODY_PARAMETERS = ("inertia", "gravity")
-"""Parameters that every use of a model reads: a wide interval of theirs is a warning even if it changes little effort."""
+"""Parameters that every use of a model reads. A wide interval of theirs is a warning even if it changes little."""
 
 MIN_STATISTICAL_SHARE = 0.7
 """The motion is to blame for a wide interval if coloured residuals alone make at least this share of its width."""
