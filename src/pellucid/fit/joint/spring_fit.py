@@ -30,6 +30,9 @@ SPRING_PARAMETERS = ("stiffness", "damping", "hysteresis", "inertia", "offset")
 CUBIC_PARAMETER = "cubic_stiffness"
 """Name of the parameter of a spring that hardens (> 0) or softens (< 0)."""
 
+MASS_UNITS = {("N*m", "rad"): "kg*m^2", ("N", "m"): "kg"}
+"""Unit of an inertia by those of effort and deflection, where it has a name of its own."""
+
 WAY_SHARE_GRID = np.geomspace(2e-4, 0.05, 17)
 """Ways over which hysteresis may build up, divided by the range of the deflection. The smallest is as good as none."""
 
@@ -171,11 +174,14 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
     total = np.sqrt((others[:count] - values) ** 2 + np.maximum(errors**2, np.diag(unsure)[:count]))
     names = SPRING_PARAMETERS if is_linear else (*SPRING_PARAMETERS, CUBIC_PARAMETER)
     rate = {"damping": f"*s/{coordinate}", "inertia": f"*s^2/{coordinate}", CUBIC_PARAMETER: f"/{coordinate}^3"}
-    units = {"hysteresis": "", "offset": "", "stiffness": f"/{coordinate}"} | rate
+    added = {"hysteresis": "", "offset": "", "stiffness": f"/{coordinate}"} | rate
+    units = {name: f"{effort}{more}" for name, more in added.items()}
+    if (effort, coordinate) in MASS_UNITS:
+        units["inertia"] = MASS_UNITS[effort, coordinate]
     return SpringFit(
         tuple(
             Parameter(
-                name, f"{effort}{units[name]}", float(value), float(whole),
+                name, units[name], float(value), float(whole),
                 identifiable=bool(abs(value) > 1.96 * whole), statistical_error=float(own),
                 influence=float(np.linalg.norm(columns[:, i]) / size),
                 refused=INERTIA_REFUSAL if name == "inertia" else "",

@@ -24,11 +24,12 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
     takes_families = True
 
     def faults(self, study: Study, table: None) -> list[Fault]:
-        from .held_joint import is_held_throughout
+        from .held_joint import is_held_throughout, is_locked_spring
         from .joint_faults import joint_faults
-        from .spring_recordings import is_locked_spring, spring_faults
 
         if is_locked_spring(study):
+            from .spring_recordings import spring_faults
+
             return spring_faults(study)
         if is_held_throughout(study):
             from .static_postures import posture_faults
@@ -45,11 +46,12 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
         families: Sequence[str] | None = None,
         thorough: bool = True,
     ) -> JointResult | PostureResult | SpringResult:
-        from .held_joint import is_held_throughout
+        from .held_joint import is_held_throughout, is_locked_spring
         from .identify_joint import identify_joint
-        from .spring_recordings import identify_spring, is_locked_spring
 
         if is_locked_spring(study):
+            from .spring_recordings import identify_spring
+
             return identify_spring(study)
         if is_held_throughout(study):
             from .static_postures import identify_postures

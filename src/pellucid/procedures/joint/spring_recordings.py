@@ -21,9 +21,6 @@ from ..result import FigureTable, ParameterTable, Result
 from ..study_page import figure_tables, parameter_tables, study_page
 from .recorded_motions import motions_of
 
-LOCKED_SPRING_NAME = "locked_spring"
-"""The protocol of a recording in which one end of a spring is locked and the other is driven."""
-
 MAX_GOOD_ERROR_PERCENT = 20.0
 """The spring predicts held-out recordings well up to this error [%], as a joint does."""
 
@@ -37,12 +34,6 @@ class SpringResult(Result):
 
     fit: SpringFit
     errors: tuple[tuple[str, str, float], ...] = ()  # recording, "fitted" or "heldout", error of the effort [%]
-
-
-def is_locked_spring(study: Study) -> bool:
-    """Whether every recording that a study fits is said to be of a locked spring."""
-    fitted = [entry.protocol for entry in study.config.recordings if entry.use == "fit"]
-    return bool(fitted) and all(protocol == LOCKED_SPRING_NAME for protocol in fitted)
 
 
 def spring_faults(study: Study) -> list[Fault]:
@@ -78,7 +69,7 @@ def identify_spring(study: Study) -> SpringResult:
     return SpringResult(
         study=study.name,
         headline=f"a spring of {number(stiffness.value, half)} ± {number(half, digits=2)} {unit_text(stiffness.unit)} "
-        f"between {low:.3g} and {high:.3g} {unit}",
+        f"between {number(low, digits=3)} and {number(high, digits=3)} {unit}",
         tables=(
             ParameterTable("Spring", fit.parameters),
             FigureTable("Error of the effort", ("recording", "use", "error [%]"), errors),
