@@ -94,6 +94,17 @@ def test_cloth_that_rubs_bends_before_it_slips():
         values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, way, 0.0, 0.0]
     )[0]
     assert np.abs(found - limb)[500:].max() < 1e-3
+    (way_slope,) = _core.strap_response(
+        values, robot, given, period=PERIOD, still=0.0, active=[len(NAMES) + 1], contact=[level, way, 0.0, 0.0]
+    )[3].T
+    ends = [
+        _core.strap_response(
+            values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, way + step, 0.0, 0.0]
+        )[0]
+        for step in (1e-7, -1e-7)
+    ]
+    difference = (ends[0] - ends[1]) / 2e-7
+    assert np.quantile(np.abs(way_slope - difference), 0.95) < 1e-3 * np.abs(difference).max()
     at_once = _core.strap_response(
         values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, 0.0, 0.0, 0.0]
     )[0]
