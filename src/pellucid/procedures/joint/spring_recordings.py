@@ -16,6 +16,7 @@ from ...studies.effort import drive_model
 from ...studies.quality import inspect, require_sound
 from ...studies.results import ResultRow
 from ...studies.study import Study
+from ...studies.study_file import JointTable
 from ..dead_effort import dead_effort_faults, require_live_effort
 from ..result import FigureTable, ParameterTable, Result
 from ..study_page import figure_tables, parameter_tables, study_page
@@ -50,9 +51,11 @@ def spring_faults(study: Study) -> list[Fault]:
 
 
 def _fitted(study: Study) -> SpringFit:
-    coordinate = "rad" if study.rig.motion == "rotary" else "m"
+    rig = study.rig
+    assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
+    coordinate = "rad" if rig.motion == "rotary" else "m"
     motions = motions_of(study.recordings("fit"), study)
-    return fit_spring(motions, coordinate=coordinate, effort=drive_model(study.rig).effort_unit)
+    return fit_spring(motions, coordinate=coordinate, effort=drive_model(rig).effort_unit)
 
 
 def identify_spring(study: Study) -> SpringResult:
