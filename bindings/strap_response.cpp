@@ -31,7 +31,7 @@ still : float
     Torque up to which nothing pulls where there is a gap [N m].
 active : (k,) of int
     Which parameters are derived by, as indices into STRAP_PARAMETER_NAMES followed by STRAP_CONTACT_NAMES.
-contact : (3,)
+contact : (4,)
     In the order of STRAP_CONTACT_NAMES, SI: what rubs beside the strap and gives in series with it.
 
 Returns
@@ -54,7 +54,7 @@ void along(const p::StrapParams<S>& params, const p::StrapContactParams<S>& cont
     if (i == 0)
       state = p::settled_under(c, q, pull);
     else
-      p::respond(c, state, q, pull, S(still), S(period), contact.friction);
+      p::respond(c, state, q, pull, S(still), S(period), contact.friction, contact.friction_way);
     const S against = p::limb_torque(c, q, pull);
     out(i, p::limb_position(c, state, q) + p::compression(contact, against), state.stretch, against);
   }
@@ -109,7 +109,7 @@ nb::object strap_response(nb::handle parameters, nb::handle robot_position, nb::
 
 constexpr const char* response_sig =
     "def strap_response(parameters: ArrayLike, robot_position: ArrayLike, torque: ArrayLike, *, period: float, still: "
-    "float, active: ArrayLike, contact: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[NDArray[numpy.float64], ...]";
+    "float, active: ArrayLike, contact: ArrayLike = (0.0, 0.0, 0.0, 0.0)) -> tuple[NDArray[numpy.float64], ...]";
 
 }  // namespace
 
@@ -117,7 +117,7 @@ void add_strap_response(nb::module_& m) {
   m.attr("STRAP_CONTACT_NAMES") = names_of<p::StrapContactParams<double>>();
   m.def("strap_response", &strap_response, nb::arg("parameters"), nb::arg("robot_position"), nb::arg("torque"),
         nb::kw_only(), nb::arg("period"), nb::arg("still"), nb::arg("active"),
-        nb::arg("contact") = nb::make_tuple(0.0, 0.0, 0.0), nb::sig(response_sig), response_doc);
+        nb::arg("contact") = nb::make_tuple(0.0, 0.0, 0.0, 0.0), nb::sig(response_sig), response_doc);
 }
 
 }  // namespace bindings

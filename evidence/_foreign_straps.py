@@ -11,7 +11,9 @@ A limb is moved by its wearer, and a strap pulls an orthosis along. Both bodies 
 - tissue: in series with the spring, a layer that is compressed: the less of it is left, the stiffer it is.
 
 Encoders, the torque sensor and an IMU on a swaying thigh have noise. The orthosis's constants are handed over with
-drawn errors. Pellucid's strap (``strap.hpp``), rigs and filters take no part.
+drawn errors. Pellucid's strap (``strap.hpp``), rigs and filters take no part. Where its models are nearest to these
+equations: a spring and a damper are the same in both, a standard linear solid too; friction there is an elastic-plastic
+element of a fitted way and here a bristle of Dahl, tissue there a logarithm and here a hyperbola.
 
 .. [1] P. R. Dahl, "A solid friction model", Aerospace Corporation TOR-0158(3107-18)-1, 1968.
 """

@@ -320,16 +320,20 @@ def clean_rows(count: int) -> Iterator[ResultRow]:
     found = ordered_results([(identified_pairs, *pair) for pair in zip(joints, tables, strict=True)])
     ratios: dict[str, list[float]] = {name: [] for name in EXACT_PARAMETERS}
     held: dict[str, list[bool]] = {name: [] for name in EXACT_PARAMETERS}
+    off: dict[str, list[float]] = {name: [] for name in EXACT_PARAMETERS}
     for joint, motion, pairs in zip(joints, motions, found, strict=True):
         exact = exact_errors(joint, motion)
         for p, target in pairs:
             if p.name in exact and p.trusted:
                 ratios[p.name].append(p.standard_error / exact[p.name])
+                off[p.name].append((p.value - target) / exact[p.name])
                 held[p.name].append(abs(p.value - target) <= NORMAL_QUANTILE_97_5 * p.standard_error)
     said = f"{count} joints with dry and viscous friction, in noise of encoder and torque sensor"
     medians = {name: float(np.median(every)) for name, every in ratios.items() if every}
     for name, value in medians.items():
         yield _row(f"coverage.clean.width_over_exact.{name}", value, "1", f"median half-width; {said}")
+        wrong = float(np.sqrt(np.mean(np.square(off[name]))))
+        yield _row(f"coverage.clean.error_over_exact.{name}", wrong, "1", f"RMS error over its standard error; {said}")
         yield _row(f"coverage.clean.{name}", 100.0 * float(np.mean(held[name])), "%", f"intervals that hold; {said}")
     yield _row(
         "coverage.clean.width_over_exact", max(medians.values()), "1", f"largest of {', '.join(medians)}; {said}"

@@ -1,10 +1,12 @@
 // Where a limb must be for its strap to pull at a robot as was measured: the strap's equation, solved for the stretch.
 //
-//   tau(e, de/dt, x) + F sgn(de/dt) = tau_robot / a'(q),      q_limb = a(q) + slip + e + s + half the gap, on the
-//   s = s_0 arsinh(tau_robot / (a'(q) tau_0))                 flank that pulls
+//   tau(e, de/dt, x) + F z = tau_robot / a'(q),      q_limb = a(q) + slip + e + s + half the gap, on the
+//   s = s_0 arsinh(tau_robot / (a'(q) tau_0))        flank that pulls
+//   z moves by de / w and stays within -1 and 1
 //
-// Cloth that rubs on itself or on the limb carries F beside the spring. Soft tissue in series is compressed by s: its
-// force grows exponentially, as that of cuffs on limbs does.
+// Cloth that rubs on itself or on the limb carries up to F beside the spring: it bends over the way w before it slips
+// (an elastic-plastic element). Soft tissue in series is compressed by s: its force grows exponentially, as that of
+// cuffs on limbs does.
 //
 // A strap's torque is better known than its stretch: encoders tell it, an inertial sensor the limb. Backward differences
 // of second order, Newton's steps on e. In the gap no torque tells where the limb is; it is then said to be on the flank
@@ -18,10 +20,12 @@ inline namespace PELLUCID_ABI {
 
 /// What lies between strap and limb, and what rubs beside the strap.
 template <class S> struct StrapContactParams {
-  S friction{}, tissue_depth{}, tissue_torque{};
+  S friction{}, friction_way{}, tissue_depth{}, tissue_torque{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.friction, {"strap_friction", unit::effort, at_least(0), "F, dry friction beside the spring"});
+    visit(p.friction_way, {"strap_friction_way", unit::coordinate, at_least(0),
+                           "w, way over which cloth bends from its middle before it slips; 0: none"});
     visit(p.tissue_depth, {"strap_tissue_depth", unit::coordinate, at_least(0),
                            "s_0, by which soft tissue in series gives more where the torque grows e-fold; 0: none"});
     visit(p.tissue_torque, {"strap_tissue_torque", unit::effort, at_least(0),
@@ -37,12 +41,14 @@ template <class S> S compression(const StrapContactParams<S>& contact, const S& 
   return select(soft, select(torque < S(0), S(0) - way, way), S(0));
 }
 
-/// What a response remembers: stretch and what the dashpot has given, now and a step ago, slip, and which flank pulled.
+/// What a response remembers: stretch and what the dashpot has given, now and a step ago, slip, which flank pulled, and
+/// how far the cloth that rubs is bent.
 template <class S> struct StrapResponseState {
   S stretch{}, stretch_before{};  ///< e [rad]
   S flow{}, flow_before{};        ///< x [rad]
   S slip{};                       ///< angle by which the limb has slipped [rad]
   S flank{};                      ///< -1, 0 or 1
+  S bend{};                       ///< z, share of the friction that the bent cloth carries, -1 to 1
 };
 
 /// Torque of a strap against the limb, from the one on the robot [N m], which is at an angle [rad].
@@ -70,10 +76,10 @@ S limb_position(const StrapCoefficients<S>& c, const StrapResponseState<S>& stat
 }
 
 /// A time [s] later, under a torque on the robot [N m] at an angle [rad]; a torque that is `still`, or smaller, is none
-/// where there is a gap. Dry friction beside the spring [N m] holds the stretch as long as it can.
+/// where there is a gap. Dry friction beside the spring [N m] builds up while the stretch changes by a way [rad].
 template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseState<S>& state, const S& robot,
-                                const S& torque_on_robot, const S& still, const S& time,
-                                const S& friction = S(0)) noexcept {
+                                const S& torque_on_robot, const S& still, const S& time, const S& friction = S(0),
+                                const S& friction_way = S(0)) noexcept {
   StrapCoefficients<S> tight = c;
   tight.half_slack = S(0);
   tight.slack = S(0) > S(0);
@@ -83,16 +89,17 @@ template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseStat
   const S scale = S(1) / (S(3) * c.relaxation_time + S(2) * time);
   const S twice = S(2) * time;
   S e = state.stretch, x{};
-  // Friction takes what the spring would lack at rest, up to its level.
-  const S resting = carried / S(3);
-  const S lacking = given - torque(tight, resting, S(0), (flowed + twice * resting) * scale);
-  const S wanted = given - clamp(lacking, S(0) - friction, friction);
+  // A way of 0 is so short that friction changes its sign at once.
+  const S way = max(friction_way, S(1e-6));
   for (int i = 0; i < 8; ++i) {
     x = (flowed + twice * e) * scale;
     const S rate = (S(3) * e - carried) / twice;
-    const S excess = torque(tight, e, rate, x) - wanted;
-    const S slope =
-        lasting_stiffness(c, e) + S(3) * c.damping / twice + c.relaxing_stiffness * (S(1) - twice * scale);
+    const S bent = state.bend + (e - state.stretch) / way;
+    const S excess = torque(tight, e, rate, x) + friction * clamp(bent, S(-1), S(1)) - given;
+    // Cloth that is about to slip still bends if the stretch turns back.
+    const mask_t<S> bends = both(abs(bent) <= S(1), !both(abs(bent) >= S(1), bent * excess < S(0)));
+    const S slope = lasting_stiffness(c, e) + S(3) * c.damping / twice + c.relaxing_stiffness * (S(1) - twice * scale) +
+                    select(bends, friction / way, S(0));
     const mask_t<S> strapped = slope > S(0);
     const S step = select(strapped, excess / select(strapped, slope, S(1)), S(0));
     e = e - step;
@@ -104,6 +111,7 @@ template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseStat
   x = c.relaxes ? (flowed + twice * e) * scale : S(0);
   state.flank = select(loose, state.flank, select(given > S(0), S(1), select(given < S(0), S(-1), state.flank)));
   state.slip = state.slip + time * slip_rate(c, given);
+  state.bend = clamp(state.bend + (e - state.stretch) / way, S(-1), S(1));
   state.stretch_before = state.stretch;
   state.stretch = e;
   state.flow_before = state.flow;

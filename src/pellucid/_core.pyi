@@ -1945,7 +1945,7 @@ def strap_response(
     period: float,
     still: float,
     active: ArrayLike,
-    contact: ArrayLike = (0.0, 0.0, 0.0),
+    contact: ArrayLike = (0.0, 0.0, 0.0, 0.0),
 ) -> tuple[NDArray[numpy.float64], ...]:
     """
     Where a limb must be for its strap to pull at the robot as was measured.
@@ -1965,7 +1965,7 @@ def strap_response(
         Torque up to which nothing pulls where there is a gap [N m].
     active : (k,) of int
         Which parameters are derived by, as indices into STRAP_PARAMETER_NAMES followed by STRAP_CONTACT_NAMES.
-    contact : (3,)
+    contact : (4,)
         In the order of STRAP_CONTACT_NAMES, SI: what rubs beside the strap and gives in series with it.
 
     Returns

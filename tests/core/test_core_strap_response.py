@@ -74,11 +74,41 @@ def test_friction_beside_the_spring_and_tissue_in_series_are_solved():
     level, depth, firm = 0.6, 0.03, 0.8
     given = torque + level * np.sign(rate)
     found = _core.strap_response(
-        values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, depth, firm]
+        values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, 0.0, depth, firm]
     )[0]
     expected = limb + depth * np.arcsinh(given / firm)
     assert np.abs(found - expected)[500:].max() < 3e-3
     assert np.abs(expected - limb).max() > 0.05
+
+
+def test_cloth_that_rubs_bends_before_it_slips():
+    """An elastic-plastic element beside the spring; friction that jumps left a strap of cloth taken for tissue."""
+    values = parameters()
+    robot, limb, torque, stretch, _ = worked(values)
+    level, way = 0.6, 0.02
+    bend = np.zeros(len(stretch))
+    for i in range(1, len(stretch)):
+        bend[i] = np.clip(bend[i - 1] + (stretch[i] - stretch[i - 1]) / way, -1.0, 1.0)
+    given = torque + level * bend
+    found = _core.strap_response(
+        values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, way, 0.0, 0.0]
+    )[0]
+    assert np.abs(found - limb)[500:].max() < 1e-3
+    (way_slope,) = _core.strap_response(
+        values, robot, given, period=PERIOD, still=0.0, active=[len(NAMES) + 1], contact=[level, way, 0.0, 0.0]
+    )[3].T
+    ends = [
+        _core.strap_response(
+            values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, way + step, 0.0, 0.0]
+        )[0]
+        for step in (1e-7, -1e-7)
+    ]
+    difference = (ends[0] - ends[1]) / 2e-7
+    assert np.quantile(np.abs(way_slope - difference), 0.95) < 1e-3 * np.abs(difference).max()
+    at_once = _core.strap_response(
+        values, robot, given, period=PERIOD, still=0.0, active=[], contact=[level, 0.0, 0.0, 0.0]
+    )[0]
+    assert np.abs(at_once - limb)[500:].max() > 0.01
 
 
 def test_derivatives_are_those_of_differences():

@@ -13,7 +13,7 @@ from evidence._mutations import damaged
 from pellucid._errors import PellucidError
 from pellucid.recordings.readers.read import read_columns, readers_by_ending
 
-EACH = int(os.environ.get("FUZZ", "300"))
+EACH = int(os.environ.get("FUZZ", "120"))
 
 
 @pytest.fixture(scope="module")

@@ -44,6 +44,13 @@ def swing(rng, speed, n=2400, fs=200.0):
     return {"t": t, "q": q + 1e-4 * rng.standard_normal(n), "i": torque / 2.0}
 
 
+WHOLE_AND_REST = [
+    ("another machine",),
+    pytest.param(tuple(name for name in REPLACEMENTS if name != "another machine"), marks=pytest.mark.nightly),
+]
+"""The replacement that changes most is tried in every run, the others nightly."""
+
+
 def assert_nothing_moves(study, names=tuple(REPLACEMENTS), **options):
     for found in compare_replacements(study, names, **options):
         assert not found.refused, (found.name, found.refused)
@@ -63,26 +70,30 @@ def joint(make_study, rng):
 
 
 @pytest.mark.slow
-def test_a_joint(joint):
-    assert_nothing_moves(joint, joint={"families": ["symmetric", "load", "combined"]})
+@pytest.mark.parametrize("names", WHOLE_AND_REST)
+def test_a_joint(joint, names):
+    assert_nothing_moves(joint, names, joint={"families": ["symmetric", "load"]})
 
 
 @pytest.mark.slow
-def test_a_robot(tmp_path):
-    assert_nothing_moves(open_study(arm_study(tmp_path / "arm", payload=1.2)))
+@pytest.mark.parametrize("names", WHOLE_AND_REST)
+def test_a_robot(tmp_path, names):
+    assert_nothing_moves(open_study(arm_study(tmp_path / "arm", payload=1.2)), names)
 
 
 def test_a_transfer_function(tmp_path):
     assert_nothing_moves(transfer_study(tmp_path / "s", {"a": ("fit", table(0)), "c": ("validate", table(2))}))
 
 
-def test_synergies(tmp_path):
-    assert_nothing_moves(synergies_study(tmp_path / "s", people=("P1",)))
+@pytest.mark.parametrize("names", WHOLE_AND_REST)
+def test_synergies(tmp_path, names):
+    assert_nothing_moves(synergies_study(tmp_path / "s", people=("P1",)), names)
 
 
 @pytest.mark.slow
-def test_torque_from_emg_and_activations(tmp_path, leg):  # noqa: F811
-    assert_nothing_moves(leg_study(tmp_path / "leg", leg), ("effort times three",))
+@pytest.mark.parametrize("procedure", ["activations", pytest.param("emg_torque", marks=pytest.mark.nightly)])
+def test_torque_from_emg_and_activations(tmp_path, leg, procedure):  # noqa: F811
+    assert_nothing_moves(leg_study(tmp_path / "leg", leg), ("effort times three",), procedure=procedure)
 
 
 def test_onsets(tmp_path):

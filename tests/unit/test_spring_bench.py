@@ -1,9 +1,15 @@
 """A spring on the bench, such as a locked series-elastic element: said to be one, whatever model is fitted."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import pellucid as pl
+from pellucid.fit.discrepancy import Discrepancy
+from pellucid.fit.parameter import Parameter
+from pellucid.procedures.joint.findings import wide_interval
 
 STIFFNESS, GAIN = 30.0, 2.0  # N*m/rad; of the study's drive [N*m/A]
 NO_GRAVITY = ("[processing]", '[model]\ngravity = "none"\n\n[processing]')
@@ -25,6 +31,21 @@ def test_a_locked_spring_is_said_to_be_one(make_study, rng, change, kind):
     assert verdict.kind == kind
     stiffness = float(verdict.text.split("a spring of ")[1].split()[0])
     assert stiffness == pytest.approx(STIFFNESS, rel=0.01)
+
+
+def test_a_rough_inertia_of_a_locked_spring_is_said_to_be_rough():
+    """An inertia of 4.7 ± 2.2 kg*m^2 stood in the table without a word."""
+    names = ("inertia", "gravity")
+    rough = Parameter("inertia", "kg*m^2", 4.7, 1.12, influence=0.01, statistical_error=1.1)
+    sharp = Parameter("gravity", "N*m", 30.0, 0.5, influence=0.03)
+    spring_moves_it = Discrepancy(names, np.eye(2), ("a spring in the drive", ""), {})
+    for statistical, why in ((1.1, "the motion hardly shows it"), (0.1, "a spring in the drive would move it")):
+        parameters = (replace(rough, statistical_error=statistical), sharp)
+        estimate = SimpleNamespace(parameters=parameters, discrepancy=spring_moves_it)
+        case = SimpleNamespace(level=0.95, fit=SimpleNamespace(headline=SimpleNamespace(estimate=estimate)))
+        (verdict,) = wide_interval.find(case)
+        assert verdict.kind == "warning"
+        assert verdict.text == f"Known roughly only: inertia to ± 47 % (4.7 ± 2.2 kg·m²; {why})."
 
 
 def test_a_pendulum_is_no_spring(make_study):

@@ -29,7 +29,6 @@ def found(swings):
     return identify_wearer("S1", [swings[0], replace(swings[1], split="heldout")], PAIR.orthosis, posterior=True)
 
 
-@pytest.mark.nightly
 def test_it_holds_the_strap_and_its_interval_is_no_narrower_than_least_squares(found):
     fitted, drawn = found.orthosis_side, found.posterior
     assert drawn.unsettled == ""
@@ -41,6 +40,7 @@ def test_it_holds_the_strap_and_its_interval_is_no_narrower_than_least_squares(f
     assert not drawn["stiffness"].told_by_prior
 
 
+@pytest.mark.nightly
 def test_bodies_that_are_not_exactly_known_widen_it(swings, found):
     unsure = replace(PAIR.orthosis, covariance=np.diag([1e-4, 1.0, 1e-2, 1e-6]))
     torque = [from_orthosis(swings[0], unsure)]

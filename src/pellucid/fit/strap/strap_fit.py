@@ -265,7 +265,9 @@ class _Search:
             held = ((x <= self.lower) & (slope < 0.0)) | ((x >= self.upper) & (slope > 0.0))
             open_ = ~held
             gram = (jacobian.T @ jacobian + np.diag(self.prior))[np.ix_(open_, open_)]
+            # A parameter without effect and without a prior, such as the way of no friction, stays where it is.
             scale = np.sqrt(np.diag(gram))
+            scale = np.where(scale > 0.0, scale, 1.0)
             unit, ahead = gram / np.outer(scale, scale), slope[open_] / scale
             while damp < 1e8:
                 y = x.copy()

@@ -2,10 +2,10 @@ r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
 parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A
-strap rubs if dry friction acts beside the spring. Soft tissue in series is compressed less and less by a growing
-torque. Tissue that is a linear spring, with or without a damper, cannot be told from a standard linear solid, which has
-the same response. The strap's misalignment with the joint's axis is no property of the strap, but the other parameters
-are biased without it.
+strap rubs if dry friction acts beside the spring; its cloth bends over a way before it slips. Soft tissue in series is
+compressed less and less by a growing torque. Tissue that is a linear spring, with or without a damper, cannot be told
+from a standard linear solid, which has the same response. The strap's misalignment with the joint's axis is no property
+of the strap, but the other parameters are biased without it.
 """
 
 from __future__ import annotations
@@ -75,7 +75,10 @@ STRAP_FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
         Coefficient("along", "strap_along", "1", 0.0, -0.5, 0.5, spread=0.15),
         Coefficient("across", "strap_across", "1", 0.0, -0.5, 0.5, spread=0.15),
     ),
-    "friction": (Coefficient("friction", "strap_friction", "N*m", 0.02, 1e-5, 50.0),),
+    "friction": (
+        Coefficient("friction", "strap_friction", "N*m", 0.02, 1e-5, 50.0),
+        Coefficient("friction_way", "strap_friction_way", "rad", 5e-3, 1e-4, 0.1, searched="logarithm", spread=1.2),
+    ),
     "tissue": (
         Coefficient("tissue_depth", "strap_tissue_depth", "rad", 2e-3, 1e-6, 0.5),
         Coefficient("tissue_torque", "strap_tissue_torque", "N*m", 0.5, 0.01, 50.0, searched="logarithm", spread=1.2),
@@ -145,7 +148,7 @@ class StrapModel:
         return np.array([made[name] for name in CORE_NAMES])
 
     def contact(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the core's parameters of friction and tissue, shape (3,); parameters that are not free are 0."""
+        """Return the core's parameters of friction and tissue, shape (4,); parameters that are not free are 0."""
         made = dict.fromkeys(CONTACT_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
         return np.array([made[name] for name in CONTACT_NAMES])
 

@@ -13,19 +13,24 @@ if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from .joint_result import JointResult
+    from .spring_recordings import SpringResult
     from .static_postures import PostureResult
 
 
-class JointProcedure(Procedure[None, "JointResult | PostureResult"]):
+class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult"]):
     """A joint with friction, driven by a motor."""
 
     name, command = "joint", "identify"
     takes_families = True
 
     def faults(self, study: Study, table: None) -> list[Fault]:
-        from .held_joint import is_held_throughout
+        from .held_joint import is_held_throughout, is_locked_spring
         from .joint_faults import joint_faults
 
+        if is_locked_spring(study):
+            from .spring_recordings import spring_faults
+
+            return spring_faults(study)
         if is_held_throughout(study):
             from .static_postures import posture_faults
 
@@ -40,20 +45,27 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult"]):
         *,
         families: Sequence[str] | None = None,
         thorough: bool = True,
-    ) -> JointResult | PostureResult:
-        from .held_joint import is_held_throughout
+    ) -> JointResult | PostureResult | SpringResult:
+        from .held_joint import is_held_throughout, is_locked_spring
         from .identify_joint import identify_joint
 
+        if is_locked_spring(study):
+            from .spring_recordings import identify_spring
+
+            return identify_spring(study)
         if is_held_throughout(study):
             from .static_postures import identify_postures
 
             return identify_postures(study)
         return identify_joint(study, tell, families=families, thorough=thorough)
 
-    def page(self, study: Study, found: JointResult | PostureResult) -> Page:
+    def page(self, study: Study, found: JointResult | PostureResult | SpringResult) -> Page:
         from .joint_page import page
+        from .spring_recordings import SpringResult, spring_page
         from .static_postures import PostureResult, posture_page
 
+        if isinstance(found, SpringResult):
+            return spring_page(study, found)
         if isinstance(found, PostureResult):
             return posture_page(study, found)
         return page(study, found)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ....fit.joint.evaluation import Prediction
+from ....fit.joint.spring_fit import solve_spring
 from ....fit.parameter import Verdict
-from ....fit.uncertainty import sandwich_covariance
 from ....models.joint import GRAVITY
 from ....pages.quantities import number, unit_text
 from ..joint_case import JointCase
@@ -46,7 +46,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
     missed = float(np.sum(np.concatenate([p.effort - p.predicted for p in fitted]) ** 2))
     unit = unit_text("N*m/rad" if case.rotary else "N/m") if case.fit.model.effort_unit in ("N*m", "N") else ""
     said = f"{number(stiffness, error)} ± {number(STANDARD_ERRORS * error, digits=2)} {unit}".rstrip()
-    do = "A spring is no joint of its own: use this stiffness, or record the joint with its end free."
+    do = 'A spring is no joint of its own: state protocol = "locked_spring" to identify it, or record the joint with '
+    do += "its end free."
     if stiffness > 0.0 and missed > MIN_UNEXPLAINED_SHARE * size and left < MAX_SPRING_UNEXPLAINED_SHARE * size:
         text = f"The effort follows the position as that of a spring of {said}, which explains "
         text += f"{100.0 * (1.0 - left / size):.0f} % of its variance; the joint's model explains "
@@ -78,9 +79,6 @@ def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
         one = np.ones_like(p.position)
         parts.append(np.column_stack([p.position, p.acceleration, p.velocity, np.sign(p.velocity), one]))
     columns, effort = np.concatenate(parts), np.concatenate([p.effort for p in fitted])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    solution = np.linalg.lstsq(columns / scale, effort, rcond=1e-10)[0]
-    residual = effort - columns / scale @ solution
-    covariance = sandwich_covariance(columns / scale, residual, [len(p.effort) for p in fitted])
-    error = float(np.sqrt(max(covariance[0, 0], 0.0))) / float(scale[0])
-    return float(solution[0] / scale[0]), error, float(residual @ residual)
+    solution, covariance, residual = solve_spring(columns, effort, [len(p.effort) for p in fitted])
+    error = float(np.sqrt(max(covariance[0, 0], 0.0)))
+    return float(solution[0]), error, float(residual @ residual)

@@ -1,0 +1,158 @@
+"""Identify a spring on the bench from recordings with `protocol = "locked_spring"`: stiffness, damping, hysteresis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..._errors import PellucidError
+from ...fit.joint.spring_fit import CUBIC_PARAMETER, SpringFit, fit_spring
+from ...fit.parameter import Verdict
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import number, unit_text
+from ...recordings.fault import Fault
+from ...studies.effort import drive_model
+from ...studies.quality import inspect, require_sound
+from ...studies.results import ResultRow
+from ...studies.study import Study
+from ...studies.study_file import JointTable
+from ..dead_effort import dead_effort_faults, require_live_effort
+from ..result import FigureTable, ParameterTable, Result
+from ..study_page import figure_tables, parameter_tables, study_page
+from .recorded_motions import motions_of
+
+MAX_GOOD_ERROR_PERCENT = 20.0
+"""The spring predicts held-out recordings well up to this error [%], as a joint does."""
+
+SPRING_ADVICE = "Deflect it both ways, slowly and fast; check that its far end is locked, and the effort's unit."
+"""What to do where a spring does not explain the effort."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SpringResult(Result):
+    """A spring on the bench, from the deflections and efforts of its driven end."""
+
+    fit: SpringFit
+    errors: tuple[tuple[str, str, float], ...] = ()  # recording, "fitted" or "heldout", error of the effort [%]
+
+
+def spring_faults(study: Study) -> list[Fault]:
+    """Return the faults of the files of a spring, and a refusal if they do not tell it."""
+    faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    faults += dead_effort_faults(study)
+    if not any(fault.severity == "refuse" for fault in faults):
+        try:
+            _fitted(study)
+        except PellucidError as error:
+            wanted = "a deflection that shows stiffness, damping and hysteresis"
+            faults.append(Fault("refuse", "excitation", "study.toml", "position", str(error), wanted, str(error)))
+    return faults
+
+
+def _fitted(study: Study) -> SpringFit:
+    rig = study.rig
+    assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
+    coordinate = "rad" if rig.motion == "rotary" else "m"
+    motions = motions_of(study.recordings("fit"), study)
+    return fit_spring(motions, coordinate=coordinate, effort=drive_model(rig).effort_unit)
+
+
+def identify_spring(study: Study) -> SpringResult:
+    """Return the stiffness, damping and hysteresis of a spring, judged on held-out recordings if there are any."""
+    for recording in study.recordings():
+        require_sound(recording, study)
+    require_live_effort(study)
+    fit = _fitted(study)
+    errors = tuple(_recording_errors(study, fit))
+    stiffness, level = fit.parameters[0], study.model.confidence
+    half = 0.5 * (stiffness.interval(level)[1] - stiffness.interval(level)[0])
+    scale, unit = (float(np.degrees(1.0)), "deg") if study.rig.motion == "rotary" else (1e3, "mm")
+    low, high = (scale * end for end in fit.deflection)
+    return SpringResult(
+        study=study.name,
+        headline=f"a spring of {number(stiffness.value, half)} ± {number(half, digits=2)} {unit_text(stiffness.unit)} "
+        f"between {number(low, digits=3)} and {number(high, digits=3)} {unit}",
+        tables=(
+            ParameterTable("Spring", fit.parameters),
+            FigureTable("Error of the effort", ("recording", "use", "error [%]"), errors),
+        ),
+        verdicts=_verdicts(fit, errors),
+        rows=tuple(_rows(study, fit, errors)),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in study.recordings()},
+        confidence=level,
+        fit=fit,
+        errors=errors,
+    )
+
+
+def _recording_errors(study: Study, fit: SpringFit) -> list[tuple[str, str, float]]:
+    """Return the error of the effort of each recording [%]."""
+    made = []
+    for recording in study.recordings():
+        motions = motions_of([recording], study)
+        effort = np.concatenate([m.rows(m.effort) for m in motions])
+        off = effort - np.concatenate([fit.predict(m) for m in motions])
+        error = 100.0 * float(np.linalg.norm(off) / max(np.linalg.norm(effort), np.finfo(float).tiny))
+        made.append((recording.name, "fitted" if recording.use == "fit" else "heldout", error))
+    return made
+
+
+def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tuple[Verdict, ...]:
+    """Return whether a spring explains the effort, where it is not linear, and what was held out."""
+    made = []
+    if fit.effort_error > 50.0 or not fit.parameters[0].value > 0.0:
+        text = f"A spring leaves {fit.effort_error:.0f} % of the effort unexplained: this is none, or not that alone."
+        made.append(Verdict("wrong", text, SPRING_ADVICE, "locked_spring"))
+    held = [error for _, split, error in errors if split == "heldout"]
+    if held:
+        kind = "good" if max(held) <= MAX_GOOD_ERROR_PERCENT else "warning"
+        text = f"Held-out recordings are predicted with an error of {max(held):.2g} % at the most."
+        made.append(Verdict(kind, text, "" if kind == "good" else SPRING_ADVICE, "locked_spring"))
+    else:
+        made.append(
+            Verdict("note", "No recording is held out.", 'Mark one `use = "validate"` to test it.', "locked_spring")
+        )
+    if not fit.is_linear:
+        cubic = next(p for p in fit.parameters if p.name == CUBIC_PARAMETER)
+        text = (
+            f"The spring {'hardens' if cubic.value > 0.0 else 'softens'} with its deflection: without that the error "
+        )
+        text += f"would be {fit.linear_error:.2g} % where it is {fit.effort_error:.2g} %. "
+        text += "The stiffness is that in the middle."
+        made.append(Verdict("note", text, "", "locked_spring"))
+    return tuple(made)
+
+
+def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> list[ResultRow]:
+    head = f"{study.name}.spring"
+    made = [
+        ResultRow(f"{head}.{p.name}", p.value, p.unit, "identify", "fitted", None, p.sentence()) for p in fit.parameters
+    ]
+    said, unit = "hysteresis builds up over it from its middle", "rad" if study.rig.motion == "rotary" else "m"
+    made.append(ResultRow(f"{head}.hysteresis_way", fit.way, unit, "identify", "fitted", None, said))
+    linear = f"of the spring that is chosen; of a linear one {fit.linear_error:.3g} %"
+    made.append(ResultRow(f"{head}.effort_error", fit.effort_error, "%", "identify", "fitted", None, linear))
+    for name, split, error in errors:
+        made.append(ResultRow(f"{head}.effort_error.{name}", error, "%", "identify", split, None, "of the effort"))
+    return made
+
+
+def spring_page(study: Study, found: SpringResult) -> Page:
+    """Return the report of a spring on the bench."""
+    stiffness = found.fit.parameters[0]
+    tile = Tile(
+        "Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), "in the middle"
+    )
+    return study_page(
+        title=f"{found.study}: a spring on the bench",
+        headline=found.headline,
+        verdicts=found.verdicts,
+        tiles=(tile,),
+        question="Does one spring explain the effort?",
+        sections=(
+            Section("spring", "What was found", tables=parameter_tables(found)),
+            Section("errors", "Recordings", tables=figure_tables(found), notes=study.notes),
+        ),
+    )
