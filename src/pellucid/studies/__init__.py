@@ -29,7 +29,8 @@ _SOURCE_MODULES = {
 
 def __getattr__(name: str):
     if name not in _SOURCE_MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(sorted(_SOURCE_MODULES))}")
+        there = ", ".join(sorted(_SOURCE_MODULES))
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {there}")
     from importlib import import_module
 
     return getattr(import_module(f".{_SOURCE_MODULES[name]}", __name__), name)
