@@ -108,7 +108,7 @@ def _try_pair(rig, card, person, index: int) -> dict[str, float]:
         law = CardLaw(build(card), points)
         block = point(rig, person, law, targets, seed=index, asked_speed=asked)
         made |= {f"{name}.stopped": float(block.stopped), f"{name}.made": float(len(block.movements))}
-        made[f"{name}.gate"] = float(law.fault != "none")
+        made[f"{name}.gate"] = float(law.stopped_by != "none")
         if len(block.movements) < skip + MIN_JUDGED_COUNT:
             continue
         same = PointingBlock(control.movements[: len(block.movements)], control.stopped)

@@ -27,8 +27,8 @@ from pellucid.cli import app
 more = '[assessment.margins]\\nacceleration_size = "200 %"\\nvmax = "60 %"'
 study = made_pointing.study(Path(sys.argv[2]), participants=5, conditions=("Ctrl", "FC"), more=more)
 said = {}
-for command in ("assess", "report"):
-    done = CliRunner().invoke(app, [command, str(study.folder)])
+for command, *more in (["assess", "-v"], ["report"]):
+    done = CliRunner().invoke(app, [command, str(study.folder), *more])
     if done.exit_code:
         raise done.exception
     said[command] = done.output

@@ -41,6 +41,7 @@ check_untyped_defs = True
 ignore_missing_imports = True
 [mypy-numpy.*,scipy.*]
 follow_imports = skip
+follow_imports_for_stubs = True
 """
 """Settings without NumPy's own types, which take mypy four fifths of its time: what arrays hold is checked nightly."""
 

@@ -97,10 +97,10 @@ def test_what_was_learnt_of_small_movements_expects_no_wild_torques_elsewhere(rn
 
 def test_a_law_that_stops_ends_the_block_before_its_movement():
     class Stopping(Powerless):
-        fault = "none"
+        stopped_by = "none"
 
         def step(self, time, position, wrench):
-            self.fault = "velocity" if time > 3.0 else "none"
+            self.stopped_by = "velocity" if time > 3.0 else "none"
             return np.zeros(4)
 
     rig, targets = able_arm(), draw_targets(6, np.random.default_rng(3))

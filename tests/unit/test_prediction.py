@@ -129,7 +129,9 @@ def test_a_load_is_predicted_carried_and_not_carried(identified):
         made = predict_effects(rigs, carried=carried, **asked)
         assert made.laws == ("sensed", "sensed_not_carrying")
         with_law, without = made.values[0, :, :, effort]
-        assert np.all(with_law < 0.9 * without)
+        there = np.isfinite(with_law) & np.isfinite(without)  # a session that a gate stops has no index
+        assert there.any()
+        assert np.all((with_law < 0.9 * without)[there])
         # What is in the hand is there without a robot, too; what is on the robot is not.
         same = np.allclose(made.control, plain.control)
         assert same == (carried.held is None)

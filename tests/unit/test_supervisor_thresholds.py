@@ -400,7 +400,7 @@ def test_a_worn_law_is_watched_by_its_spring():
         "encoder_resolution": 1e-3, "joint_expected": 1.0, "joint_tolerance": 0.1, "drive_expected": 1.0,
         "drive_limit": 30.0, "drive_offset": 0.02, "drive_tolerance": 5.0 + 1.4 * 2.5, "drive_share": 0.25,
         "drive_cycles": 40.0,
-        "drive_surplus": 0.05 + 0.5 * 1.4 * 0.05 * 4.9**2, "drive_late": math.exp(-1.0 / 24.0),
+        "drive_surplus": 0.05 + 0.5 * 1.4 * 0.05 * 2.0**2, "drive_late": math.exp(-1.0 / 24.0),
         "drive_gain": 0.05, "muscle_expected": 0.0, "ringing_limit": math.inf,
         "test_effort": 0.0, "body_inertia": 0.0, "push_limit": 10.0,
     }  # fmt: skip

@@ -19,12 +19,13 @@ SPRING_TOLERANCE = 0.5
 """Largest difference between the spring's torque and its command, as a share of the law's effort limit [1]; the dry
 friction of the drive before the spring is added, against which its torque loop may not follow."""
 
-SPRING_SWING_SPEED = 4.9
+SPRING_SWING_SPEED = 2.0
 """Speed up to which a spring's drive may give back the energy of its own motion [rad/s].
 
-The drive's inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. Of
-120 starts of a knee's export on foreign drives of 20261101 and 20261103 ten had an alarm of it with 3.5 rad/s, and with
-4.6 rad/s one of 300 on drives of 20261103 and 20261105 to 20261107. With 0.95 J, that of 4.8 rad/s, none had."""
+The drive's inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. On
+foreign drives of 20261103 and 20261105 to 20261107 this refuses 106 of 300 starts, 4.8 rad/s none; but with 4.8 rad/s a
+drive that gives three times the effort is found on none of three tuning knees, and with this on all.
+docs/safety.md has the trade: a start that is refused costs time, a leg that is shaken may cost more."""
 
 SPRING_INERTIA_FACTOR = 1.4
 """Largest ratio of that inertia to the one on the card [1]."""

@@ -43,7 +43,7 @@ class CardLaw:
         self.running = self.law.start()
 
     @property
-    def fault(self) -> str:
+    def stopped_by(self) -> str:
         """Fault that the law has latched; "none" if there is none."""
         return str(self.running.fault)
 

@@ -314,7 +314,7 @@ def point(
                     k_plan, corrections = 0, corrections + 1
         table = np.array(kept)
         movement = _measured(person, table, target, first, place, corrections, arrived, ANALYSIS_STEP * period)
-        if getattr(law, "fault", NO_FAULT) != NO_FAULT:
+        if getattr(law, "stopped_by", NO_FAULT) != NO_FAULT:
             # The robot was off in some part of this movement.
             return PointingBlock(tuple(movements[1:]), stopped=True)
         movements.append(movement)

@@ -48,7 +48,7 @@ THIGH_LAWS: Mapping[str, str] = {"body_thigh_sensor": "body", "residual_thigh_se
 """The same with an inertial sensor on the thigh, by the law that is extended."""
 
 LAW_WORDS: Mapping[str, str] = {
-    **{name: (CONTROLLER_WORDS | BODY_LAW_WORDS)[name] for name in SITTING_LAWS},
+    **{name: {**CONTROLLER_WORDS, **BODY_LAW_WORDS}[name] for name in SITTING_LAWS},
     "residual_no_emg": "residual compensator without EMG",
     "body_thigh_sensor": "body by model, thigh's motion carried",
     "residual_thigh_sensor": "residual compensator, thigh's motion carried",

@@ -56,7 +56,9 @@ def change_table(found: AssessmentResult) -> FigureTable:
     rows = []
     for name in index_names(lambda index: index.paragraph_place):
         each = found.assessed.get(name)
-        for own in each.comparison.against_control if each is not None else ():
+        if each is None:
+            continue
+        for own in each.comparison.against_control:
             change = primary_change(found, name, own.condition)
             if change is None or not np.isfinite(change.value):
                 continue

@@ -10,10 +10,9 @@ import numpy as np
 from ..._errors import RecordingError
 from ...assessment.cocontraction import Cocontraction, CocontractionIndex, cocontraction
 from ...fit.parameter import Verdict
-from ...recordings.recording import MAXIMAL_PROTOCOL
 from ...studies.results import ResultRow
 from ...studies.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
+from ..muscle_channels import MAXIMAL_PROTOCOL, MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 from .cocontraction_table import CocontractionTable

@@ -108,9 +108,10 @@ def _verdict(found: TreeResult) -> AnswerVerdict:
     """Return whether every joint's effort is predicted within the bound on what was not fitted."""
     if any(v.kind == "wrong" for v in found.verdicts):
         return "no"
-    if found.judged == "fitted":
+    errors = found.errors_of("best", found.judged)
+    if found.judged == "fitted" or errors is None:
         return "unsure"
-    return "yes" if max(found.errors_of("best", found.judged).each) <= MAX_GOOD_ERROR else "no"
+    return "yes" if max(errors.each) <= MAX_GOOD_ERROR else "no"
 
 
 def _in_order(found: TreeResult) -> Iterator:
@@ -134,6 +135,8 @@ def _headline(found: TreeResult) -> str:
     names = dict.fromkeys(t.recording for t in found.traces if t.use == "fit")
     count = "one recording" if len(names) == 1 else f"{len(names)} recordings"
     text += f"A robot of {len(found.names)} joints, identified from {count}. "
+    assert best is not None  # both are judged wherever anything is
+    assert base is not None
     text += (
         f"On {ROW_KIND_DESCRIPTIONS[found.judged]} its model misses {percent(best.mean)} % of the effort, "
         f"mean over joints ({percent(min(best.each))} to {percent(max(best.each))} % by joint); with "
