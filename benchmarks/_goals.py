@@ -85,8 +85,8 @@ GOALS = (
         1.2,
         "SciPy's least squares over our fit of friction",
         at_least=True,
-        profile="Our time includes the covariance, effects that the model neglects and the start from a linear part, a "
-        "third of it; the rival returns numbers without intervals.",
+        profile="Our time includes the covariance and effects that the model neglects, a third of it; the rival "
+        "returns numbers without intervals.",
     ),
     Goal(
         "fit_joint second over lstsq",

@@ -194,9 +194,7 @@ def call_seconds(call: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def ratio_rows(
-    name: str, ours: tuple[str, ...], rival: tuple[str, ...], *, repeats: int = REPEAT_COUNT
-) -> list[dict]:
+def ratio_rows(name: str, ours: tuple[str, ...], rival: tuple[str, ...], *, repeats: int = REPEAT_COUNT) -> list[dict]:
     """Run two programs by turns, and return rows of what both took and of their ratio."""
     return told(name, [(processor_seconds(*ours), processor_seconds(*rival)) for _ in range(repeats)])
 

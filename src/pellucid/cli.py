@@ -457,8 +457,8 @@ def report(
         if not accept_stale:
             place.note_drawn(page, study.files(), with_pdf=with_pdf)
     print_line(make_console(), f"Report: {page}")
-    if page.parent != place.report:
-        _exit_with_message(f"{place.report} could not be written; the report is elsewhere", 1)
+    if page.parent != place.report_dir:
+        _exit_with_message(f"{place.report_dir} could not be written; the report is elsewhere", 1)
 
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid paper my-elbow"))

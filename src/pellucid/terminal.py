@@ -202,9 +202,7 @@ def print_json(result: Result) -> None:
     typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 
 
-def print_items(
-    out: Console, items: Sequence[tuple[str, str]], max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE
-) -> None:
+def print_items(out: Console, items: Sequence[tuple[str, str]], max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE) -> None:
     """Print sentences, each with the mark of its kind: "good", "note" or "warning".
 
     Unless ``-v`` asks for all, at most `MAX_NOTES_UNLESS_VERBOSE` notes are printed, and of all sentences the first

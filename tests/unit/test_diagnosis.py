@@ -121,9 +121,7 @@ def test_a_payload_that_is_not_stated_contradicts_in_inertia_and_gravity(spoilt,
     assert "payload" in first.do
 
 
-@pytest.mark.parametrize(
-    "name", ["emps", "sydney_pendulum", pytest.param("bam_xl330", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("name", ["emps", "sydney_pendulum", pytest.param("bam_xl330", marks=pytest.mark.nightly)])
 def test_real_recordings_as_they_are_get_no_cause(name, data_folder, tmp_path):
     found = identify(init(tmp_path / name, dataset=name), families=["symmetric", "load"], thorough=False)
     assert causes(found.verdicts) == []

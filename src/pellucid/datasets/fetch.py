@@ -64,7 +64,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
 
 def notes(name: str) -> tuple[str, ...]:
     """Return a note about each file in use whose checksum differs from the published one."""
-    from ..studies.study import checksum
+    from ..studies.study_place import checksum
 
     dataset, folder = info(name), path(name)
     found = {file: checksum(folder / file) for file in dataset.files}

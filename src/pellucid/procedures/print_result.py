@@ -104,7 +104,7 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
     headline = f"\n{result.study}: {typeset_units(result.headline)}"
     tables, sentences = result.tables, [(v.kind, typeset_units(v.said)) for v in result.verdicts]
     prose, left_out = result.prose, list[str]()
-    if brief and (any(t.max_brief_rows is not None for t in tables) or _result_lines(out, result) > MAX_SCREEN_LINES):
+    if brief and (any(t.max_brief_rows is not None for t in tables) or _is_longer_than_a_screen(out, result)):
         headline = shorten_text(headline, MAX_BRIEF_HEADLINE_LENGTH)
         sentences, omitted = _shorten_sentences(sentences)
         # Three lines are the empty one at the end and the two that say what was left out.
@@ -142,15 +142,17 @@ def _line_count(out: Console, *printed: RenderableType) -> int:
     return sum(len(out.render_lines(each, pad=False)) for each in printed)
 
 
-def _result_lines(out: Console, result: PrintableResult) -> int:
-    """Return the number of lines of a whole result."""
+def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
+    """Return whether a whole result takes more lines than `MAX_SCREEN_LINES`."""
+    if sum(len(_rows(table)) for table in result.tables) > MAX_SCREEN_LINES:
+        return True  # a row takes a line at least, so that nothing needs to be laid out
     tables = [each for table in result.tables for each in _printed_table(out, table, result.confidence)]
     sentences = [(v.kind, typeset_units(v.said)) for v in result.verdicts]
     text = [
         Text(f"\n{result.study}: {typeset_units(result.headline)}"),
         *([Text(result.prose)] if result.prose else []),
     ]
-    return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1
+    return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1 > MAX_SCREEN_LINES
 
 
 def _shorten_tables(

@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from ..fit.parameter import Verdict, rank_verdicts
-from ..pages.page import Answer, Page, Section, Tile, answer_from_verdicts
+from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
     MINUS_SIGN,
     cell_text,
@@ -32,17 +32,18 @@ def study_page(
     answer: Answer | None = None,
     question: str = "May these figures be used?",
     following: Sequence[str] = (),
+    badge: AnswerVerdict | None = None,
 ) -> Page:
     """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
 
-    Without an `answer`, the verdicts answer the `question`, and the first figure stands beside them, with what to do
-    next in the sentences `following`.
+    Without an `answer`, the verdicts answer the `question`, or the `badge` where a bound decides; the first figure
+    stands beside them, with what to do next in the sentences `following`.
     """
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
     sections = tuple(sections)
     if answer is None:
         answer, sections = answer_from_verdicts(question, shown, sections)
-        answer = replace(answer, next=tuple(following))
+        answer = replace(answer, next=tuple(following), verdict=badge or answer.verdict)
     return Page(
         title,
         "Pellucid report",

@@ -27,7 +27,7 @@ from ..control.supervised import SupervisedLaw
 from ..control.supervisor_faults import NO_FAULT
 from ..control.worn import watched_worn
 from ..lab.knee.machine import KneeMachine
-from ..studies.study import checksum
+from ..studies.study_place import checksum
 from . import foreign_worker
 
 LAW_SUFFIXES = (".c", ".so", ".py")

@@ -10,13 +10,13 @@ import json
 import os
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_inside
 from .code_fingerprint import code_fingerprint
+from .study_place import StudyPlace, checksum
 
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""
@@ -29,43 +29,13 @@ KEPT_COLUMNS_ENDING = ".columns"
 count already; they may be gigabytes."""
 
 
-@dataclass(frozen=True)
-class ReportPlace:
-    """Where a study's report is, and what it may be drawn from.
-
-    Attributes
-    ----------
-    folder : Path
-        Folder of the study.
-    out : Path or None
-        Folder for everything that is written, instead of the study's own.
-    allow_outside : bool
-        Whether files outside the study's folder may be read.
-    """
-
-    folder: Path
-    out: Path | None = None
-    allow_outside: bool = False
-
-    @property
-    def made(self) -> Path:
-        """Folder for everything that commands write."""
-        return self.folder if self.out is None else self.out
-
-    @property
-    def report(self) -> Path:
-        """Folder of the report."""
-        return self._inside("report")
+class ReportPlace(StudyPlace):
+    """Where a study's report is, and what it may be drawn from."""
 
     @property
     def note(self) -> Path:
         """File that says what the report was drawn from."""
-        return self._inside("kept") / "report.json"
-
-    def _inside(self, name: str) -> Path:
-        """Return the path `name` in the folder `made`; raise a PellucidError if a link leads out of the study."""
-        path = self.made / name
-        return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
+        return self.place("kept") / "report.json"
 
     def drawn_page(self, *, with_pdf: bool) -> Path | None:
         """Return the page of the report if it was drawn from what is there now, and is whole; else None.
@@ -80,11 +50,11 @@ class ReportPlace:
             recordings = [self.folder / name for name in told["recordings"]]
             for path in recordings:
                 require_inside(path, self.folder, False, "a recording")
-            whole = all(_checksum(self.report / name) == digest for name, digest in told["files"].items())
+            whole = all(checksum(self.report_dir / name) == digest for name, digest in told["files"].items())
             same = told["made_from"] == self._made_from(recordings, with_pdf)
         except (OSError, ValueError, LookupError, TypeError, AttributeError, PellucidError):
             return None
-        return self.report / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
+        return self.report_dir / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
 
     def note_drawn(self, page: Path, recordings: Iterable[Path], *, with_pdf: bool) -> None:
         """Note beside a study's results what its report was drawn from, and the checksums of its files.
@@ -92,10 +62,10 @@ class ReportPlace:
         `recordings` are the files that study.toml names. Where one lies outside the study's folder, or nothing can be
         written, the next report is drawn: nobody would see that a pattern finds a new file elsewhere.
         """
-        if page.parent != self.report:
+        if page.parent != self.report_dir:
             return
         named = list(recordings)
-        files = {path.name: _checksum(path) for path in sorted(page.parent.iterdir()) if path.is_file()}
+        files = {path.name: checksum(path) for path in sorted(page.parent.iterdir()) if path.is_file()}
         told = {
             "made_from": self._made_from(named, with_pdf),
             "files": files,
@@ -112,16 +82,10 @@ class ReportPlace:
         found |= {path for path in TEMPLATES.rglob("*") if path.suffix in (".j2", ".css", ".js")}
         parts = [code_fingerprint(), str(with_pdf)]
         # relpath also works for a file outside the study's folder.
-        parts += sorted(f"{os.path.relpath(path, self.folder)} {_checksum(path)}" for path in found)
+        parts += sorted(f"{os.path.relpath(path, self.folder)} {checksum(path)}" for path in found)
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def _is_drawn_from(self, path: Path) -> bool:
         """Return whether a path in the study's folder is a file that a report may draw."""
-        derived = self.report.resolve() in path.parents or path.name.endswith(KEPT_COLUMNS_ENDING)
+        derived = self.report_dir.resolve() in path.parents or path.name.endswith(KEPT_COLUMNS_ENDING)
         return path.is_file() and not derived and path.resolve() != self.note.resolve()
-
-
-def _checksum(path: Path) -> str:
-    """Return the SHA-256 of a file, hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -28,6 +28,7 @@ from .drive_channel import command_channel
 from .find_defects import find_cuts, regressed_joints
 from .optical_columns import read_optical
 from .results import ResultRow, read_rows
+from .study_place import StudyPlace, checksum
 
 if TYPE_CHECKING:
     from ..recordings.readers import Columns
@@ -143,12 +144,16 @@ class Study:
     @property
     def made(self) -> Path:
         """Folder for everything that the commands write."""
-        return self.folder if self.out is None else self.out
+        return self._place.made
+
+    @property
+    def _place(self) -> StudyPlace:
+        """Where the study's files lie."""
+        return StudyPlace(self.folder, self.out, self.allow_outside)
 
     def place(self, name: str) -> Path:
         """Return the path `name` in the folder `made`; raise a PellucidError if a link leads out of the study."""
-        path = self.made / name
-        return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
+        return self._place.place(name)
 
     def inside(self, file: str | Path, where: str) -> Path:
         """Return a file of the study by its path from the folder.
@@ -507,12 +512,6 @@ def _correct_delays(recording: Recording, specs: Mapping[str, ChannelSpec]) -> R
     """Return a recording without the lags and delays that study.toml states for its channels."""
     recording = undo_lags(recording, {n: spec.lag for n, spec in specs.items() if spec.lag is not None})
     return shift_channels(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
-
-
-def checksum(path: Path) -> str:
-    """Return the SHA-256 of a file, hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _make_channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:

@@ -20,8 +20,9 @@ from ..._errors import IdentificationError
 from ...signals.judged import require_fitted
 from ...signals.motion import Motion
 from ..block_test import compare_held_out
-from ..crossed_residuals import block_labels
+from ..crossed_residuals import cross_validated_residuals
 from ..parameter import Parameter
+from ..regression import Solution
 from ..uncertainty import sandwich_covariance
 
 SPRING_PARAMETERS = ("stiffness", "damping", "hysteresis", "inertia", "offset")
@@ -160,7 +161,10 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
     way = span * float(WAY_SHARE_GRID[int(np.argmin(left))])
     linear, cubic = stacked(way, cubic=False), stacked(way, cubic=True)
     _require_told_apart(linear)
-    crossed = {name: _crossed_residuals(x, target, lengths) for name, x in (("linear", linear), ("cubic", cubic))}
+    crossed = {
+        name: cross_validated_residuals(_as_solution(x, target, lengths), lengths)
+        for name, x in (("linear", linear), ("cubic", cubic))
+    }
     is_linear = compare_held_out(crossed).first(("linear", "cubic")) == "linear"
     columns = linear if is_linear else cubic
     values, statistical, residual = solve_spring(columns, target, lengths)
@@ -211,14 +215,7 @@ def _require_told_apart(columns: np.ndarray) -> None:
             )
 
 
-def _crossed_residuals(columns: np.ndarray, target: np.ndarray, lengths: Sequence[int]) -> list[np.ndarray]:
-    """Return residuals, (n_i,) per stretch, of blocks that are each predicted from the others."""
-    labels = np.concatenate(block_labels(lengths))
-    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    w, left = columns / scale, np.empty(len(target))
-    gram, moment = w.T @ w, w.T @ target
-    for block in np.unique(labels):
-        own = labels == block
-        rest = gram - w[own].T @ w[own], moment - w[own].T @ target[own]
-        left[own] = target[own] - w[own] @ np.linalg.lstsq(*rest, rcond=1e-10)[0]
-    return list(np.split(left, np.cumsum(lengths)[:-1]))
+def _as_solution(columns: np.ndarray, effort: np.ndarray, lengths: Sequence[int]) -> Solution:
+    """Return the solution of an `effort` (m,) by `columns` (m, p) as cross-validation takes it."""
+    values, _, residual = solve_spring(columns, effort, lengths)
+    return Solution(values, columns, residual, np.ones(len(effort)), np.zeros(len(values), bool), 1, True)

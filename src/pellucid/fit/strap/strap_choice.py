@@ -2,11 +2,10 @@
 
 The search starts from all features. A feature is significant if the held-out blocks are predicted worse without it
 (``block_test``) and the error of the swings, or of the trials with held torques, grows by the share `MIN_IMPROVEMENT`.
-Features whose coefficient rests at
-the bound where it does nothing go first, without a test. All insignificant ones then go at once, if the blocks are
-predicted no worse without all of them; otherwise each may imitate another, and the least important one goes alone. The
-test has the family-wise level `FEATURE_TEST_LEVEL`: a strap without features receives one in at most this share of
-cases.
+Features whose coefficient rests at the bound where it does nothing go first, without a test. All insignificant ones
+then go at once, if the blocks are predicted no worse without all of them; otherwise each may imitate another, and the
+least important one goes alone. The test has the family-wise level `FEATURE_TEST_LEVEL`: a strap without features
+receives one in at most this share of cases.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ FEATURE_TEST_LEVEL = 0.05
 
 HELD_OUT_BLOCKS_PER_SWING = 4
 """Each swing is divided into this many blocks, which are held out in turn."""
+
 
 @dataclass(frozen=True, eq=False)
 class StrapChoice:

@@ -12,7 +12,7 @@ from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...pages.page import Page, Section, Tile, write_page
 from ...pages.quantities import typeset_cell, typeset_sentence
 from ...pages.tables import Row, Table
-from ...studies.study import checksum
+from ...studies.study_place import checksum
 from ..procedure import quiet
 from ..result import Result
 from ..study_page import provenance, study_page

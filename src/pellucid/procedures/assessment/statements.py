@@ -30,10 +30,10 @@ def headline(found: AssessmentResult) -> str:
     leading = found.assessed.get(leading_index().name)
     if leading is None or not leading.comparison.against_control:
         return f"{verdicts_text}{counts_text}."
-    told = {c: _change(found, leading, c).partition(", ") for c in found.conditions if c != found.control}
+    told = {c: _change_and_interval(found, leading, c) for c in found.conditions if c != found.control}
     parts = [
         f"{condition} {value}" + (f" ({interval})" if interval else "")
-        for condition, (value, _, interval) in told.items()
+        for condition, (value, interval) in told.items()
         if value
     ]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
@@ -133,14 +133,19 @@ def change_text(change: PrimaryChange) -> str:
 
 def _change(found: AssessmentResult, each: Assessed, condition: str) -> str:
     """Format the primary change from control with its interval; empty if there is none."""
+    return ", ".join(part for part in _change_and_interval(found, each, condition) if part)
+
+
+def _change_and_interval(found: AssessmentResult, each: Assessed, condition: str) -> tuple[str, str]:
+    """Format the primary change from control, and its interval; "" for what is not known."""
     change = primary_change(found, each.name, condition)
     if change is None:
-        return ""
+        return "", ""
     if not (np.isfinite(change.low) and np.isfinite(change.high) and np.isfinite(change.value)):
-        return change_text(change)
+        return change_text(change), ""
     low, high = (change_figure(end, change.unit) for end in (change.low, change.high))
     ends = f"{low} to {high} {change.unit}".rstrip()
-    return f"{change_text(change)}, {100 * found.confidence:g} % CI {ends}"
+    return change_text(change), f"{100 * found.confidence:g} % CI {ends}"
 
 
 def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:

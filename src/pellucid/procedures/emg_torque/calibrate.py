@@ -391,9 +391,7 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
     return (*made, *told)
 
 
-def _chosen_tables(
-    chosen: Sequence[RecommendedEstimator], refused: Collection[str] = ()
-) -> tuple[FigureTable, ...]:
+def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[str] = ()) -> tuple[FigureTable, ...]:
     """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit.
 
     No band is stated for recordings on which no estimate holds, which are `refused`.

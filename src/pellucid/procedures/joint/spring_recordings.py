@@ -17,13 +17,11 @@ from ...studies.quality import inspect, require_sound
 from ...studies.results import ResultRow
 from ...studies.study import Study
 from ...studies.study_file import JointTable
+from ..badge_bounds import MAX_GOOD_ERROR
 from ..dead_effort import dead_effort_faults, require_live_effort
 from ..result import FigureTable, ParameterTable, Result
 from ..study_page import figure_tables, parameter_tables, study_page
 from .recorded_motions import motions_of
-
-MAX_GOOD_ERROR_PERCENT = 20.0
-"""The spring predicts held-out recordings well up to this error [%], as a joint does."""
 
 SPRING_ADVICE = "Deflect it both ways, slowly and fast; check that its far end is locked, and the effort's unit."
 """What to do where a spring does not explain the effort."""
@@ -107,7 +105,7 @@ def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tup
         made.append(Verdict("wrong", text, SPRING_ADVICE, "locked_spring"))
     held = [error for _, split, error in errors if split == "heldout"]
     if held:
-        kind = "good" if max(held) <= MAX_GOOD_ERROR_PERCENT else "warning"
+        kind = "good" if max(held) <= MAX_GOOD_ERROR else "warning"
         text = f"Held-out recordings are predicted with an error of {max(held):.2g} % at the most."
         made.append(Verdict(kind, text, "" if kind == "good" else SPRING_ADVICE, "locked_spring"))
     else:

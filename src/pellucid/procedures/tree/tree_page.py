@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -92,7 +91,7 @@ def page(study: Study, result: TreeResult) -> Page:
         *_intervals(result),
         *_drives(result),
     ]
-    made = study_page(
+    return study_page(
         title=f"{result.study}: identified robot",
         headline=typeset_sentence(_headline(result)),
         tiles=_tiles(result),
@@ -100,8 +99,8 @@ def page(study: Study, result: TreeResult) -> Page:
         verdicts=result.verdicts,
         question=f"Does the model predict every joint's effort within {MAX_GOOD_ERROR:g} % where it was not fitted?",
         following=(f"Make a controller of it: `pellucid export {study.name} --to c --out DIR`.",),
+        badge=_verdict(result),
     )
-    return made if made.answer is None else replace(made, answer=replace(made.answer, verdict=_verdict(result)))
 
 
 def _verdict(found: TreeResult) -> AnswerVerdict:
