@@ -22,6 +22,7 @@ from .pointing.prediction import (
     CarriedWeight,
     DrawnStudies,
     Prediction,
+    condition_words,
     predict_effects,
 )
 from .pointing.rig import PointingRig
@@ -199,7 +200,7 @@ def _make_result(
     for index in PREDICTED_INDICES:
         for law in made.laws:
             low, middle, high = studies.interval(index.name, law)
-            table.append((index.words, law, middle, low, high, high - low))
+            table.append((index.words, condition_words(law), middle, low, high, high - low))
             for what, value in (("", middle), (".low", low), (".high", high)):
                 row = f"{name}.predicted.{index.name}.{law.lower()}{what}"
                 rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))

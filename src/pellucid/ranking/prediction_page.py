@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..drawing.drawing import Drawing, draw
 from ..lab.pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
-from ..lab.pointing.prediction import NOTHING_CARRIED
+from ..lab.pointing.prediction import NOTHING_CARRIED, condition_words
 from ..lab.predict import Predicted
 from ..pages.forest import Estimate, forest
 from ..pages.page import Answer, AnswerVerdict, Page, Section, write_page
@@ -83,8 +83,8 @@ def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
         row = _row_id(found, index, law)
         ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
         told = " to ".join(map(str, ends))
-        parts.append(f"{law} {Value(row, middle, number(middle, digits=3))} % ({told})")
-    return f"Change from no robot ({index.words}), with what {share} find: {', '.join(parts)}."
+        parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
+    return f"Change from no robot ({index.words}), with what {share} find: {'; '.join(parts)}."
 
 
 def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
@@ -94,7 +94,7 @@ def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
         low, middle, high = found.studies.interval(index.name, law)
         if isfinite(middle):
             row, text = _row_id(found, index, law), number(middle, digits=3)
-            estimates.append(Estimate(law.replace("_", " "), middle, low, high, text=text, id=row))
+            estimates.append(Estimate(condition_words(law), middle, low, high, text=text, id=row))
     return draw(
         forest, estimates, f"predicted-{index.name.replace('_', '-')}", f"{index.words}: change from no robot (%)",
         caption=f"Median change from no robot ({index.words}), and the interval that holds {share}. Simulated.",

@@ -108,6 +108,12 @@ CARRYING_CONTROLLERS = ("transparent", "force_sensor", "support")
 """Controllers that are worn where a weight is to be carried and no others are named."""
 
 
+def condition_words(condition: str) -> str:
+    """Return the name of a worn condition in words."""
+    carrying = condition.removesuffix(NOT_CARRYING)
+    return carrying.replace("_", " ") + (", not carrying" if carrying != condition else "")
+
+
 @dataclass(frozen=True)
 class DrawnRobot:
     """A drawn robot with the people who wear it."""

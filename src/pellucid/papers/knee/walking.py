@@ -207,7 +207,8 @@ def walking_section(rows: Sequence[WalkedRow]) -> Section:
         (
             "The thesis's title and aim are locomotion; its measurements are of a leg whose thigh rests. Here the "
             f"same laws, built from recordings of {count} sitting wearers, are worn on a thigh that moves, with ground "
-            f"under the foot. Strides: {source_of_strides()}. Strap torque is that of zero impedance, and a share of "
+            "under the foot. The residual compensator has the reproduction's constants, not those of an export. "
+            f"Strides: {source_of_strides()}. Strap torque is that of zero impedance, and a share of "
             "it under each law; a session that a law's own gate stopped ends as zero impedance.",
         ),
         (number_table(heads, table, "Medians and ranges over wearers; the thesis prints no such figure."),),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...pages.page import Page
     from ...recordings.fault import Fault
     from .joint_result import JointResult
-    from .spring_recordings import SpringResult
+    from .spring_result import SpringResult
     from .static_postures import PostureResult
 
 
@@ -61,7 +61,8 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
 
     def page(self, study: Study, found: JointResult | PostureResult | SpringResult) -> Page:
         from .joint_page import page
-        from .spring_recordings import SpringResult, spring_page
+        from .spring_recordings import spring_page
+        from .spring_result import SpringResult
         from .static_postures import PostureResult, posture_page
 
         if isinstance(found, SpringResult):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..._errors import PellucidError
@@ -19,20 +17,13 @@ from ...studies.study import Study
 from ...studies.study_file import JointTable
 from ..badge_bounds import MAX_GOOD_ERROR
 from ..dead_effort import dead_effort_faults, require_live_effort
-from ..result import FigureTable, ParameterTable, Result
+from ..result import FigureTable, ParameterTable
 from ..study_page import figure_tables, parameter_tables, study_page
 from .recorded_motions import motions_of
+from .spring_result import SpringResult, SpringTrace
 
 SPRING_ADVICE = "Deflect it both ways, slowly and fast; check that its far end is locked, and the effort's unit."
 """What to do where a spring does not explain the effort."""
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class SpringResult(Result):
-    """A spring on the bench, from the deflections and efforts of its driven end."""
-
-    fit: SpringFit
-    errors: tuple[tuple[str, str, float], ...] = ()  # recording, "fitted" or "heldout", error of the effort [%]
 
 
 def spring_faults(study: Study) -> list[Fault]:
@@ -62,7 +53,8 @@ def identify_spring(study: Study) -> SpringResult:
         require_sound(recording, study)
     require_live_effort(study)
     fit = _fitted(study)
-    errors = tuple(_recording_errors(study, fit))
+    traces = _traces(study, fit)
+    errors = tuple((each.recording, each.split, each.error) for each in traces)
     stiffness, level = fit.parameters[0], study.model.confidence
     half = 0.5 * (stiffness.interval(level)[1] - stiffness.interval(level)[0])
     scale, unit = (float(np.degrees(1.0)), "deg") if study.rig.motion == "rotary" else (1e3, "mm")
@@ -81,20 +73,20 @@ def identify_spring(study: Study) -> SpringResult:
         checksums={recording.name: recording.checksum for recording in study.recordings()},
         confidence=level,
         fit=fit,
-        errors=errors,
+        traces=traces,
     )
 
 
-def _recording_errors(study: Study, fit: SpringFit) -> list[tuple[str, str, float]]:
-    """Return the error of the effort of each recording [%]."""
+def _traces(study: Study, fit: SpringFit) -> tuple[SpringTrace, ...]:
+    """Return every recording with its prediction, what is held out last."""
     made = []
-    for recording in study.recordings():
+    for recording in sorted(study.recordings(), key=lambda each: each.use != "fit"):
         motions = motions_of([recording], study)
-        effort = np.concatenate([m.rows(m.effort) for m in motions])
-        off = effort - np.concatenate([fit.predict(m) for m in motions])
-        error = 100.0 * float(np.linalg.norm(off) / max(np.linalg.norm(effort), np.finfo(float).tiny))
-        made.append((recording.name, "fitted" if recording.use == "fit" else "heldout", error))
-    return made
+        deflection, effort = (np.concatenate([m.rows(getattr(m, x)) for m in motions]) for x in ("position", "effort"))
+        predicted = np.concatenate([fit.predict(m) for m in motions])
+        split = "fitted" if recording.use == "fit" else "heldout"
+        made.append(SpringTrace(recording.name, split, deflection, effort, predicted))
+    return tuple(made)
 
 
 def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tuple[Verdict, ...]:
@@ -139,7 +131,14 @@ def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ..
 
 def spring_page(study: Study, found: SpringResult) -> Page:
     """Return the report of a spring on the bench."""
-    stiffness = found.fit.parameters[0]
+    from ...drawing.drawing import draw
+    from .spring_figures import spring_loop
+
+    rig, stiffness = study.rig, found.fit.parameters[0]
+    assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
+    stated = f"{stiffness.value:.4g} {stiffness.unit}"
+    label = f"Effort ({unit_text(drive_model(rig).effort_unit)})"
+    loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label)
     tile = Tile(
         "Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), "in the middle"
     )
@@ -149,8 +148,11 @@ def spring_page(study: Study, found: SpringResult) -> Page:
         verdicts=found.verdicts,
         tiles=(tile,),
         question="Does one spring explain the effort?",
+        following=(
+            f'State it where the robot has it behind its motor: `[rig.instruments] spring_stiffness = "{stated}"`.',
+        ),
         sections=(
-            Section("spring", "What was found", tables=parameter_tables(found)),
+            Section("spring", "What was found", tables=parameter_tables(found), drawings=(loop,)),
             Section("errors", "Recordings", tables=figure_tables(found), notes=study.notes),
         ),
     )
