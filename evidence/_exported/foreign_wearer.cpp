@@ -427,7 +427,8 @@ class Simulation {
     const double muscles = muscle_now >= 0.0 ? r.emg_flexor_gain * muscle_now : r.emg_extensor_gain * muscle_now;
     emg += r.period / (r.emg_lag + r.period) * (muscles * (1.0 + r.emg_noise * noises[3]) - emg);
     double muscle_reading = round_to(emg + r.emg_offset, r.emg_quantum);
-    double joint = round_to(link, r.encoder_quantum);
+    // Behind a spring the second encoder is the motor's.
+    double joint = round_to(r.spring_stiffness > 0.0 ? geared : link, r.encoder_quantum);
     ++ticks;
     std::int64_t clock = static_cast<std::int64_t>(std::llround(1e6 * (now + 1.0)));
     pellucid_input input{};

@@ -5,7 +5,7 @@
 // as late as its loop. Longer than a few periods outside is a fault, named by what it looks like.
 //
 // A drive may lose energy, to friction that its own loop does not make up for, but not add to what it was asked for.
-// With due effort d, given effort g and velocity v, the energy that it adds beyond the accuracy of its measurement is
+// With due effort d, given effort g and its velocity v, the energy that it adds beyond the accuracy of its measurement is
 //
 //   S' = (g - d) v - (gain |d| + offset) |v| - S/T,   S >= 0,
 //
@@ -13,6 +13,14 @@
 // and its lag add is forgotten with the time constant T. A slow torque loop may give what it was asked for a while ago:
 // where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy. So d is what
 // was asked for now or as late as the loop, whichever gives more energy: a drive may be quicker than its loop is thought.
+//
+// A torque loop may leave its drive's inertia to whoever moves the joint: it takes energy while the joint speeds up and
+// gives it back while it slows down, beside any command. Nobody knows how much of it a loop makes up for. So there are two
+// accounts, one for none of the `inertia` J, the other for all of it,
+//
+//   S'  and  S' + d/dt (J v^2 / 2),
+//
+// and a fault is what exceeds both: a drive that adds energy does so whether the joint speeds up or slows down.
 #pragma once
 
 #include "fields.hpp"
@@ -24,7 +32,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct DriveWatchParams {
   std::uint32_t expected = 0, cycles = 4;
   S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance,
-    surplus = tolerance, late{}, gain{}, offset{}, forget{};
+    surplus = tolerance, late{}, gain{}, offset{}, forget{}, inertia{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
@@ -41,6 +49,8 @@ template <class S> struct DriveWatchParams {
     visit(p.offset, {"drive_offset", unit::effort, at_least(0),
                      "offset of its measurement that does not add to the surplus"});
     visit(p.forget, {"drive_forget", unit::one, share(), "share of the surplus that a period forgets; 0: none"});
+    visit(p.inertia, {"drive_inertia", unit::inertia, at_least(0),
+                      "that its torque loop leaves to whoever moves the joint, at most; the second encoder is then its own. 0: none"});
   }
 };
 
@@ -50,6 +60,8 @@ template <class S> struct DriveWatchState {
   S due{};                    ///< asked for, as late as its loop [N m]
   S given{};                  ///< when it was first outside [N m]
   S surplus{};                ///< energy given beyond what was asked for and the measurement's accuracy [J]
+  S inert_surplus{};          ///< the same, if its inertia gives back what it took [J]
+  S kinetic{};                ///< energy of that inertia [J]
   std::uint32_t outside = 0;  ///< periods in a row
   std::uint32_t silent = 0;   ///< periods in a row
 };
@@ -60,14 +72,23 @@ template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked = effort;
 }
 
-/// What was given to the account of what was asked for, while the joint `moved` [rad].
+/// What was given to the accounts of what was asked for, while the drive had a `velocity` [rad/s] for a `period` [s].
 template <class S>
-void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved) noexcept {
+void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& velocity, const S& period) noexcept {
+  const S moved = period * velocity;
   const S asked = clamp(s.asked, -p.limit, p.limit);
   s.due = asked + p.late * (s.due - asked);
   const S meant = (asked - s.due) * moved > S(0) ? asked : s.due;
   const S accuracy = p.gain * abs(meant) + p.offset;
-  s.surplus = max((S(1) - p.forget) * s.surplus + (given - meant) * moved - accuracy * abs(moved), S(0));
+  const S added = (given - meant) * moved - accuracy * abs(moved), before = s.kinetic;
+  s.kinetic = S(0.5) * p.inertia * velocity * velocity;
+  s.surplus = max((S(1) - p.forget) * s.surplus + added, S(0));
+  s.inert_surplus = p.inertia > S(0) ? max((S(1) - p.forget) * s.inert_surplus + (added + (s.kinetic - before)), S(0)) : s.surplus;
+}
+
+/// Energy that the drive gave beyond what was asked for, whatever its loop makes up for of its inertia [J].
+template <class S> S least_surplus(const DriveWatchState<S>& s) noexcept {
+  return s.surplus <= s.inert_surplus ? s.surplus : s.inert_surplus;
 }
 
 /// By how much the drive may stray from what was asked for [N m]; after `account`.
@@ -76,16 +97,17 @@ template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchSta
   return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
 }
 
-/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked` while the joint `moved` [rad].
-template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved,
-                                    bool heard) noexcept {
+/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked`, while the drive had a
+/// `velocity` [rad/s] for a `period` [s].
+template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& velocity,
+                                    const S& period, bool heard) noexcept {
   if (p.expected == 0) return SafetyFault::none;
   if (!heard) return ++s.silent >= p.cycles ? SafetyFault::drive_silent : SafetyFault::none;
   s.silent = 0;
   const S asked = clamp(s.asked, -p.limit, p.limit);
-  account(p, s, given, moved);
-  if (!(s.surplus <= p.surplus)) {
-    s.surplus = S(0);
+  account(p, s, given, velocity, period);
+  if (!(least_surplus(s) <= p.surplus)) {
+    s.surplus = s.inert_surplus = S(0);
     return SafetyFault::drive_effort;
   }
   if (abs(given - asked) <= may_stray(p, s)) {

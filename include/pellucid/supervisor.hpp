@@ -173,7 +173,10 @@ template <class S> struct SupervisorState {
   S joint_offset{};             ///< offset of the second encoder [rad]
   bool joint_started = false;   ///< false until it was read
   std::uint32_t joint_silent = 0;         ///< periods without it
+  S joint_position{};           ///< what it said last [rad]
+  S drive_velocity{};           ///< velocity of a drive before its spring, smoothed [rad/s]
   ChecksumState law_sum{}, own_sum{};     ///< checksums of the law's numbers and of the supervisor's
+  std::uint32_t memory_sum{};             ///< checksum of what the law remembered after its last period
   std::uint32_t steps = 0;      ///< since it was configured
   std::uint32_t stopped = 0;    ///< periods since the last fault
   std::uint32_t healthy = 0;    ///< periods in a row since
@@ -205,8 +208,12 @@ template <class S> LoggedFault logged(const SupervisorState<S>& s, std::uint32_t
   return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedFault{};
 }
 
+/// Takes the checksum of what the law remembers: between its periods nobody may change it.
+template <class L> void seal_memory(Supervised<L>& s) noexcept { s.state.memory_sum = checksum(s.controller.state); }
+
 /// Takes the checksums where everything now lies.
 template <class L> void seal(Supervised<L>& s) noexcept {
+  seal_memory(s);
   s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
   s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
 }
@@ -302,6 +309,27 @@ SafetyFault compare(const C& c, State& s, const Sample<S>& position, const Sampl
   return abs(apart - s.joint_offset) <= c.params.joint_tolerance ? SafetyFault::none : SafetyFault::disagreement;
 }
 
+/// Whether the drive turns by itself, before a spring: its inertia is left to whoever moves the joint, and the second
+/// encoder is its own.
+template <class S> bool is_before_spring(const SupervisorParams<S>& p) noexcept {
+  return p.joint_expected != 0 && p.drive.inertia > S(0);
+}
+
+/// What the second encoder says of the velocity of a drive before its spring. Before `compare`, which takes note of it.
+template <class S>
+void follow_drive(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sample<S>& joint) noexcept {
+  if (!is_before_spring(c.params) || !is_heard(joint) || joint.sequence == s.joint_seen) return;
+  const S passed = c.period * static_cast<S>(s.joint_silent + 1);
+  const S velocity = s.joint_started ? (joint.value - s.joint_position) / passed : S(0);
+  s.drive_velocity = s.drive_velocity + S(0.5) * (velocity - s.drive_velocity);
+  s.joint_position = joint.value;
+}
+
+/// Velocity with which the drive turns, as the joint goes [rad/s].
+template <class S> S velocity_of_drive(const SupervisorCoefficients<S>& c, const SupervisorState<S>& s) noexcept {
+  return is_before_spring(c.params) ? s.drive_velocity : s.encoder.velocity;
+}
+
 constexpr SafetyFault first_of(SafetyFault a, SafetyFault b) noexcept { return a != SafetyFault::none ? a : b; }
 
 /// What is wrong with encoder, motion, drive and command in this period, the law's optional sensors aside.
@@ -310,10 +338,11 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
                     const Feedback<S>& back) noexcept {
   const SupervisorParams<S>& p = c.params;
   SafetyFault found = step(c.encoder, s.encoder, samples.position);
+  follow_drive(c, s, back.joint);
   found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
     const bool heard = is_new(s.drive_seen, back.drive);
-    found = first_of(found, step(p.drive, s.drive, back.drive.value, c.period * s.encoder.velocity, heard));
+    found = first_of(found, step(p.drive, s.drive, back.drive.value, velocity_of_drive(c, s), c.period, heard));
   }
   const Mode now = mode_of(s);
   const bool carries = now == Mode::running || now == Mode::degraded;
@@ -478,12 +507,15 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     if (done) {
       const SafetyFault said = shown(c.params.test, state.test);
       s.controller.state.gate.output = state.output;
+      seal_memory(s);
       state.body = {};
       state.budget = {};
       state.ringing = {};
       if (said != SafetyFault::none) enter(c, state, said, Mode::zero);
       else go(state, Mode::running, SafetyFault::none);
     }
+  } else if (!is_stopped(mode) && checksum(s.controller.state) != state.memory_sum) {
+    enter(c, state, SafetyFault::integrity, Mode::zero);
   } else if (!is_stopped(mode)) {
     if (mode == Mode::degraded) {
       // Which of the two is not asked: neither is needed.
@@ -491,6 +523,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
       samples.interaction.value = samples.muscle.value = std::numeric_limits<S>::quiet_NaN();
     }
     const S effort = step(s.controller.law, s.controller.state, samples);
+    seal_memory(s);
     latch(s.controller, s.controller.state.gate.fault);
     ++s.controller.steps;
     if (s.controller.fault == SafetyFault::none)

@@ -115,7 +115,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const bool drive_speaks = is_heard(w.back.drive) && w.back.drive.sequence != w.before.drive_seen;
   const bool drive_watches = p.drive.expected != 0;
   DriveWatchState<S> drive = w.before.drive;
-  if (drive_watches && drive_speaks) account(p.drive, drive, w.back.drive.value, w.c.period * s.encoder.velocity);
+  if (drive_watches && drive_speaks) account(p.drive, drive, w.back.drive.value, velocity_of_drive(w.c, s), w.c.period);
   const S asked = clamp(w.before.drive.asked, -p.drive.limit, p.drive.limit);
   const S strays = drive_speaks ? w.back.drive.value - asked : S(0);
   const S allowed = may_stray(p.drive, drive);
@@ -167,7 +167,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"drive_difference", unit::effort, W::size, F::drive_effort, "what the drive gives less what it was asked for"}},
       Show{count(is_outside ? drive.outside + 1 : 0), where(drive_watches, count(p.drive.cycles)),
            {"drive_outside", unit::one, W::above, F::drive_effort, "periods in a row in which the drive gave something else"}},
-      Show{drive.surplus, where(drive_watches, p.drive.surplus),
+      Show{least_surplus(drive), where(drive_watches, p.drive.surplus),
            {"drive_surplus", unit::energy, W::above, F::drive_effort, "energy that the drive gave beyond what it was asked for"}},
       Show{count(drive_speaks ? 0 : drive.silent + 1), where(drive_watches, count(p.drive.cycles)),
            {"drive_silence", unit::one, W::above, F::drive_silent, "periods without the drive's measurement"}},

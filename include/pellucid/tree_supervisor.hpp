@@ -348,7 +348,7 @@ TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const 
     const bool heard = is_new(state.joint[k].drive_seen, back.drive[k]);
     if (heard && (state.steps & 1u) != 0)
       say(step(c.joint[k].delay, state.joint[k].delay, state.joint[k].drive.asked, back.drive[k].value), k);
-    say(step(drive, state.joint[k].drive, back.drive[k].value, c.period * turned[k], heard), k);
+    say(step(drive, state.joint[k].drive, back.drive[k].value, turned[k], c.period, heard), k);
   }
   if (!(abs(power) <= c.whole.power)) say(SafetyFault::power, n);
   if ((state.steps & 1u) == 0) return first;

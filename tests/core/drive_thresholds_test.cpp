@@ -34,10 +34,10 @@ template <class S> void silence() {
   auto params = watch<S>();
   p::DriveWatchState<S> s;
   for (int k = 1; k <= 4; ++k)
-    check(p::step(params, s, S(0), S(0), false) == (k < 3 ? F::none : F::drive_silent), "silent");
-  check(p::step(params, s, S(0), S(0), true) == F::none && s.silent == 0, "until it speaks");
+    check(p::step(params, s, S(0), S(0), S(1), false) == (k < 3 ? F::none : F::drive_silent), "silent");
+  check(p::step(params, s, S(0), S(0), S(1), true) == F::none && s.silent == 0, "until it speaks");
   params.expected = 0;
-  for (int k = 1; k <= 9; ++k) check(p::step(params, s, S(99), S(9), k % 2 == 0) == F::none, "not asked for");
+  for (int k = 1; k <= 9; ++k) check(p::step(params, s, S(99), S(9), S(1), k % 2 == 0) == F::none, "not asked for");
 }
 
 template <class S> void tolerance() {
@@ -47,25 +47,25 @@ template <class S> void tolerance() {
       // 0.5 and a quarter of a command of 2: 1.
       auto s = asked(way * S(2), way * S(2));
       for (int k = 0; k < 9; ++k)
-        check(p::step(params, s, way * S(2) + side, S(0), true) == F::none && s.outside == 0, "within");
+        check(p::step(params, s, way * S(2) + side, S(0), S(1), true) == F::none && s.outside == 0, "within");
       const S given = way * S(2) + side * S(1.0078125);
-      for (int k = 1; k <= 2; ++k) check(p::step(params, s, given, S(0), true) == F::none, "a little while outside");
-      check(p::step(params, s, given, S(0), true) == F::drive_stuck && s.outside == 0, "then it is a fault");
+      for (int k = 1; k <= 2; ++k) check(p::step(params, s, given, S(0), S(1), true) == F::none, "a little while outside");
+      check(p::step(params, s, given, S(0), S(1), true) == F::drive_stuck && s.outside == 0, "then it is a fault");
       // The change of the command is allowed for, either way.
       auto turned = asked(way * S(2), way * S(2) + side * S(0.5));
-      check(p::step(params, turned, way * S(2) + side * S(1.5), S(0), true) == F::none && turned.outside == 0, "changes");
-      check(p::step(params, turned, way * S(2) + side * S(1.5078125), S(0), true) == F::none && turned.outside == 1, "so much");
+      check(p::step(params, turned, way * S(2) + side * S(1.5), S(0), S(1), true) == F::none && turned.outside == 0, "changes");
+      check(p::step(params, turned, way * S(2) + side * S(1.5078125), S(0), S(1), true) == F::none && turned.outside == 1, "so much");
       // What interrupts it is not in a row.
       auto now = asked(way * S(2), way * S(2));
       for (int k = 0; k < 12; ++k)
-        check(p::step(params, now, k % 3 == 2 ? way * S(2) : given, S(0), true) == F::none, "not in a row");
+        check(p::step(params, now, k % 3 == 2 ? way * S(2) : given, S(0), S(1), true) == F::none, "not in a row");
     }
     // Beyond what it can give at most, it is held to that.
     auto limited = params;
     limited.limit = S(1);
     auto s = asked(way * S(4), way * S(4));
-    check(p::step(limited, s, way * S(1.75), S(0), true) == F::none && s.outside == 0, "within what it can give");
-    p::step(limited, s, way * S(1.7578125), S(0), true);
+    check(p::step(limited, s, way * S(1.75), S(0), S(1), true) == F::none && s.outside == 0, "within what it can give");
+    p::step(limited, s, way * S(1.7578125), S(0), S(1), true);
     check(s.outside == 1, "and beyond");
   }
 }
@@ -74,9 +74,9 @@ template <class S> void names() {
   const auto params = watch<S>();
   const auto named = [&](S command, S first, S last) {
     auto s = asked(command, command);
-    p::step(params, s, first, S(0), true);
-    p::step(params, s, S(0.5) * (first + last), S(0), true);
-    return p::step(params, s, last, S(0), true);
+    p::step(params, s, first, S(0), S(1), true);
+    p::step(params, s, S(0.5) * (first + last), S(0), S(1), true);
+    return p::step(params, s, last, S(0), S(1), true);
   };
   for (const S way : {S(-1), S(1)}) {
     check(named(way * S(2), way * S(4), way * S(4.046875)) == F::drive_stuck, "the same within a tenth of the tolerance");
@@ -94,8 +94,8 @@ template <class S> void names() {
   exact.cycles = 2;
   const auto outside = [&](S last) {
     auto s = asked(S(0), S(0));
-    p::step(exact, s, S(20), S(0), true);
-    return p::step(exact, s, last, S(0), true);
+    p::step(exact, s, S(20), S(0), S(1), true);
+    return p::step(exact, s, last, S(0), S(1), true);
   };
   check(outside(S(21)) == F::drive_stuck && outside(S(21.0009765625)) == F::drive_effort, "a tenth of the tolerance");
 }
@@ -111,37 +111,72 @@ template <class S> void surplus() {
     for (const S moved : {S(-0.5), S(0.5)}) {
       const S adds = way * S(2) + (moved > S(0) ? S(1.5) : S(-1.5));  // 1.5 N m the way the joint goes, 0.5 of it allowed
       auto s = asked(way * S(2), way * S(2));
-      check(p::step(params, s, adds, moved, true) == F::none && s.surplus == S(0.5), "what is added beyond the accuracy");
-      check(p::step(params, s, adds, moved, true) == F::none && s.surplus == S(1), "at the limit");
-      check(p::step(params, s, adds, moved, true) == F::drive_effort && s.surplus == S(0), "beyond, and begins anew");
-      p::step(params, s, adds, moved, true);
-      p::step(params, s, adds, -moved, true);
+      check(p::step(params, s, adds, moved, S(1), true) == F::none && s.surplus == S(0.5), "what is added beyond the accuracy");
+      check(p::step(params, s, adds, moved, S(1), true) == F::none && s.surplus == S(1), "at the limit");
+      check(p::step(params, s, adds, moved, S(1), true) == F::drive_effort && s.surplus == S(0), "beyond, and begins anew");
+      p::step(params, s, adds, moved, S(1), true);
+      p::step(params, s, adds, -moved, S(1), true);
       check(s.surplus == S(0), "what it takes back counts, and less than nothing is nothing");
-      p::step(params, s, adds, moved, true);
-      p::step(params, s, way * S(2), moved, true);
+      p::step(params, s, adds, moved, S(1), true);
+      p::step(params, s, way * S(2), moved, S(1), true);
       check(s.surplus == S(0.25), "a right drive's way lowers it by the accuracy");
     }
     auto forgetful = params;
     forgetful.forget = S(0.25);
     auto s = asked(way * S(2), way * S(2));
     s.surplus = S(1);
-    check(p::step(forgetful, s, S(0), S(0), true) == F::none && s.surplus == S(0.75), "forgotten");
+    check(p::step(forgetful, s, S(0), S(0), S(1), true) == F::none && s.surplus == S(0.75), "forgotten");
     auto late = params;
     late.late = S(0.75);
     s = asked(way * S(2), way * S(2));
-    p::step(late, s, S(0), S(0), true);
+    p::step(late, s, S(0), S(0), S(1), true);
     check(s.due == way * S(0.5), "due later");
-    p::step(late, s, S(0), S(0), true);
+    p::step(late, s, S(0), S(0), S(1), true);
     check(s.due == way * S(0.875), "and later");
     auto limited = params;
     limited.limit = S(1);
     s = asked(way * S(2), way * S(2));
-    p::step(limited, s, S(0), S(0), true);
+    p::step(limited, s, S(0), S(0), S(1), true);
     check(s.due == way, "never more than it can give");
   }
 }
 
+/// What a drive's inertia takes from a joint it may give back; what it gives while the joint speeds up is its own.
+template <class S> void inertia() {
+  auto params = watch<S>();
+  params.tolerance = S(100);
+  params.surplus = S(1.125);
+  params.inertia = S(2);
+  // From rest to 2 rad/s and back in 16 periods each: an inertia J takes J v^2 / 2 and gives it back.
+  const auto swing = [&](S loop_leaves, S command, S gain) {
+    auto s = asked(S(0), S(0));
+    S before = S(0), largest = S(0);
+    F found = F::none;
+    for (int k = 1; k <= 64 && found == F::none; ++k) {
+      const int at = k % 32;
+      const S velocity = S(at <= 16 ? at : 32 - at) / S(8) * (k > 32 ? S(-1) : S(1));
+      const S middle = S(0.5) * (velocity + before);
+      const S effort = command * (velocity - before);
+      p::ask(s, effort);
+      found = p::step(params, s, gain * effort - loop_leaves * (velocity - before), middle, S(1), true);
+      largest = p::max(largest, p::least_surplus(s));
+      before = velocity;
+    }
+    check(found == F::none || found == F::drive_effort, "named");
+    return found == F::none ? largest : S(9);
+  };
+  for (const S left : {S(0), S(0.5), S(1), S(1.5), S(2)}) check(swing(left, S(0), S(1)) <= S(1.0625), "a right drive: a quarter of 4 J, whatever its loop leaves");
+  check(swing(S(4), S(0), S(1)) > S(1.125), "twice the inertia that is stated is a fault");
+  check(swing(S(0), S(2), S(3)) > S(1.125), "and so is three times a command that helps along");
+  params.inertia = S(0);
+  check(swing(S(2), S(0), S(1)) > S(1.125), "without inertia nothing is given back");
+  p::DriveWatchState<S> s = asked(S(0), S(0));
+  p::step(params, s, S(1), S(0.5), S(1), true);
+  check(s.surplus == S(0.5) && s.inert_surplus == s.surplus && s.kinetic == S(0), "and both accounts are one");
+}
+
 template <class S> void all() {
+  inertia<S>();
   silence<S>();
   tolerance<S>();
   names<S>();

@@ -31,7 +31,7 @@ template <class S> struct DriveRun {
       const S place = S(0.69) * p::cos(static_cast<S>(std::fmod(2.9 * seconds, 6.283185307179586)));
       const S way = p::clamp(velocity / S(0.05), S(-1), S(1));
       const S given = p::step(reading, read, state.asked + added * way, noise * static_cast<S>(random.uniform(-1, 1)));
-      fault = p::step(watch, state, given, velocity * S(1e-3), true);
+      fault = p::step(watch, state, given, velocity, S(1e-3), true);
       if (fault != F::none) return;
       p::ask(state, S(3) * p::sin(S(1) - place) + S(0.8) * way);
     }
@@ -66,10 +66,10 @@ template <class S> void drive_readings() {
   }
   p::DriveWatchState<S> state;
   state.surplus = S(0.04);
-  for (int k = 0; k < 10000; ++k) p::step(watch, state, S(0), S(0), true);
+  for (int k = 0; k < 10000; ++k) p::step(watch, state, S(0), S(0), S(1), true);
   check_close(state.surplus, S(0.04) * static_cast<S>(std::exp(-1.0)), S(1e-4), "what was added is forgotten in time");
   state.surplus = std::numeric_limits<S>::infinity();
-  check(p::step(watch, state, S(0), S(0), true) == F::drive_effort, "but not what no drive can add");
+  check(p::step(watch, state, S(0), S(0), S(1), true) == F::drive_effort, "but not what no drive can add");
 }
 
 }  // namespace

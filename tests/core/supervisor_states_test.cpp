@@ -495,6 +495,29 @@ void drive_and_order() {
   adds.back.drive = {64, 0, 99, true};
   check(adds.at(8, 0) == F::none && adds.s.drive.surplus == 0.5, "energy of the joint's own way in a period");
   check(adds.at(8, 0) == F::none && adds.s.drive.silent == 1, "a measurement that was seen before is none");
+  // A drive before its spring: its own encoder says how it turns, smoothed, over as many periods as it was silent.
+  r.drive.inertia = 1;
+  r.joint_expected = 1;
+  r.joint_tolerance = never;
+  r.drive.surplus = never;
+  Seen turns(r);
+  turns.starts(0);
+  const auto says = [&](S joint, std::uint32_t sequence) {
+    turns.back.joint = {joint, 0, sequence, true};
+    turns.back.drive = {1, 0, sequence, true};
+    turns.at(0, 0);
+    return p::velocity_of_drive(turns.c, turns.s);
+  };
+  check(says(5, 1) == 0, "one reading is no motion");
+  check_close(says(5 + 4 * period, 2), 2.0, 1e-9, "half of the new velocity");
+  check_close(says(5 + 8 * period, 3), 3.0, 1e-9, "and half of what is left");
+  check_close(turns.s.drive.kinetic, 4.5, 1e-9, "energy of its inertia");
+  turns.back.joint.valid = false;
+  turns.at(0, 0);
+  check_close(says(5 + 12 * period, 4), 2.5, 1e-9, "over two periods, of which it was silent in one");
+  turns.c.params.drive.inertia = 0;
+  check(p::velocity_of_drive(turns.c, turns.s) == 0, "a drive at the joint turns as the joint does");
+  r.drive.inertia = 0;
   r.drive.expected = 0;
   Seen off(r);
   off.c.params.joint_expected = 0;

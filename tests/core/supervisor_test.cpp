@@ -135,6 +135,10 @@ template <class S> void faults() {
   answers<S>(F::integrity, M::zero, 1, [](R& r, int) { r.law.state.doing.word ^= 2u; });
   answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
   answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
+  // What the law remembers changes in its own period alone, and is looked at before each.
+  answers<S>(F::integrity, M::zero, 1, [](R& r, int k) {
+    if (k == 0) r.law.controller.state.gate.output = r.law.controller.state.gate.output + S(0.001);
+  });
 }
 
 /// An effort that goes to and fro 15 times a second is found; the same one slowly, or as fast as dither, is not.

@@ -10,7 +10,7 @@ from .. import _core
 from .control_law import ControlLaw
 from .instruments import CompleteInstruments, Instruments
 from .residual_compensator import ResidualDesign
-from .supervised import DRIVE_SURPLUS_TRAVEL, SupervisedLaw, body_of, supervised
+from .supervised import SupervisedLaw, body_of, supervised
 
 WORN_ENCODER_RESOLUTION = 1e-3
 """Error of one reading of the output's encoder if none is stated [rad]."""
@@ -19,16 +19,12 @@ SPRING_TOLERANCE = 0.5
 """Largest difference between the spring's torque and its command, as a share of the law's effort limit [1]; the dry
 friction of the drive before the spring is added, against which its torque loop may not follow."""
 
-SPRING_SWING_SPEED = 2.0
-"""Speed up to which a spring's drive may give back the energy of its own motion [rad/s].
-
-The drive's inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. On
-foreign drives of 20261103 and 20261105 to 20261107 this refuses 106 of 300 starts, 4.8 rad/s none; but with 4.8 rad/s a
-drive that gives three times the effort is found on none of three tuning knees, and with this on all.
-docs/safety.md has the trade: a start that is refused costs time, a leg that is shaken may cost more."""
-
 SPRING_INERTIA_FACTOR = 1.4
-"""Largest ratio of that inertia to the one on the card [1]."""
+"""Largest ratio of the inertia that the drive's torque loop leaves to the one on the card [1].
+
+That inertia takes energy while a leg speeds up and returns it while the leg slows down, beside any command. With an
+account of it by the motor's own encoder healthy starts on 80 foreign drives of 20261103 and 20261105 to 20261107 came
+to at most a quarter of the energy that any drive may add; without the account to twenty times as much."""
 
 SPRING_FRICTION_FACTOR = 1.4
 """Largest ratio of that friction to the one on the card [1].
@@ -88,8 +84,7 @@ def watched_worn(
     if measured.drive:
         more = {
             "drive_tolerance": SPRING_TOLERANCE * effort + SPRING_FRICTION_FACTOR * drive.get("actuator_coulomb", 0.0),
-            "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort
-            + 0.5 * SPRING_INERTIA_FACTOR * drive.get("actuator_inertia", 0.0) * SPRING_SWING_SPEED**2,
+            "drive_inertia": SPRING_INERTIA_FACTOR * drive.get("actuator_inertia", 0.0),
             "drive_share": SPRING_SHARE,
             "drive_cycles": float(round(SPRING_LAG / period)),
             "drive_late": math.exp(-period / SPRING_LATE),
