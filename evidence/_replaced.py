@@ -64,10 +64,14 @@ def with_another_machine(channels: Channels) -> Channels:
 
 
 def with_threefold_effort(channels: Channels) -> Channels:
-    """Return the recording with three times the effort, or three times the EMG where no effort was recorded."""
+    """Return the recording with three times the effort, or three times the EMG where no effort was recorded.
+
+    A duty is a share of the supply, of which `check` accepts no threefold: it becomes a third.
+    """
     kinds = {name.partition(".")[0] for name in channels}
     what = EFFORT_CHANNELS if kinds & set(EFFORT_CHANNELS) else ("emg",)
-    return _with(channels, what, lambda x: 3.0 * x)
+    shares = _with(channels, ("duty",), lambda x: x / 3.0)
+    return _with(shares, tuple(kind for kind in what if kind != "duty"), lambda x: 3.0 * x)
 
 
 def with_reversed_time(channels: Channels) -> Channels:

@@ -52,7 +52,7 @@ CAUSE_PATTERNS = {
     "clipped": r"clip(s|ped|ping)?|saturat(ed|es|ion)",
     "copy": r"same|duplicate|identical|twice",
     "late": r"delay(s|ed)?|lags?|late",
-    "contradiction": r"contradicts?|disagrees? with",
+    "contradiction": r"contradicts?|disagrees? with|differ between",
     "zero": r"zero of the angle|encoder's zero",
     "rollover": r"rolls? over|wrap(s|ped)?",
 }

@@ -165,3 +165,25 @@ def test_one_recording_of_two_with_its_drive_reversed(make_study):
     np.savetxt(study.folder / "recordings" / "again.csv", rows, delimiter=",", header="t,q,i", comments="")
     with pytest.raises(IdentificationError, match=r"recording again: .* the sign of the drive or of the position"):
         identify(study)
+
+
+def test_a_held_out_recording_without_a_usable_stretch_is_named_and_refuses_nothing(make_study):
+    judged = '\n[[recordings]]\nname = "judged"\nfile = "recordings/judged.csv"\nuse = "validate"\n'
+    judged += 'exclude = [["0.5 s", "9.5 s"]]\n'
+    columns = make_study.swing()
+    study = make_study(columns, append=judged)
+    short = {name: column * (1.0 if name == "t" else 1.01) for name, column in columns.items()}
+    lines = [
+        ",".join(short),
+        *(",".join(map(repr, row)) for row in zip(*(c.tolist() for c in short.values()), strict=True)),
+    ]
+    (study.folder / "recordings" / "judged.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    study = open_study(study.folder)
+    (told,) = [fault for fault in check(study) if fault.kind == "short_stretch"]
+    assert "judged.csv (recording judged): found 2000 samples, no enabled stretch of at least 190" in told.message
+    alone = identify(make_study(columns), families=["symmetric"], thorough=False)
+    study = make_study(columns, append=judged)
+    found = identify(study, families=["symmetric"], thorough=False)
+    for name in ("inertia", "gravity", "coulomb"):
+        assert found[name].value == alone[name].value
+    assert any("it is held out, and is left out" in verdict.text for verdict in found.verdicts)

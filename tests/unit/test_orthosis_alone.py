@@ -1,11 +1,16 @@
 """The orthosis without a wearer: gravity, inertia and friction found; gravity's sine caps the published form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from pellucid._errors import IdentificationError
 from pellucid.fit.strap.orthosis_alone import fit_orthosis
+from pellucid.fit.transfer.pendulum_fit import evaluate_pendulum
+from pellucid.procedures.coupling.coupling_figures import response_figure
+from pellucid.procedures.coupling.coupling_result import _headline, _verdicts
 from pellucid.signals.input_output import InputOutput
 
 INERTIA, DAMPING, GRAVITY, COULOMB = 0.048, 0.05, 1.55, 0.04
@@ -83,3 +88,20 @@ def test_the_stiffness_of_the_published_form_is_gravity_in_disguise(found):
 def test_nothing_to_fit_is_refused():
     with pytest.raises(IdentificationError, match="found 0 recordings of holds and 0 of sines"):
         fit_orthosis([], [])
+
+
+def test_a_judged_recording_whose_simulation_diverges_is_named_and_refuses_nothing(found, monkeypatch):
+    check = sine(0.7, 0.7, rng=np.random.default_rng(5), split="heldout")
+    # As about the upright posture, where the end of a long record follows no more from its start.
+    monkeypatch.setattr("pellucid.models.pendulum.MAX_END_SHIFT_RAD", 0.0)
+    response = evaluate_pendulum(found.pendulum, check)
+    assert response.diverges
+    assert np.isnan(response.simulated).all()
+    assert response.recording == "check_07"
+    other = replace(found, checks={**found.checks, "check_07": response})
+    assert np.isnan(other.mean_fit())
+    assert other.parameters == found.parameters
+    assert "cannot be simulated along check_07" in _headline(other, {})
+    said = [v.text for v in _verdicts(other, {}, {}, {}) if v.kind == "warning"]
+    assert any("check_07" in text and "diverges" in text for text in said)
+    response_figure(replace(found.checks["check_07"], fit=float("nan")), found.linear_checks["check_07"])

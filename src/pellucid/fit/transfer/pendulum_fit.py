@@ -131,13 +131,22 @@ def fit_pendulum(
 
 
 def evaluate_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
-    """Simulate a record with fixed parameters; only its initial state is estimated."""
+    """Simulate a record with fixed parameters; only its initial state is estimated.
+
+    A record that only judges must not stop a fit: where the simulation diverges, `Response.diverges` says so.
+    """
     _require(record, 2)
     held = dict(zip(NAMES, fit.complete, strict=True))
     problem = _Problem((record,), (), held, fit.hold, fit.width)
     start = np.array([record.output[0], _speed(record)[0]])
     problem.prepare(start)
     found = least_squares(problem.residual, start, jac=problem.jacobian, x_scale="jac", max_nfev=30)
+    if problem.motions(found.x) is None:
+        nothing, nan = np.full(len(record), np.nan), float("nan")
+        return Response(
+            recording=record.recording, split=record.split, time=record.time, input=record.input,
+            measured=record.output, simulated=nothing, fit=nan, rmse=nan, initial=(nan, nan), offset=0.0,
+        )  # fmt: skip
     return problem.responses(found.x)[0]
 
 

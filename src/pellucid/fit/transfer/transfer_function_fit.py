@@ -72,6 +72,11 @@ class Response:
         """Measured minus simulated output, shape (n,), in the output's unit."""
         return self.measured - self.simulated
 
+    @property
+    def diverges(self) -> bool:
+        """Whether the model cannot be simulated along this record; fit and simulation are then NaN."""
+        return not np.isfinite(self.fit)
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class TransferFit(Estimates):

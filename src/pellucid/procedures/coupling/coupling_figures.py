@@ -80,7 +80,8 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     axis.set_xlabel("Time (s)")
     names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
     key(axis, names, room=LEGEND_SHARE)
-    rest = f"pendulum {pendulum.fit:.1f} %, two poles {linear.fit:.1f} %"
+    reached = "diverges" if pendulum.diverges else f"{pendulum.fit:.1f} %"
+    rest = f"pendulum {reached}, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
     return Drawing(
         "response",

@@ -93,7 +93,9 @@ def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str
     held = [w.coupling.mean_fit() for w in wearers.values()]
     straps = ", ".join(f"{who} {w.coupling.parameter('stiffness').value:.3g} N*m/rad" for who, w in wearers.items())
     evaluated = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
-    return f"Straps of {straps}{evaluated}; orthosis {orthosis.mean_fit():.1f} % held out."
+    diverging = ", ".join(name for name, response in orthosis.checks.items() if response.diverges)
+    alone = f"cannot be simulated along {diverging}" if diverging else f"{orthosis.mean_fit():.1f} % held out"
+    return f"Straps of {straps}{evaluated}; orthosis {alone}."
 
 
 def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Iterator[ParameterTable | FigureTable]:
@@ -175,6 +177,13 @@ def _verdicts(
             f"The orthosis as a pendulum with friction fits sines it was not fitted to by {reached:.1f} %, the "
             f"published form, in which a spring stands for gravity, by {linear:.1f} %.",
         )
+    for name, response in orthosis.checks.items():
+        if response.diverges:
+            yield Verdict(
+                "warning",
+                f"{name}: the orthosis as identified cannot be simulated along this held-out recording: it diverges. "
+                "Nothing that was fitted depends on it; compare its torque's unit and sign with the other recordings'.",
+            )
     for name, reason in orthosis.pendulum.reasons.items():
         yield Verdict("note", f"The orthosis's {name} is at its bound: {reason}")
     for who, stages in wearers.items():
@@ -225,7 +234,9 @@ def _rows(
         yield row(name, _known(orthosis.mean_fit(linear=linear)), "%", "heldout", note)
         checks = orthosis.linear_checks if linear else orthosis.checks
         for recording, response in checks.items():
-            yield row(f"{name}.{recording}", response.fit, "%", "heldout", checksum=checksums.get(recording))
+            why = "refused: the simulation diverges" if response.diverges else ""
+            checksum = checksums.get(recording)
+            yield row(f"{name}.{recording}", _known(response.fit), "%", "heldout", why, checksum=checksum)
     for who, stages in wearers.items():
         yield from _limb_rows(who, stages, row, parameter)
         yield from _coupling_rows(who, stages.coupling, row, parameter, checksums)

@@ -26,12 +26,15 @@ STIFFNESS_KIND_WORDS = {"short_range": "at once", "slope": "by Hill's slope"}
 
 
 def find_stiffness(found: CalibrationFindings, cards: Mapping[str, EmgEstimatorCard]) -> tuple[JointStiffness, ...]:
-    """Compute the stiffness of every joint with a live muscle estimator, along the recording that figures show."""
+    """Compute the stiffness of every joint with a live muscle estimator, along its first fitted recording.
+
+    A card holds what is found, and held-out recordings may move nothing in it.
+    """
     made = []
     for (joint, estimator), fit in found.causal.items():
         card = cards.get(f"emg_{joint}_{estimator}")
-        if isinstance(fit, HillMap) and card is not None and joint in found.shown:
-            made.append(joint_stiffness(card, fit.fit, found.shown[joint]))
+        if isinstance(fit, HillMap) and card is not None:
+            made.append(joint_stiffness(card, fit.fit, found.stiffened[joint]))
     return tuple(made)
 
 
@@ -77,7 +80,7 @@ def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: M
             ):
                 where = f"{study}.{s.joint}.stiffness.{kind}.{name}"
                 rows.append(
-                    ResultRow(where, value, STIFFNESS_UNIT, "calibrate", "heldout", checksums.get(s.recording), words)
+                    ResultRow(where, value, STIFFNESS_UNIT, "calibrate", "fitted", checksums.get(s.recording), words)
                 )
     return rows
 

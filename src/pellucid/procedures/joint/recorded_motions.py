@@ -87,21 +87,33 @@ def take_excerpt(recordings: Iterable[Recording], study: Study, everything: tupl
 
 
 def short_stretch_faults(study: Study) -> list[Fault]:
-    """Return a fault for each stretch between cuts that is too short to be used."""
+    """Return a fault for each stretch between cuts that is too short to be used, and for held-out files without any."""
     faults = []
     for recording in study.recordings():
         processing = study.processing_of(recording)
         fewest = shortest(filtering_of(processing))
+        where = f"{recording.path.name} (recording {recording.name})"
+        if recording.use != "fit" and not _long_stretches(recording, processing, fewest):
+            found = f"{len(recording)} samples, no enabled stretch of at least {fewest}"
+            message = f"{where}: found {found}; it is held out, and is left out"
+            faults.append(
+                Fault("cut", "short_stretch", recording.path.name, "time", found, f"{fewest} samples", message)
+            )
+            continue
         for stretch in stretches_of(recording, processing) if recording.cuts else ():
             n = len(stretch.time)
             if n < fewest:
                 found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
-                where = f"{recording.path.name} (recording {recording.name})"
                 message = f"{where}: found {found}, expected at least {fewest}; left out"
                 faults.append(
                     Fault("cut", "short_stretch", recording.path.name, "time", found, f"{fewest} samples", message)
                 )
     return faults
+
+
+def _long_stretches(recording: Recording, processing: Processing, fewest: int) -> list[Stretch]:
+    """Return the stretches between cuts with the drive on that have at least so many samples."""
+    return [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
 
 
 def _motions_of(recording: Recording, study: Study, model: DriveModel, within: int | None = None) -> Iterator[Motion]:
@@ -113,7 +125,10 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
         )
     filtering = filtering_of(processing)
     fewest = shortest(filtering)
-    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
+    stretches = _long_stretches(recording, processing, fewest)
+    # What only judges refuses no fit.
+    if not stretches and recording.use != "fit":
+        return
     if not stretches:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "

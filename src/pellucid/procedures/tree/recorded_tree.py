@@ -264,6 +264,9 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     drives, filtering = drives_of(study, robot), filtering_of(processing)
     stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= shortest(filtering)]
+    # What only judges refuses no fit: `short_stretch_faults` names it.
+    if not stretches and recording.use != "fit":
+        return
     if not stretches:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {shortest(filtering)}; "
