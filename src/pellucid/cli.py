@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="pellucid",
     cls=CommandGroup,
-    help="From a robot's recordings to its model, controllers, what they do to people, and C for the robot.",
+    help="From recordings of a robot to its model, its controllers and their C.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
@@ -484,7 +484,7 @@ def compare(
     accept_stale: Stale = False,
 ) -> None:
     """Compare the parameters of a joint in two studies."""
-    from .pages.quantities import number, typeset_units, unit_text
+    from .pages.quantities import number, typeset_quantities, unit_text
     from .procedures.compare import compare as run
 
     found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
@@ -503,7 +503,7 @@ def compare(
     out = make_console()
     print_line(out, f"\n{found.family} friction; A is {a}, B is {b}")
     print_short_table(out, ("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, 24)
-    print_items(out, [(v.kind, typeset_units(v.text)) for v in found.verdicts], 14)
+    print_items(out, [(v.kind, typeset_quantities(v.text)) for v in found.verdicts], 14)
     out.print()
 
 
@@ -618,7 +618,7 @@ def audit(
     json: Json = False,
 ) -> None:
     """Judge each channel of any log; status 1 if one is unsound."""
-    from .pages.quantities import typeset_units
+    from .pages.quantities import typeset_quantities
     from .procedures.audit import audit as run
     from .procedures.audit_page import write_audit_page
 
@@ -634,7 +634,9 @@ def audit(
         rows = [(v.channel, v.holds, v.verdict) for v in found.verdicts]
         print_short_table(console, ("channel", "holds", "verdict"), rows)
         marks = {"alarm": "warning", "note": "note"}
-        said = [(marks[level], f"{v.channel}: {typeset_units(text)}") for v in found.verdicts for level, text in v.said]
+        said = [
+            (marks[level], f"{v.channel}: {typeset_quantities(text)}") for v in found.verdicts for level, text in v.said
+        ]
         unread = [("wrong", file.unread) for file in found.unread]
         print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)
         print_line(console, f"Page: {page}")
@@ -757,9 +759,9 @@ def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) ->
     print_line(out, f'In study.toml: protocol = "{name}" on each recording.')
 
 
-@app.command(rich_help_panel=LEARN_GROUP, epilog=example("pellucid version"))
+@app.command(hidden=True, rich_help_panel=LEARN_GROUP, epilog=example("pellucid version"))
 def version() -> None:
-    """Print the version."""
+    """Print the version, as ``--version`` does."""
     from . import __version__
 
     typer.echo(f"pellucid {__version__}")

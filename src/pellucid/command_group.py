@@ -25,6 +25,13 @@ def example(command_line: str) -> str:
     return f"Example: {command_line}\n\n\nManual: docs/commands.md"
 
 
+COMPLETION_HELP = {
+    "install_completion": "Have this shell complete commands and options.",
+    "show_completion": "Print what completes them, to copy or change it.",
+}
+"""Help of the options about completion."""
+
+
 class CommandGroup(TyperGroup):
     """The commands by name, in groups. Each has `-q` and `-v`; one that is not installed is known, and says so."""
 
@@ -35,6 +42,13 @@ class CommandGroup(TyperGroup):
             raise missing_lab(cmd_name)
         if isinstance(found, TyperCommand) and not any("--quiet" in each.opts for each in found.params):
             found.params += _shared_parameters()
+        return found
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options, the help of each on one line: all commands fit on a screen."""
+        found = super().get_params(ctx)
+        for each in found:
+            each.help = COMPLETION_HELP.get(each.name or "", getattr(each, "help", None))
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

@@ -9,6 +9,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from pellucid import cli, lab_cli, terminal
+from pellucid.pages.quantities import typeset_quantities
 from pellucid.terminal import print_items, print_lines, print_short_table
 
 SCREEN_LINES = 45
@@ -91,3 +92,14 @@ def test_the_list_of_data_sets_is_a_line_each():
     assert "Leg extension from sitting: …" in "\n".join(short)
     assert "goniometer at the knee" in whole
     assert len(whole.splitlines()) > SCREEN_LINES
+
+
+def test_the_help_of_all_commands_fits_one_screen():
+    told = CliRunner().invoke(cli.app, ["--help"]).output.splitlines()
+    assert len(told) <= SCREEN_LINES
+    assert max(map(len, told)) <= 80
+
+
+def test_minus_signs_of_sentences_are_typographic_and_options_are_not():
+    said = typeset_quantities("seen from -20.4 to +3.1 deg, -.5 N*m/rad; run with -v, run-2, 1e-05 s, 2026-11-27")
+    assert said == "seen from −20.4 to +3.1 deg, −.5 N·m/rad; run with -v, run-2, 1e-05 s, 2026-11-27"

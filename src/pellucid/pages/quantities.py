@@ -209,15 +209,18 @@ def typeset_sentence(text: str) -> str:
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS_SIGN}"), text)
     text = re.sub(rf"({_FILE_PATTERN})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
-    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS_SIGN, typeset_units(text))
-    text = re.sub(r"\bR2\b", "R²", text)
+    text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
     return text if own else text[:1].upper() + text[1:]
 
 
-def typeset_units(text: str) -> str:
-    """Return a sentence with the typography of its units, N·m or kg·m²; names of files stay unchanged."""
+def typeset_quantities(text: str) -> str:
+    """Return a sentence with the typography of its units, N·m or kg·m², and of its minus signs.
+
+    Names of files, and options such as ``-v``, stay unchanged.
+    """
     text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
-    return re.sub(r"(?<=[a-z])\^2\b", "²", text)
+    text = re.sub(r"(?<=[a-z])\^2\b", "²", text)
+    return re.sub(r"(?<![\w^-])-(?=\.?\d)", MINUS_SIGN, text)
 
 
 def parameter_label(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..pages.page import Section
-from ..pages.quantities import MINUS_SIGN, typeset_units, unit_text
+from ..pages.quantities import MINUS_SIGN, typeset_quantities, unit_text
 from ..pages.tables import Row, Table
 from .figure import Reproduced
 
@@ -28,7 +28,7 @@ def bracketed(ours: str, printed: str | None) -> str:
 
 def _said(text: str) -> str:
     """Plain text with units and differences as they are set; a difference keeps to its line."""
-    return typeset_units(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS_SIGN}\N{NO-BREAK SPACE}")
+    return typeset_quantities(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS_SIGN}\N{NO-BREAK SPACE}")
 
 
 def row_sections(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..drawing.drawing import draw
 from ..pages.page import Answer, Page, Section, Tile, write_page
-from ..pages.quantities import typeset_units
+from ..pages.quantities import typeset_quantities
 from ..pages.tables import Row, Table
 from ..recordings.log import ALARM_LEVEL
 from .audit import SOUND_VERDICT, Audit
@@ -52,7 +52,8 @@ def _tiles(found: Audit) -> tuple[Tile, ...]:
 def _verdict_table(found: Audit) -> Table:
     heads = ("level", "channel", "what it probably holds", "verdict", "what was found")
     rows = (
-        Row((v.level, v.channel, v.holds, v.verdict, typeset_units("; ".join(v.sentences)))) for v in found.verdicts
+        Row((v.level, v.channel, v.holds, v.verdict, typeset_quantities("; ".join(v.sentences))))
+        for v in found.verdicts
     )
     caption = "A channel with an alarm must not be used as it is."
     return Table(heads, tuple(rows), caption=caption, wide=True)

@@ -19,7 +19,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ..pages.quantities import cell_text, number, parameter_note, relative_sd, typeset_units, unit_text
+from ..pages.quantities import cell_text, number, parameter_note, relative_sd, typeset_quantities, unit_text
 from .result_tables import FigureTable, ParameterTable
 
 if TYPE_CHECKING:
@@ -101,8 +101,8 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
     one: the headline, the worst verdicts, and of the tables what fits, in their order. The last line says what was left
     out.
     """
-    headline = f"\n{result.study}: {typeset_units(result.headline)}"
-    tables, sentences = result.tables, [(v.kind, typeset_units(v.said)) for v in result.verdicts]
+    headline = f"\n{result.study}: {typeset_quantities(result.headline)}"
+    tables, sentences = result.tables, [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
     prose, left_out = result.prose, list[str]()
     if brief and (any(t.max_brief_rows is not None for t in tables) or _is_longer_than_a_screen(out, result)):
         headline = shorten_text(headline, MAX_BRIEF_HEADLINE_LENGTH)
@@ -147,9 +147,9 @@ def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
     if sum(len(_rows(table)) for table in result.tables) > MAX_SCREEN_LINES:
         return True  # a row takes a line at least, so that nothing needs to be laid out
     tables = [each for table in result.tables for each in _printed_table(out, table, result.confidence)]
-    sentences = [(v.kind, typeset_units(v.said)) for v in result.verdicts]
+    sentences = [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
     text = [
-        Text(f"\n{result.study}: {typeset_units(result.headline)}"),
+        Text(f"\n{result.study}: {typeset_quantities(result.headline)}"),
         *([Text(result.prose)] if result.prose else []),
     ]
     return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1 > MAX_SCREEN_LINES
@@ -382,7 +382,7 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
 
 def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
     """Break a head into lines no wider than its column; columns of numbers are aligned to the right."""
-    head = typeset_units(head)
+    head = typeset_quantities(head)
     width = max(map(len, [*head.split(), *cells]))
     head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
     # Words may wrap in a narrow terminal; numbers must not be cut.

@@ -8,15 +8,13 @@ import numpy as np
 
 from ...assessment.indices import index_names
 from ...assessment.power import CANDIDATE_SIZES
+from ...pages.quantities import MINUS_SIGN
 from ..result import FigureTable
 from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
 from .primary_change import ESTIMAND_WORDS, change_figure, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
-
-MINUS_SIGN = "\N{MINUS SIGN}"
-"""Minus sign in tables."""
 
 PRINTED_UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 """Printed form of units that differ from their plain text."""
