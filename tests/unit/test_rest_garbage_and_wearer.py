@@ -5,6 +5,7 @@ import pytest
 
 import pellucid as pl
 from pellucid.fit.joint.friction_drift import find_friction_drift
+from pellucid.procedures.joint.static_postures import posture_page
 from pellucid.procedures.joint.velocity_faults import velocity_faults
 from pellucid.recordings.defects.magnitude import find_implausible
 from pellucid.recordings.defects.worn import find_worn
@@ -229,6 +230,11 @@ def test_static_postures_give_the_weight(make_study, rng):
     assert "weight" in found.headline
     assert [row.split for row in found.rows if ".rms." in row.id] == ["fitted", "heldout"]
     assert found.judged[0][1] == pytest.approx(1.5 * np.sin(0.5) + 0.05, abs=0.01)
+    page = posture_page(study, found)
+    assert page.answer.figure is not None
+    assert page.answer.figure.name == "postures"
+    assert page.headline.startswith("Weight 1.5")
+    assert "between −52 and 57 deg" in page.headline
 
 
 def test_an_effort_that_falls_silent_is_cut_out(make_study, rng):

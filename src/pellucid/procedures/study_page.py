@@ -15,6 +15,7 @@ from ..pages.quantities import (
     number,
     parameter_interval,
     parameter_note,
+    typeset_quantities,
     typeset_sentence,
     unit_text,
 )
@@ -40,7 +41,8 @@ def study_page(
     stands beside them, with what to do next in the sentences `following`.
     """
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
-    sections = tuple(sections)
+    sections, headline = tuple(sections), typeset_quantities(headline)
+    headline = headline[:1].upper() + headline[1:]
     if answer is None:
         answer, sections = answer_from_verdicts(question, shown, sections)
         answer = replace(answer, next=tuple(following), verdict=badge or answer.verdict)

@@ -119,7 +119,11 @@ def _rows(
 
 def posture_page(study: Study, found: PostureResult) -> Page:
     """Return the report of a joint that was only held."""
+    from ...drawing.drawing import draw
+    from .posture_figures import posture_figure
+
     weight = next(p for p in found.estimates.values() if p.name == "gravity")
+    held = draw(posture_figure, found.fit, [hold for hold, _ in found.judged], weight.unit)
     tile = Tile("Weight", number(weight.value, weight.standard_error), unit_text(weight.unit), "times the angle's sine")
     return study_page(
         title=f"{found.study}: weight of a joint",
@@ -128,7 +132,7 @@ def posture_page(study: Study, found: PostureResult) -> Page:
         tiles=(tile,),
         question="Does one weight explain the torque in every posture?",
         sections=(
-            Section("weight", "What was found", tables=parameter_tables(found)),
+            Section("weight", "What was found", tables=parameter_tables(found), drawings=(held,)),
             Section("postures", "Postures", tables=figure_tables(found), notes=study.notes),
         ),
     )
