@@ -20,10 +20,10 @@ from benchmarks._size import sized
 from pellucid._processes import ordered_results
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.papers.knee.walking import (
+    EXTENDED_LAWS,
     FREE_FOOT,
     LAW_WORDS,
     SITTING_CONDITION,
-    THIGH_LAWS,
     WALKING_DURATION_S,
     WALKING_SPEEDS,
     WalkedRow,
@@ -41,7 +41,7 @@ SEED = 8300
 FURTHER_SEEDS = sized((8310, 8320), smallest=())
 """First seeds of further wearers, of whom the laws of `FURTHER_LAWS` alone are worn."""
 
-FURTHER_LAWS = ("zero_impedance", "body", "residual_no_emg", "residual")
+FURTHER_LAWS = ("zero_impedance", "body", "residual_no_emg", "residual", "residual_walking_gate")
 """Laws that wearers of further seeds wear."""
 
 WEARER_COUNT = sized(3, smallest=1)
@@ -62,7 +62,7 @@ def walking_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
         note = f"RMS strap torque without control, {speed}; {count} wearers, 95 % interval {low:.2f} to {high:.2f}"
         yield _row(f"{speed}.zero_impedance", base.mean(), "N*m", note)
         for name in LAW_WORDS:
-            if name != "zero_impedance" and not (speed == SITTING_CONDITION and name in THIGH_LAWS):
+            if name != "zero_impedance" and not (speed == SITTING_CONDITION and name in EXTENDED_LAWS):
                 own = torques(found, name, speed)
                 yield _ratio(f"{speed}.{name}", own, base, f"{name} over zero impedance, {speed}")
     for speed in WALKING_SPEEDS:
@@ -97,6 +97,8 @@ def further_rows(first: Sequence[WalkedRow], count: int) -> Iterator[ResultRow]:
     everybody = [row for group in groups for row in group]
     for speed in (SITTING_CONDITION, *WALKING_SPEEDS):
         for name in FURTHER_LAWS[1:]:
+            if speed == SITTING_CONDITION and name in EXTENDED_LAWS:
+                continue
             by_seed = [
                 torques(group, name, speed).mean() / torques(group, "zero_impedance", speed).mean() for group in groups
             ]

@@ -1,10 +1,13 @@
 """A walking wearer: what a moving thigh adds, against kinematics in the world's axes, and a walk in the lab."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pellucid.control.coupling import Coupling
 from pellucid.lab.knee.moving_thigh import (
+    LawWithFootSwitch,
     LawWithThighSensor,
     MovingThigh,
     ThighSensor,
@@ -101,6 +104,23 @@ def test_a_sensor_on_the_thigh_tells_what_it_adds():
         added = float(thigh.added_torque(k, angle, 1.6, 0.0, 0.05))
         assert law.step(k * STEP_S, angle, 0.0) == pytest.approx(1.6 * np.sin(angle) - added, abs=0.02)
         assert still.felt == pytest.approx(added, abs=0.02)
+    assert law.fault == "none"
+
+
+def test_a_switch_under_the_foot_scales_a_command_in_stance_alone_and_a_little_late():
+    moved, _ = moving()
+    seconds = STEP_S * np.arange(len(moved.bearing))
+    thigh = replace(moved, bearing=((seconds > 0.3) & (seconds < 0.7)).astype(float))
+    law = LawWithFootSwitch(StillGravity(), thigh, STEP_S, 0.5)
+    told = np.array([law.step(k * STEP_S, 1.0, 0.0) for k in range(len(thigh.bearing))]) / (1.6 * np.sin(1.0))
+    switched = np.diff((thigh.bearing > 0.1).astype(int))
+    closes, opens = (1 + np.flatnonzero(switched == way)[-1] for way in (1, -1))
+    late = round(0.02 / STEP_S)
+    assert told[closes + late - 1] == pytest.approx(1.0, abs=0.02)
+    assert told[closes + late + round(0.15 / STEP_S)] == pytest.approx(0.5, abs=0.02)
+    assert told[opens + late - 1] == pytest.approx(0.5, abs=0.02)
+    assert told.min() >= 0.5
+    assert told.max() <= 1.0
     assert law.fault == "none"
 
 

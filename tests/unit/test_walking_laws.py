@@ -3,17 +3,20 @@
 import numpy as np
 import pytest
 
+from pellucid.control.worn import watched_worn
 from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.safety.worn_knee import draw_worn_knee
 from pellucid.papers.knee.paper import KneePaper
 from pellucid.papers.knee.walking import (
+    EXTENDED_LAWS,
     FREE_FOOT,
     LAW_WORDS,
     SITTING_CONDITION,
-    THIGH_LAWS,
     WalkedRow,
     evaluate_walker,
     walking_rows,
     walking_section,
+    watched_walking,
 )
 
 CONDITIONS = (SITTING_CONDITION, "3.6", "5.4")
@@ -26,7 +29,7 @@ def made_rows():
         for name, size, share in (("D1", 2.0, 0.5), ("D2", 4.0, 0.25))
         for condition in CONDITIONS
         for law in LAW_WORDS
-        if not (law in THIGH_LAWS and condition == SITTING_CONDITION)
+        if not (law in EXTENDED_LAWS and condition == SITTING_CONDITION)
         for fault in ("velocity" if (name, condition, law) == ("D2", "5.4", "residual") else "none",)
     ]
     return [*rows, WalkedRow("residual", "D1", FREE_FOOT, 1.0)]
@@ -55,18 +58,26 @@ def test_the_section_tells_shares_and_stops_by_speed():
     assert cells["body by model, thigh's motion carried"][0] == "–"
 
 
+def test_limits_for_walking_allow_the_power_of_both_limits_and_change_nothing_else():
+    law = draw_worn_knee(301).known.control_law()
+    usual, walking = watched_worn(law).supervision, watched_walking(law).supervision
+    both = law.values["effort_limit"] * law.values["velocity_limit"]
+    assert {name: value for name, value in walking.items() if value != usual[name]} == {"power_limit": both}
+    assert usual["power_limit"] == 0.5 * both
+
+
 @pytest.mark.nightly  # identifies a wearer
 def test_a_wearer_walks_under_laws_that_were_built_sitting(monkeypatch, tmp_path):
     monkeypatch.setenv("PELLUCID_DATA", str(tmp_path))
     rows = evaluate_walker(
-        knee_orthosis(), "D8300", speeds=("3.6",), laws=("zero_impedance", "residual", "residual_thigh_sensor"),
-        duration=6.0,
+        knee_orthosis(), "D8300", speeds=("3.6",), duration=6.0,
+        laws=("zero_impedance", "residual", "residual_thigh_sensor", "residual_foot_switch"),
     )  # fmt: skip
     found = {(row.law, row.condition): row for row in rows}
     assert set(found) == {
         ("zero_impedance", SITTING_CONDITION), ("residual", SITTING_CONDITION),
         ("zero_impedance", "3.6"), ("residual", "3.6"),
-        ("residual_thigh_sensor", "3.6"), ("residual", FREE_FOOT),
+        ("residual_thigh_sensor", "3.6"), ("residual_foot_switch", "3.6"), ("residual", FREE_FOOT),
     }  # fmt: skip
     assert all(np.isfinite(row.torque) and row.torque > 0.1 for row in rows)
     assert found["residual", SITTING_CONDITION].torque < 0.6 * found["zero_impedance", SITTING_CONDITION].torque

@@ -44,7 +44,7 @@ INERTIA_REFUSAL = "what hysteresis does where it turns round looks like inertia"
 """Reason for refusing the interval of the inertia: with hysteresis of another law (a bristle of Dahl, 24 draws) it held
 in 15 of 24, where intervals of stiffness, damping and offset held in all and of hysteresis in 22."""
 
-MIN_DEFLECTION_SHARE = 0.05
+MIN_OWN_COLUMN_SHARE = 0.05
 """Columns are told apart if each keeps at least this share of its norm beside the others."""
 
 
@@ -207,11 +207,11 @@ def _require_told_apart(columns: np.ndarray) -> None:
         others = np.delete(columns, i, axis=1)
         own = columns[:, i] - others @ np.linalg.lstsq(others, columns[:, i], rcond=1e-10)[0]
         norm = float(np.linalg.norm(columns[:, i]))
-        if not np.linalg.norm(own) > MIN_DEFLECTION_SHARE * norm:
+        if not np.linalg.norm(own) > MIN_OWN_COLUMN_SHARE * norm:
             share = 100.0 * float(np.linalg.norm(own)) / norm if norm else 0.0
             raise IdentificationError(
                 f"found {share:.1f} % of what {SPRING_PARAMETERS[i]} does to be its own, expected "
-                f"{100.0 * MIN_DEFLECTION_SHARE:.0f} % or more: deflect the spring both ways, at two speeds or more"
+                f"{100.0 * MIN_OWN_COLUMN_SHARE:.0f} % or more: deflect the spring both ways, at two speeds or more"
             )
 
 

@@ -235,6 +235,10 @@ class WalkingBase:
         )
 
 
+PHASE_CHANGE_S = 0.03
+"""Time constant with which a command goes over from one phase of the gait to the next [s]."""
+
+
 @dataclass(frozen=True)
 class ThighSensor:
     """An inertial sensor on the thigh, near the knee: angle, its acceleration, and the knee's acceleration."""
@@ -278,3 +282,38 @@ class LawWithThighSensor:
         if self._controller is None:
             return carried
         return carried + self._controller.step(time, position, torque - carried, emg)
+
+
+@dataclass(frozen=True)
+class FootSwitch:
+    """A switch under the foot that tells stance from swing."""
+
+    load_share: float = 0.1  # share of the foot's full load from which on it is closed [1]
+    lateness: float = 0.02  # time after which a law hears of it [s]
+
+
+class LawWithFootSwitch:
+    """A controller whose command is scaled by the phase of the gait: one factor in stance, the whole in swing."""
+
+    reads_motor_encoder = False
+
+    def __init__(
+        self, controller: Controller, thigh: MovingThigh, period: float, stance: float, switch: FootSwitch | None = None
+    ):
+        switch = switch or FootSwitch()
+        self._controller, self._period, self._stance = controller, period, stance
+        closed, late = thigh.bearing > switch.load_share, round(switch.lateness / period)
+        self._closed = np.concatenate([np.full(late, closed[0]), closed[: len(closed) - late]])
+        self._factor = 1.0
+
+    @property
+    def fault(self) -> str:
+        """Fault that the controller's safety gate has latched; "none" if there is none."""
+        return str(getattr(self._controller, "fault", "none"))
+
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+        """Return the command [N*m] of one period; `time` [s], `position` [rad], `torque` [N*m], `emg` [V]."""
+        k = min(round(time / self._period), len(self._closed) - 1)
+        wanted = self._stance if self._closed[k] else 1.0
+        self._factor += self._period / PHASE_CHANGE_S * (wanted - self._factor)
+        return self._factor * self._controller.step(time, position, torque, emg)
