@@ -225,6 +225,27 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
     yield from sine_set_rows(sines_by_instruments(seed))
     yield from life_rows(healthy_lives("drive_measured", seed))
     yield from start_rows(starts(seed))
+    yield from spring_rows(spring_trials(seed))
+
+
+@cache
+def spring_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
+    """Return every fault under the default export of the knee orthosis, on every foreign drive before a spring."""
+    law = made_exports().default("knee-orthosis")
+    jobs = [partial(try_faults, law, index, seed, tuple(KINDS)) for index in range(PLANT_COUNT)]
+    return tuple(trial for trials in play_all(jobs) for trial in trials)
+
+
+def spring_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield what became of each fault of an exported knee orthosis on foreign drives."""
+    name = "safety.exported.knee-orthosis"
+    seen = [trial for trial in shown(trials) if trial.did_something]
+    yield row(f"{name}.found", found_share(seen), "%", f"of {len(seen)} runs; missed: {missed_words(seen)}")
+    yield worst_row(f"{name}.worst_excess_energy", seen)
+    for kind in dict.fromkeys(trial.kind for trial in trials):
+        own = [trial for trial in trials if trial.kind == kind and not trial.early]
+        yield row(f"{name}.{kind}.found", found_share(own), "%", f"{sum(t.is_found for t in own)} of {len(own)}")
+        yield worst_row(f"{name}.{kind}.worst_excess_energy", own)
 
 
 def shown(trials: Sequence[ForeignTrial]) -> list[ForeignTrial]:

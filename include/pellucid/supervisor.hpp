@@ -209,7 +209,7 @@ template <class S> LoggedFault logged(const SupervisorState<S>& s, std::uint32_t
 }
 
 /// Takes the checksum of what the law remembers: between its periods nobody may change it.
-template <class L> void seal_memory(Supervised<L>& s) noexcept { s.state.memory_sum = checksum(s.controller.state); }
+template <class L> void seal_memory(Supervised<L>& s) noexcept { s.state.memory_sum = quick_sum(s.controller.state); }
 
 /// Takes the checksums where everything now lies.
 template <class L> void seal(Supervised<L>& s) noexcept {
@@ -514,7 +514,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
       if (said != SafetyFault::none) enter(c, state, said, Mode::zero);
       else go(state, Mode::running, SafetyFault::none);
     }
-  } else if (!is_stopped(mode) && checksum(s.controller.state) != state.memory_sum) {
+  } else if (!is_stopped(mode) && quick_sum(s.controller.state) != state.memory_sum) {
     enter(c, state, SafetyFault::integrity, Mode::zero);
   } else if (!is_stopped(mode)) {
     if (mode == Mode::degraded) {

@@ -187,7 +187,7 @@ UNCERTAIN = frozenset({"encoder_frozen", "force_triple", "emg_crossed", "drive_h
 ELBOW_EXCESS = {"wearer_spasm": 3.6}
 """Bounds of an elbow where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
 
-KNEE_EXCESS = {"emg_lost": 2.6, "drive_triple": 10.6, "drive_late": 4.8, "law_state": 4.3, "wearer_spasm": 3.1}
+KNEE_EXCESS = {"emg_lost": 2.6, "drive_triple": 4.3, "drive_late": 4.8, "wearer_spasm": 4.2}
 """Bounds of a worn knee where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
 
 

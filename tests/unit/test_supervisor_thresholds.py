@@ -407,6 +407,8 @@ def test_a_worn_law_is_watched_by_its_spring():
     }  # fmt: skip
     assert {name: s[name] for name in expected} == pytest.approx(expected)
     assert watched_worn(law, replace(spring, drive_limit=math.inf)).supervision["drive_limit"] == math.inf
+    blind = watched_worn(law, replace(spring, joint_encoder=False)).supervision
+    assert {n: v for n, v in blind.items() if v != s[n]} == {"joint_expected": 0.0, "drive_surplus": 0.2}
     stiff = watched_worn(law, replace(spring, spring_stiffness=1e4, joint_tolerance=0.03)).supervision
     assert stiff["joint_tolerance"] == 0.03
 

@@ -65,10 +65,9 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
         "the orthosis, also at its limit of rate.",
-        "Behind a spring a drive that gives three times the effort is found in 34 of 40 virtual runs (up to 8 J), one "
+        "Behind a spring a drive that gives three times the effort is found in 38 of 40 virtual runs (up to 3.5 J), one "
         "that answers 20 ms late in none (4 J): keep an emergency stop within reach.",
-        "A drive whose inertia or friction is far from the card's may be stopped when a leg slows down (38 of 140 "
-        "starts on foreign virtual drives): identify it again rather than switching the watch off.",
+        "joint, where you have it, is the motor's encoder: it tells what energy the motor gives back.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
