@@ -46,9 +46,9 @@ class CommandGroup(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options, the help of each on one line: all commands fit on a screen."""
-        found = super().get_params(ctx)
+        found: list[Any] = super().get_params(ctx)
         for each in found:
-            each.help = COMPLETION_HELP.get(each.name or "", getattr(each, "help", None))
+            each.help = COMPLETION_HELP.get(each.name, getattr(each, "help", None))
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

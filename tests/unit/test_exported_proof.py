@@ -169,8 +169,8 @@ def test_a_memory_fault_hits_the_block_that_it_names(transparent):
     assert all(t.is_found for t in found)
     by_law, by_supervisor = ({t.fault for t in found if t.kind == kind} for kind in kinds)
     assert by_law == {"integrity"}
-    # A bound of the encoder's range or of a push that lost a bit speaks before the checksum does.
-    assert "integrity" in by_supervisor <= {"integrity", "not_started", "range", "push"}
+    # A bound of the encoder's range, of its jumps or of a push that lost a bit speaks before the checksum does.
+    assert "integrity" in by_supervisor <= {"integrity", "not_started", "range", "push", "jump"}
 
 
 def test_an_alarm_is_wanted_only_for_what_truly_happened():

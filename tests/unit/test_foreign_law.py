@@ -68,7 +68,7 @@ def answers(law, count=60):
             # The spring follows the law; its twist is what both encoders differ by.
             angle, torque = 0.3 * np.sin(0.02 * k), given[-1]
             motor = angle + torque / stiffness
-            given.append(controller.step(0.002 * k, angle, torque + 0.5 * np.cos(0.03 * k), motor_position=motor))
+            given.append(controller.step(0.002 * k, angle, torque + 0.05 * np.cos(0.03 * k), motor_position=motor))
     finally:
         controller.close()
     return np.array(given[1:]), controller.fault
@@ -227,8 +227,8 @@ def test_a_single_fault_at_the_knee_costs_joules_under_own_and_foreign_laws(monk
     kinds = {kind.name: kind for kind in worn_knee.KINDS}
     monkeypatch.setattr(worn_knee, "KINDS", tuple(kinds[name] for name in ("drive_stuck", "encoder_nan")))
     monkeypatch.setattr(worn_knee, "MAX_WATCH_S", 1.0)
-    monkeypatch.setattr(worn_knee, "ONSET_RANGE_S", (0.3, 0.5))
-    worn = knee_in_use(drawn_rig(RIG, 401), 1)
+    monkeypatch.setattr(worn_knee, "ONSET_RANGE_S", (1.0, 1.2))
+    worn = knee_in_use(drawn_rig(RIG, 403), 1)
     path = tmp_path / "rests.py"
     path.write_text("class Law:\n    def reset(self): ...\n    def step(self, *sample): return 0.0\n", encoding="utf-8")
     foreign = worst_foreign_knee_fault(worn, ForeignLaw.from_file(path))

@@ -143,8 +143,8 @@ def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
         for what in ("one", "two")
     ]
     made = _one_page(pages)
-    assert made.headline == "one is so."
-    assert "two is so." in made.sections[0].paragraphs[0]
+    assert made.headline == "One is so."
+    assert "Two is so." in made.sections[0].paragraphs[0]
     names = [d.name for d in made.drawings]
     assert len(names) == len(set(names)) == 2
 

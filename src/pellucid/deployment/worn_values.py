@@ -65,8 +65,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
         "the orthosis, also at its limit of rate.",
-        "Behind a spring a drive that gives three times the effort is found in 38 of 40 virtual runs (up to 3.5 J), one "
-        "that answers 20 ms late in none (4 J): keep an emergency stop within reach.",
+        "Behind a spring a drive that gives three times the effort is found in 38 of 40 virtual runs (up to 3.5 J), "
+        "one that answers 20 ms late in none (4 J): keep an emergency stop within reach.",
         "joint, where you have it, is the motor's encoder: it tells what energy the motor gives back.",
         "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",

@@ -144,8 +144,8 @@ def _walk(
     if law in GAIT_LAWS:
         assert isinstance(controller, WornCompensator)
         controller.core = watched_walking(controller.law).start()
-    if law == "residual_foot_switch":
-        controller = LawWithFootSwitch(controller, thigh, rig.period, STANCE_FACTOR)
+        if law == "residual_foot_switch":
+            controller = LawWithFootSwitch(controller, thigh, rig.period, STANCE_FACTOR)
     trial = thigh_trial(condition, rig.subjects[name], thigh, rig, holds)
     taken = run_trial(rig, trial, rng=np.random.default_rng([seed, 7]), controller=controller)
     judged = taken.time >= SETTLING_TIME_S
