@@ -123,6 +123,10 @@ void a_record_holds_its_period() {
   check(life.head(1, 5) == 7, "position, drive and joint are valid");
   check(p::detail::word_float(life.head(1, 6)) == static_cast<float>(life.position), "position");
   check(life.head(1, 7) == 0 && life.head(1, 8) == 2, "age and number");
+  Life<Joint, double> old(4);  // a clock of six hours has more than 32 bits of microseconds
+  old.now = (std::int64_t(5) << 32) + 6000;
+  old.step();
+  check(old.head(0, 0) == 7000 && old.head(0, 1) == 5, "both halves of its time");
   life.step([](auto& read, auto&) { read.position.time -= 700; });
   check(life.head(2, 7) == 700, "age");
   life.step([](auto& read, auto&) { read.position.valid = false; });
