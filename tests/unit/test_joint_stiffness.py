@@ -23,7 +23,7 @@ def found():
     )
     calibrated = CalibrationFindings()
     calibrated.causal["knee", "hill"] = fit_torque_map(fitted, "hill", causal=True)
-    calibrated.shown["knee"], calibrated.stiffened["knee"] = judged, fitted[0]
+    calibrated.shown["knee"], calibrated.stiffness_trials["knee"] = judged, fitted[0]
     own = EmgTorqueTable(chain="none", emg="emg", joints=("knee",), normalise="none")
     study = SimpleNamespace(name="made", table=lambda kind: own, recordings=lambda use=None: [])
     with pytest.MonkeyPatch.context() as patch:

@@ -26,11 +26,12 @@ That inertia takes energy while a leg speeds up and returns it while the leg slo
 account of it by the motor's own encoder healthy starts on 80 foreign drives of 20261103 and 20261105 to 20261107 came
 to at most a quarter of the energy that any drive may add; without the account to twenty times as much."""
 
-BLIND_SURPLUS_TRAVEL = 0.02
+SURPLUS_TRAVEL_WITHOUT_MOTOR_ENCODER = 0.02
 """Energy that a drive before a spring may give beyond its command if no encoder is the motor's: the work of the effort
 limit over this distance [rad].
 
-The joint's velocity is then off by that of the spring. Those starts came to 0.12 J with a limit of 10 N m."""
+The joint's velocity then stands for the motor's, from which it differs while the spring bends. Healthy starts on the
+drives of `SPRING_INERTIA_FACTOR` came to 0.12 J, with an effort limit of 10 N m."""
 
 SPRING_FRICTION_FACTOR = 1.4
 """Largest ratio of that friction to the one on the card [1].
@@ -91,7 +92,7 @@ def watched_worn(
         more = {
             "drive_tolerance": SPRING_TOLERANCE * effort + SPRING_FRICTION_FACTOR * drive.get("actuator_coulomb", 0.0),
             "drive_inertia": SPRING_INERTIA_FACTOR * drive.get("actuator_inertia", 0.0),
-            **({} if measured.joint_encoder else {"drive_surplus": BLIND_SURPLUS_TRAVEL * effort}),
+            **({} if measured.joint_encoder else {"drive_surplus": SURPLUS_TRAVEL_WITHOUT_MOTOR_ENCODER * effort}),
             "drive_share": SPRING_SHARE,
             "drive_cycles": float(round(SPRING_LAG / period)),
             "drive_late": math.exp(-period / SPRING_LATE),

@@ -210,7 +210,12 @@ def typeset_sentence(text: str) -> str:
     text = re.sub(rf"({_FILE_PATTERN})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
-    return text if own else text[:1].upper() + text[1:]
+    return text if own else capitalised(text)
+
+
+def capitalised(text: str) -> str:
+    """Return a text with a capital first letter; all others stay."""
+    return text[:1].upper() + text[1:]
 
 
 def typeset_quantities(text: str) -> str:

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..drawing.drawing import Drawing
 from ..drawing.style import FIGURE_WIDTH, colour
-from ..pages.quantities import parameter_label, unit_text
+from ..pages.quantities import capitalised, parameter_label, unit_text
 from .posterior_beside import ComparedPosterior
 
 HISTOGRAM_BAR_COUNT = 25
@@ -48,7 +48,7 @@ def posterior_figure(compared: Sequence[ComparedPosterior], level: float, file: 
         axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         unit = unit_text(one.drawn.unit)
         name = parameter_label(one.drawn.name).replace(".", ", ")
-        axis.set_title(name[:1].upper() + name[1:] + (f" ({unit})" if unit else ""), fontsize=8.5)
+        axis.set_title(capitalised(name) + (f" ({unit})" if unit else ""), fontsize=8.5)
     return Drawing(
         file,
         figure,

@@ -637,6 +637,7 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
 def _one_page(pages: list[Page]) -> Page:
     """Return one page of all: the first one's answer, then the others' in a section each, then all sections."""
     from ..pages.page import Section
+    from ..pages.quantities import capitalised
 
     first, *others = pages
     answers, sections = [], list(first.sections)
@@ -648,8 +649,7 @@ def _one_page(pages: list[Page]) -> Page:
         drawn = () if page.answer is None or page.answer.figure is None else (page.answer.figure,)
         names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
         drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
-        heading = f"{what[:1].upper()}{what[1:]}"
-        answers.append(Section(f"answer-{i}", heading, (words,), drawings=drawings))
+        answers.append(Section(f"answer-{i}", capitalised(what), (words,), drawings=drawings))
     tiles = tuple(tile for page in pages for tile in page.tiles)
     verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: VERDICT_KINDS.index(v[0]))
     return replace(first, tiles=tiles, sections=(*answers, *sections), verdicts=tuple(verdicts))

@@ -11,6 +11,7 @@ from ..fit.parameter import Verdict, rank_verdicts
 from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
     MINUS_SIGN,
+    capitalised,
     cell_text,
     number,
     parameter_interval,
@@ -41,8 +42,7 @@ def study_page(
     stands beside them, with what to do next in the sentences `following`.
     """
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
-    sections, headline = tuple(sections), typeset_quantities(headline)
-    headline = headline[:1].upper() + headline[1:]
+    sections, headline = tuple(sections), capitalised(typeset_quantities(headline))
     if answer is None:
         answer, sections = answer_from_verdicts(question, shown, sections)
         answer = replace(answer, next=tuple(following), verdict=badge or answer.verdict)

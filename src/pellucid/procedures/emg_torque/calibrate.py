@@ -242,7 +242,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
         fitted, held = parts[joint]
         if causal and name in LIVE_ESTIMATORS:
-            found.causal[joint, name], found.stiffened[joint] = fit, fitted[0]
+            found.causal[joint, name], found.stiffness_trials[joint] = fit, fitted[0]
         if causal and name == CARD_ESTIMATOR:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and ESTIMATOR_FAMILIES[name].shows_muscles and not causal:

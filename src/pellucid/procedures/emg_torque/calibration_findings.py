@@ -28,7 +28,7 @@ class CalibrationFindings:
     causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
     muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
-    stiffened: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial along which stiffness is stated
+    stiffness_trials: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial of each stiffness
     passed_over: dict[str, str] = field(default_factory=dict)  # Reason why muscles were not fitted, by joint or person
     verdicts: list[Verdict] = field(default_factory=list)  # Verdicts on this evaluation
     chosen: dict[str, RecommendedEstimator] = field(

@@ -34,7 +34,7 @@ def find_stiffness(found: CalibrationFindings, cards: Mapping[str, EmgEstimatorC
     for (joint, estimator), fit in found.causal.items():
         card = cards.get(f"emg_{joint}_{estimator}")
         if isinstance(fit, HillMap) and card is not None:
-            made.append(joint_stiffness(card, fit.fit, found.stiffened[joint]))
+            made.append(joint_stiffness(card, fit.fit, found.stiffness_trials[joint]))
     return tuple(made)
 
 

@@ -93,7 +93,7 @@ def short_stretch_faults(study: Study) -> list[Fault]:
         processing = study.processing_of(recording)
         fewest = shortest(filtering_of(processing))
         where = f"{recording.path.name} (recording {recording.name})"
-        if recording.use != "fit" and not _long_stretches(recording, processing, fewest):
+        if recording.use != "fit" and not usable_stretches(recording, processing):
             found = f"{len(recording)} samples, no enabled stretch of at least {fewest}"
             message = f"{where}: found {found}; it is held out, and is left out"
             faults.append(
@@ -111,9 +111,19 @@ def short_stretch_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def _long_stretches(recording: Recording, processing: Processing, fewest: int) -> list[Stretch]:
-    """Return the stretches between cuts with the drive on that have at least so many samples."""
-    return [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
+def usable_stretches(recording: Recording, processing: Processing) -> list[Stretch]:
+    """Return the stretches between cuts with the drive on that are long enough to be filtered.
+
+    A fitted recording without any is refused. A held-out one refuses no fit: `short_stretch_faults` names it.
+    """
+    fewest = shortest(filtering_of(processing))
+    found = [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
+    if not found and recording.use == "fit":
+        raise RecordingError(
+            f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
+            "expected a longer recording, a smaller [processing] decimate or trim"
+        )
+    return found
 
 
 def _motions_of(recording: Recording, study: Study, model: DriveModel, within: int | None = None) -> Iterator[Motion]:
@@ -124,16 +134,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             "Identification needs the joint's position in [channels]"
         )
     filtering = filtering_of(processing)
-    fewest = shortest(filtering)
-    stretches = _long_stretches(recording, processing, fewest)
-    # What only judges refuses no fit.
-    if not stretches and recording.use != "fit":
-        return
-    if not stretches:
-        raise RecordingError(
-            f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
-            "expected a longer recording, a smaller [processing] decimate or trim"
-        )
+    stretches = usable_stretches(recording, processing)
     if within is not None:
         stretches = _parts(stretches, within)
     for stretch in stretches:

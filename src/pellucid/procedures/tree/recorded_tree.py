@@ -16,13 +16,12 @@ from ...models.robot import Robot
 from ...models.welded import Pose, roll_pitch_yaw
 from ...recordings.readers.urdf import STAND_IN, Urdf, read_urdf
 from ...recordings.recording import Recording
-from ...signals.motion import shortest
 from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
 from ...studies.drive_channel import DRIVE_CHANNELS, command_channel
 from ...studies.effort import command_of, drive_model
 from ...studies.study import Study
 from ...studies.study_file import PayloadSpec, RigJoint
-from ..joint.recorded_motions import filtering_of, stretches_of
+from ..joint.recorded_motions import filtering_of, usable_stretches
 from .tree_table import TreeTable
 
 BASE_LINK_NAME = "base"
@@ -263,15 +262,7 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
     table, processing = study.table(TreeTable), study.processing_of(recording)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     drives, filtering = drives_of(study, robot), filtering_of(processing)
-    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= shortest(filtering)]
-    # What only judges refuses no fit: `short_stretch_faults` names it.
-    if not stretches and recording.use != "fit":
-        return
-    if not stretches:
-        raise RecordingError(
-            f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {shortest(filtering)}; "
-            "expected a longer recording, a smaller [processing] decimate or trim"
-        )
+    stretches = usable_stretches(recording, processing)
     entry = study.config.entry_of(recording.name)
     bands = [joints[name].dead_band for name in robot.names]
     for stretch in stretches:
