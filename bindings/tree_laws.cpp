@@ -393,10 +393,11 @@ template <class S> class CommandedTreeIn : public SupervisedTreeIn<p::CommandedT
  public:
   using SupervisedTreeIn<p::CommandedTree<S, most_law_links>>::SupervisedTreeIn;
   void command(const double* efforts) override {
-    for (std::size_t k = 0; k < this->joints(); ++k) {
+    for (std::size_t k = 0; k < this->joints(); ++k)
       if (!std::isfinite(efforts[k])) return this->stop();
-      this->law_.controller.state.command[k] = static_cast<S>(efforts[k]);
-    }
+    p::change_memory(this->law_, [&](auto& state) {
+      for (std::size_t k = 0; k < this->joints(); ++k) state.command[k] = static_cast<S>(efforts[k]);
+    });
   }
 };
 

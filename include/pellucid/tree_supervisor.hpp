@@ -191,6 +191,7 @@ template <class S, std::size_t N> struct TreeSupervisorState {
   std::uint32_t wrench_quiet = 0;    ///< periods in a row without another
   std::uint32_t tested = 0;          ///< joint whose turn it is in the test at start-up
   ChecksumState law_sum{}, own_sum{};  ///< checksums of the law's numbers and of the supervisor's
+  std::uint32_t memory_sum = 0;        ///< sum of what the law remembers, as its last period left it
   std::uint32_t steps = 0;           ///< since it was configured
   std::uint32_t stopped = 0;         ///< periods since the last fault
   std::uint32_t healthy = 0;         ///< periods in a row since
@@ -224,8 +225,21 @@ LoggedTreeFault logged(const TreeSupervisorState<S, N>& s, std::uint32_t ago) no
   return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedTreeFault{};
 }
 
+/// Takes the checksum of what the law remembers: between its periods nobody may change it.
+template <class L> void seal_memory(TreeSupervised<L>& s) noexcept {
+  s.state.memory_sum = quick_sum(s.controller.state);
+}
+
+/// Changes what the law remembers from outside, between its periods. What was lost before is still found.
+template <class L, class F> void change_memory(TreeSupervised<L>& s, F change) noexcept {
+  const bool kept = quick_sum(s.controller.state) == s.state.memory_sum;
+  change(s.controller.state);
+  if (kept) seal_memory(s);
+}
+
 /// Takes the checksums where everything now lies.
 template <class L> void seal(TreeSupervised<L>& s) noexcept {
+  seal_memory(s);
   s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
   s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
 }
@@ -552,6 +566,7 @@ template <class L> void test_joints(TreeSupervised<L>& s) noexcept {
     state.joint[k].ringing = {};
     s.controller.state.gate.output[k] = state.output[k];
   }
+  seal_memory(s);
   go(state, Mode::running, {});
 }
 
@@ -607,9 +622,12 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   }
   if (mode_of(state) == Mode::start_up) {
     test_joints(s);
+  } else if (!is_stopped(mode_of(state)) && quick_sum(s.controller.state) != state.memory_sum) {
+    enter(state, {SafetyFault::integrity, all}, Mode::zero);
   } else if (!is_stopped(mode_of(state))) {
     if (mode_of(state) == Mode::degraded) leave_out_sensors(samples, n);
     const TreeCommand<S, N> command = step(law, s.controller.state, samples);
+    seal_memory(s);
     latch(s.controller, s.controller.state.gate.fault);
     ++s.controller.steps;
     if (s.controller.fault.fault == SafetyFault::none) {

@@ -312,6 +312,30 @@ void memory() {
     const int words = static_cast<int>((law ? sizeof rig.law.controller.law : sizeof rig.law.supervisor) / 4);
     check(rig.out.fault.fault == F::integrity && !rig.out.enable[0] && k <= 8 * ((words + 7) / 8), "found in time");
   }
+  // What the law remembers between its periods, whichever word of it, is found before the law uses it.
+  Rig remembers;
+  remembers.run(20);
+  constexpr std::size_t words = sizeof remembers.law.controller.state / 4;
+  for (std::size_t at = 0; at < words; ++at) {
+    Rig rig(remembers);
+    auto* word = reinterpret_cast<unsigned char*>(&rig.law.controller.state) + 4 * at;
+    word[at % 4] = static_cast<unsigned char>(word[at % 4] ^ (1u << at % 8));
+    rig.run(1);
+    check(rig.out.fault.fault == F::integrity && rig.out.fault.joint == joints && rig.out.mode >= M::zero, "remembered");
+    for (const bool on : rig.out.enable) check(!on, "no power");
+  }
+  remembers.run(9000);
+  check(remembers.mode() == M::running && remembers.state().faults == 0, "no alarm of its own");
+  // Who may change it does, and hides nothing that was lost before.
+  Rig changed;
+  changed.run(20);
+  p::change_memory(changed.law, [](auto& state) { state.weight[0] += 1; });
+  changed.run(1);
+  check(changed.mode() == M::running, "changed on purpose");
+  changed.law.controller.state.gate.position[0] += 1;
+  p::change_memory(changed.law, [](auto& state) { state.weight[0] += 1; });
+  changed.run(1);
+  check(changed.out.fault.fault == F::integrity, "lost before it was changed");
 }
 
 // --- watches ---------------------------------------------------------------------------------------------------------
