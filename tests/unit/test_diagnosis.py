@@ -86,7 +86,7 @@ def test_degrees_declared_as_radians_are_named(sound, rng):
         motion = motion_of(t, angle, effort, Filtering(10.0, 4, 10, 0.0, 100))
         model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
         data = stack([motion])
-        fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False)
+        fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False).fit
         told = wrong_unit.find(JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, "symmetric"))
         assert [v.text.partition(":")[0] for v in told] == expected
 

@@ -211,8 +211,8 @@ def solve(
         if first is None:
             raise ValueError(f"{model.label}: a nonlinear model needs `start` or `after`, found neither")
         # Reweighting moves the minimum only a little, so a few steps suffice.
-        values, iterations, converged = _gauss_newton(model, data, w, lower, upper, first, 60 if after is None else 8)
-        jacobian, effort = regression_rows(model, values, data)
+        most = 60 if after is None else 8
+        values, (jacobian, effort), iterations, converged = _gauss_newton(model, data, w, lower, upper, first, most)
         residual = data.target - effort
     snapped, held = snap_to_bounds(values, lower, upper, jacobian, residual)
     return Solution(snapped, jacobian, residual - jacobian @ (snapped - values), w, held, iterations, converged)
@@ -245,37 +245,53 @@ def _gauss_newton(
     upper: np.ndarray,
     start: np.ndarray,
     most: int,
-) -> tuple[np.ndarray, int, bool]:
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], int, bool]:
     """Fit a nonlinear model by bounded least squares with `most` evaluations at most.
 
-    Returns the values, (p,), the number of evaluations, and whether the search converged.
+    Returns the values, (p,), the regressor, (m, p), and the effort, (m,), there, the number of evaluations, and whether
+    the search converged.
     """
     from scipy.optimize import least_squares
 
     # Parameters are scaled by the effort they make, so that tolerances mean the same in newtons, volts and amperes.
     size = float(np.linalg.norm(data.target * w))
-    first = regression_rows(model, start, data)[0] * w[:, None]
+    rows = regression_rows(model, start, data)
+    first = rows[0] * w[:, None]
     require_full_rank(model.names, first, model.label)
     scale = size / np.linalg.norm(first, axis=0)
-
-    @remember_last_call
-    def both(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        jacobian, effort = regression_rows(model, x * scale, data)
-        return (effort - data.target) * w / size, jacobian * scale * w[:, None] / size
-
     low, high = lower / scale, upper / scale
     inside = np.clip(start / scale, low + 1e-6, np.where(np.isfinite(high), high - 1e-6, high))
+    if not np.allclose(inside * scale, start, rtol=1e-15, atol=0.0):  # no more than rounding
+        rows = regression_rows(model, inside * scale, data)
+    # SciPy asks for residual and regressor in two calls, and for the regressor of accepted values alone.
+    asked = accepted = inside, rows
+
+    def rows_at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal asked
+        if not np.array_equal(x, asked[0]):
+            asked = x.copy(), regression_rows(model, x * scale, data)
+        return asked[1]
+
+    def residual_at(x: np.ndarray) -> np.ndarray:
+        return (rows_at(x)[1] - data.target) * w / size
+
+    def regressor_at(x: np.ndarray) -> np.ndarray:
+        nonlocal accepted
+        accepted = x.copy(), rows_at(x)
+        return accepted[1][0] * scale * w[:, None] / size
+
     found = least_squares(
-        lambda x: both(x)[0],
+        residual_at,
         inside,
-        jac=lambda x: both(x)[1],
+        jac=regressor_at,
         bounds=(low, high),
         xtol=1e-8,
         ftol=1e-12,
         gtol=1e-12,
         max_nfev=most,
     )
-    return found.x * scale, int(found.nfev), bool(found.success)
+    last = accepted[1] if np.array_equal(found.x, accepted[0]) else regression_rows(model, found.x * scale, data)
+    return found.x * scale, last, int(found.nfev), bool(found.success)
 
 
 def nearest_feasible(

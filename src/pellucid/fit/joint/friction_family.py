@@ -46,6 +46,7 @@ class FamilyFit:
     heldout_effort_error: float = float("nan")
     heldout_r2: float = float("nan")
     choice: EstimatorChoice = field(default_factory=EstimatorChoice)
+    """The estimator that was chosen. It is least squares for a family that was not chosen itself."""
     crossed: tuple[np.ndarray, ...] = ()
     """Residuals of the fitted recordings by cross-validation over blocks. Families are chosen by them."""
     excerpt: str = ""  # excerpt to which the other estimates and simulations were fitted, in words; empty for all data
@@ -80,6 +81,33 @@ class FamilyFit:
         return self.estimate[name]
 
 
+@dataclass(frozen=True)
+class SolvedFamily:
+    """A family's fit, and what each method found, by which one of them can be chosen."""
+
+    fit: FamilyFit
+    solved: Mapping[str, SolvedMethod]
+    data: Stack[Motion]  # motions on which the methods other than least squares were solved
+    level: float  # confidence level of the intervals [1]
+
+    def with_chosen_estimator(self, purpose: str, everything: Sequence[Motion], machine: Machine) -> FamilyFit:
+        """Return the fit with one of its methods chosen for a `purpose`, by blocks of the fitted data alone.
+
+        The chosen method predicts `everything`. Positions are simulated from the commands that a `machine` recorded.
+        """
+        fit, estimates = self.fit, {"ls": self.fit.estimate, **self.fit.others}
+        compared = {name: each for name, each in self.solved.items() if estimates[name].converged}
+        choice = choose_estimator(purpose, compared, self.data, machine)
+        if choice.method == "ls":
+            return replace(fit, choice=replace(choice, predictions=fit.predictions))
+        chosen, half_width = estimates[choice.method], fit.predictions[0].half_width
+        predictions = predict(chosen.model, chosen.array, everything, half_width)
+        band = fit.band and (make_predictive_band(predictions, fit.crossed, self.level) or fit.band)
+        if band is not None:
+            predictions = apply_band(predictions, band)
+        return replace(fit, choice=replace(choice, predictions=predictions), band=band)
+
+
 def fit_family(
     model: JointModel,
     data: Stack[Motion],
@@ -89,16 +117,14 @@ def fit_family(
     level: float,
     moving_mass: float | None = None,
     thorough: bool = True,
-    purpose: str = "torque",
     excerpt: Sequence[Motion] | None = None,
     said: str = "",
-) -> FamilyFit:
+) -> SolvedFamily:
     """Fit a `model` to `data`, and predict and simulate `everything` that a `machine` recorded.
 
     Intervals are at `level`. The body has at most `moving_mass` [kg]. A `thorough` fit adds weighted, robust and
-    closed-loop methods, and one of all methods is chosen for a `purpose`, by blocks of `data` alone. Held-out motions
-    are predicted and simulated, and reach nothing else. For hours of data an `excerpt`, described by
-    `said`, is used by all methods but least squares, which only starts from it.
+    closed-loop methods. Held-out motions are predicted and simulated, and reach nothing else. For hours of data an
+    `excerpt`, described by `said`, is used by all methods but least squares, which only starts from it.
     """
     taken, part = everything if excerpt is None else excerpt, data
     if said:
@@ -132,23 +158,17 @@ def fit_family(
     # The other methods use the Stribeck velocity of least squares, so its Stribeck level is no better determined.
     taken_over = loose | shaped_by(loose)
     others = {name: replace(e, parameters=mark_undetermined(e.parameters, taken_over)) for name, e in others.items()}
-    estimates = {"ls": estimate, **others}
-    choice = choose_estimator(purpose, {n: x for n, x in solved.items() if estimates[n].converged}, part, machine)
-    chosen = estimates[choice.method]
-    whole = predictions if chosen is estimate else predict(chosen.model, chosen.array, everything, half_width)
-    choice = replace(choice, predictions=tuple(whole))
     if said:
         others = {name: replace(e, notes=(*e.notes, f"from {said}")) for name, e in others.items()}
     crossed = cross_validate_family(model, data, first)
     band = make_predictive_band(predictions, crossed, level)
     if band is not None:
         predictions = apply_band(predictions, band)
-        of_chosen = band if choice.method == "ls" else make_predictive_band(choice.predictions, crossed, level)
-        choice = replace(choice, predictions=apply_band(choice.predictions, of_chosen or band))
-        band = of_chosen or band
-    return FamilyFit(
-        model, estimate, others, predictions, simulations, failures, *fitted, *heldout, choice, crossed, said, band
-    )
+    fit = FamilyFit(
+        model, estimate, others, predictions, simulations, failures, *fitted, *heldout,
+        EstimatorChoice(predictions=predictions), crossed, said, band,
+    )  # fmt: skip
+    return SolvedFamily(fit, solved, part, level)
 
 
 def _apply_other_methods(

@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import estimate_drive_constant
 from ...fit.joint.family_choice import choose_family
-from ...fit.joint.friction_family import FamilyFit, fit_family
+from ...fit.joint.friction_family import FamilyFit, SolvedFamily, fit_family
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
 from ...fit.joint.presliding import estimate_presliding
@@ -102,13 +102,13 @@ def identify_joint(
     if not {"gravity", "inertia"} & set(study.model.known) and any("load" in FAMILIES[name] for name in names):
         searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
         shares = decide_load_shares(model_of("load", separate_load=True), searched)
-    fits: dict[str, FamilyFit] = {}
+    solved: dict[str, SolvedFamily] = {}
     machine = machine_of(study.rig)
     failures: dict[str, str] = {}
     for i, name in enumerate(names):
-        tell(f"fitting {name}", 0.2 + 0.7 * i / len(names))
+        tell(f"fitting {name}", 0.2 + 0.65 * i / len(names))
         try:
-            fits[name] = fit_family(
+            solved[name] = fit_family(
                 model_of(name, constant, separate_load=shares.separate),
                 data,
                 everything,
@@ -116,7 +116,6 @@ def identify_joint(
                 level=study.model.confidence,
                 moving_mass=study.rig.moving_mass,
                 thorough=thorough,
-                purpose=study.model.purpose,
                 excerpt=part.motions,
                 said=part.said,
             )
@@ -124,11 +123,15 @@ def identify_joint(
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
+    fits: dict[str, FamilyFit] = {name: each.fit for name, each in solved.items()}
     contest = choose_family(fits, study.model.confidence, study.model.min_improvement)
     best = contest.best
+    tell("choosing an estimator", 0.85)
+    fits[best] = solved[best].with_chosen_estimator(study.model.purpose, everything, machine)
+    del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:
-        tell("drawing a posterior", 0.85)
+        tell("drawing a posterior", 0.87)
         try:
             posterior = joint_posterior(fits[best].estimate, data)
         except IdentificationError as error:
