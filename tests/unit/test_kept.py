@@ -181,7 +181,9 @@ def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, mon
 
     before = fingerprint()
     assert fingerprint() == before
-    monkeypatch.setattr(code_fingerprint, "version", lambda name: "0" if name == "scipy" else version(name))
+    monkeypatch.setattr(
+        code_fingerprint, "installed_version", lambda name: "0" if name == "scipy" else version(name)
+    )
     assert fingerprint() != before
     monkeypatch.undo()
     found = code_fingerprint._source_file
@@ -196,6 +198,7 @@ def test_another_core_and_other_libraries_make_another_fingerprint(tmp_path, mon
     assert fingerprint() == before
     assert {"numpy", "scipy", "scikit-learn"} <= set(code_fingerprint.library_versions())
     assert not {"pytest", "ruff", "pellucid"} & set(code_fingerprint.library_versions())
+    assert code_fingerprint.library_versions()["numpy"] == version("numpy")
 
 
 def test_a_result_is_a_table_of_parameters():
