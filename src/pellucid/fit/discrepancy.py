@@ -33,11 +33,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ..models.carried_friction import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal
+from ..models.carried_friction import (
+    NORMAL_DRAW_SEED,
+    SteadyStates,
+    carried_friction,
+    draw_normal,
+    standard_draws,
+)
 from ..models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ..signals.motion import SLOW_SHARE
 from .regression import FittedMotion, Stack
@@ -248,6 +255,11 @@ class NeglectedColumns:
         """All columns, shape (k, q + c), the model's own first."""
         return np.hstack([self.own, self.columns])
 
+    @cached_property
+    def own_errors(self) -> np.ndarray:
+        """Squared error of each left-out block by a fit of the model's own columns to the others, (b,)."""
+        return _left_out_errors(self.own, self.target)
+
 
 def neglected_columns(
     names: Sequence[str],
@@ -348,7 +360,7 @@ def estimate_discrepancy(
     rubbing = friction.beside(words[:-1]) * sizes
     forces = drawn[:, friction.at] @ friction.terms.T + steps[:, count:] @ rubbing.T
     # The whole least-squares residual may be friction.
-    forces += size * np.random.default_rng(NORMAL_DRAW_SEED + 1).standard_normal(forces.shape)
+    forces += size * standard_draws(forces.shape[1], NORMAL_DRAW_SEED + 1)
     causes = tuple(words[next(cause)] if f else "" for f in free)
     return Discrepancy(tuple(names), covariance, causes, friction.carried(forces))
 
@@ -469,19 +481,22 @@ def is_cause_validated(lacks: NeglectedColumns, index: int) -> bool:
     if lacks.words[index] == UNEQUAL_LOAD_LOSSES:
         return True
     wide = np.column_stack([lacks.own, lacks.columns[:, index]])
-    blocks = np.array_split(np.arange(len(wide)), VALIDATION_BLOCK_COUNT)
-    grams = [wide[rows].T @ wide[rows] for rows in blocks]
-    moments = [wide[rows].T @ lacks.target[rows] for rows in blocks]
-    gram, moment = sum(grams), sum(moments)
-    falls = np.zeros(len(blocks))
-    for i, rows in enumerate(blocks):
-        for sign, count in ((1.0, wide.shape[1] - 1), (-1.0, wide.shape[1])):
-            among = slice(0, count)
-            left = (gram - grams[i])[among, among]
-            fitted = np.linalg.lstsq(left, (moment - moments[i])[among], rcond=None)[0]
-            falls[i] += sign * float(np.sum((lacks.target[rows] - wide[rows][:, among] @ fitted) ** 2))
+    falls = lacks.own_errors - _left_out_errors(wide, lacks.target)
     error = float(falls.std(ddof=1)) / np.sqrt(len(falls))
     return bool(falls.mean() > MIN_VALIDATION_Z * error)
+
+
+def _left_out_errors(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return the squared error of each block of a `target`, (m,), by a fit of `columns`, (m, p), to the others."""
+    blocks = np.array_split(np.arange(len(columns)), VALIDATION_BLOCK_COUNT)
+    grams = [columns[rows].T @ columns[rows] for rows in blocks]
+    moments = [columns[rows].T @ target[rows] for rows in blocks]
+    gram, moment = sum(grams), sum(moments)
+    errors = np.zeros(len(blocks))
+    for i, rows in enumerate(blocks):
+        fitted = np.linalg.lstsq(gram - grams[i], moment - moments[i], rcond=None)[0]
+        errors[i] = np.sum((target[rows] - columns[rows] @ fitted) ** 2)
+    return errors
 
 
 def excess_covariance(whole: np.ndarray, part: np.ndarray) -> np.ndarray:

@@ -248,16 +248,15 @@ def block_bootstrap(
             sums.append(
                 (ends[length:] - ends[:-length])[:: max(1, block // BLOCK_STARTS_PER_LENGTH)] * np.sqrt(block / length)
             )
-    pool = np.concatenate(sums)
+    pool = np.concatenate(sums).T.copy()  # a row for each parameter: its draws then lie side by side
     count = max(1, round(rows / block))
     at_once = max(1, MAX_BLOCKS_DRAWN_AT_ONCE // count)
-    totals = np.concatenate(
-        [
-            pool.take(rng.integers(0, len(pool), (min(at_once, repetitions - done), count)), axis=0).sum(axis=1)
-            for done in range(0, repetitions, at_once)
-        ]
-    )
-    steps = np.linalg.solve(w.T @ w, totals.T).T
+    totals = np.empty((len(values), repetitions))
+    for done in range(0, repetitions, at_once):
+        drawn = rng.integers(0, pool.shape[1], (min(at_once, repetitions - done), count))
+        for own, into in zip(pool, totals, strict=True):
+            into[done : done + len(drawn)] = own.take(drawn).sum(axis=1)
+    steps = np.linalg.solve(w.T @ w, totals).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 

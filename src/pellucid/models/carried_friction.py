@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -106,4 +107,12 @@ def draw_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Draws of a normal vector, (n, p), the same every time."""
     spread, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     root = vectors * np.sqrt(np.maximum(spread, 0.0))
-    return mean + np.random.default_rng(NORMAL_DRAW_SEED).standard_normal((NORMAL_DRAW_COUNT, len(mean))) @ root.T
+    return mean + standard_draws(len(mean), NORMAL_DRAW_SEED) @ root.T
+
+
+@lru_cache(maxsize=8)
+def standard_draws(count: int, seed: int) -> np.ndarray:
+    """Draws of `count` independent standard normal variables, (n, count), the same every time, not to be written to."""
+    drawn = np.random.default_rng(seed).standard_normal((NORMAL_DRAW_COUNT, count))
+    drawn.flags.writeable = False
+    return drawn

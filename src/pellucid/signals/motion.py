@@ -112,7 +112,7 @@ class Motion:
         dead_band = self.filtering.dead_band
         slow = (np.abs(self.velocity) <= dead_band).astype(float)
         if dead_band <= 0.0 or not slow.any():
-            return np.ones(len(self.reduce(slow)), bool)
+            return np.ones(len(range(len(slow))[self.inner][:: self.filtering.decimate]), bool)
         return np.abs(self.reduce(self.smooth(slow))) < SLOW_SHARE
 
 
