@@ -50,8 +50,10 @@ def fit_coherent(
     if np.min(model.gaps(values, rail, mass)) < 0.0:
         values = _nearest_possible_body(model, values, data, rail, mass)
         notes.append("inertia and gravity are held where a body of these masses can have them")
-    w, effort = regression_rows(model, values, data)
-    residual = data.target - effort
+    w, residual = found.jacobian, found.residual
+    if notes or held.any():  # the values are not those of the search's last step
+        w, effort = regression_rows(model, values, data)
+        residual = data.target - effort
     if notes:
         held = snap_to_bounds(values, *model.bounds(), w, residual)[1]
     statistical = sandwich_covariance(w, residual, data.lengths)
