@@ -30,6 +30,13 @@ def fit(virtual):
     return identify(virtual, families=["symmetric", "load"])
 
 
+def test_an_estimator_is_chosen_for_the_chosen_family_alone(fit):
+    for name, family in fit.families.items():
+        assert (family.choice.torque is not None) == (name == fit.best)
+        assert name == fit.best or family.choice.method == "ls"
+        assert family.headline.choice.predictions
+
+
 def test_prediction_intervals_hold_on_a_plant_richer_than_the_model(fit):
     held = [p for p in fit.families["load"].predictions if p.split == "heldout"]
     assert len(held) == 2

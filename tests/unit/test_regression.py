@@ -11,8 +11,8 @@ from pellucid.fit.joint.consistency import enforce_pseudo_inertia, least_inertia
 from pellucid.fit.joint.drive_constant import estimate_drive_constant
 from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
-from pellucid.fit.regression import stack
-from pellucid.models.joint import joint_model
+from pellucid.fit.regression import regression_rows, stack
+from pellucid.models.joint import JointModel, joint_model
 from pellucid.procedures.joint.drive_sign import require_sign
 from pellucid.signals.motion import Filtering
 
@@ -52,6 +52,23 @@ def test_every_family_finds_its_own_truth(family, changes):
     which = model(family)
     found = solve_family(which, stack([motion_of(truth), motion_of(truth, seed=2)]))
     assert which.vector(found.values) == pytest.approx(truth, rel=1e-4, abs=1e-5)
+
+
+def test_no_regressor_of_a_nonlinear_search_is_computed_twice(monkeypatch):
+    asked = []
+    plain = JointModel.rows
+
+    def rows(self, values, motion):
+        asked.append((self.names, values.tobytes()))
+        return plain(self, values, motion)
+
+    monkeypatch.setattr(JointModel, "rows", rows)
+    which, data = model("load"), stack([motion_of(vector_of(load_motoring=0.08, load_generating=0.08))])
+    found = solve_family(which, data)
+    assert len(asked) == len(set(asked)) == found.iterations + 1  # and one of the linear part
+    jacobian, effort = regression_rows(which, found.values, data)
+    assert found.jacobian == pytest.approx(jacobian, rel=1e-12)
+    assert found.residual == pytest.approx(data.target - effort, abs=1e-12)
 
 
 def test_a_known_gravity_tells_motoring_from_generating_load_friction():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,6 +22,18 @@ def block_labels(lengths: Sequence[int]) -> list[np.ndarray]:
     return made
 
 
+def rows_of_blocks(labels: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
+    """Yield each block of `labels`, (m,), with its rows: a slice where they follow each other, else a mask, (m,)."""
+    edges = np.flatnonzero(np.diff(labels)) + 1
+    first, last = [0, *edges.tolist()], [*edges.tolist(), len(labels)]
+    blocks = np.unique(labels)
+    if len(blocks) == len(first):
+        yield from sorted((int(labels[a]), slice(a, b)) for a, b in zip(first, last, strict=True))
+    else:
+        for block in blocks:
+            yield int(block), labels == block
+
+
 def values_without_blocks(
     found: Solution, labels: np.ndarray, instruments: np.ndarray | None = None
 ) -> dict[int, np.ndarray]:
@@ -37,11 +49,10 @@ def values_without_blocks(
     residual = found.residual * found.weights
     gram, moment = z.T @ w, z.T @ residual
     made = {}
-    for block in np.unique(labels):
-        own = labels == block
+    for block, own in rows_of_blocks(labels):
         rest = gram - z[own].T @ w[own], moment - z[own].T @ residual[own]
-        made[int(block)] = found.values.copy()
-        made[int(block)][free] += np.linalg.lstsq(*rest, rcond=1e-10)[0] / scale
+        made[block] = found.values.copy()
+        made[block][free] += np.linalg.lstsq(*rest, rcond=1e-10)[0] / scale
     return made
 
 

@@ -9,7 +9,8 @@ def correlation_length(misfit: np.ndarray) -> float:
     """Samples that share one independent value: the integrated autocorrelation up to its first zero. `misfit` (n,)."""
     misfit = np.asarray(misfit, float).reshape(len(misfit), -1)
     n = len(misfit)
-    spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(axis=0), 2 * n, axis=0)) ** 2
+    padded = 1 << (2 * n - 1).bit_length()  # a power of two is transformed fastest
+    spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(axis=0), padded, axis=0)) ** 2
     correlation = np.fft.irfft(spectrum.sum(axis=1))[:n]
     if correlation[0] <= 0.0:
         return 1.0

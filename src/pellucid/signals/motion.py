@@ -94,11 +94,16 @@ class Motion:
         """The samples, (n,) or (n, k), that a regression uses."""
         return self.reduce(samples)[self.moving]
 
-    @cached_property
+    @property
     def states(self) -> np.ndarray:
         """Time, position, velocity, acceleration and effort of the rows, shape (m, 5)."""
+        return self.state_columns.T
+
+    @cached_property
+    def state_columns(self) -> np.ndarray:
+        """The same, one after the other, shape (5, m): predictions of all models share them."""
         signals = np.column_stack([self.position, self.velocity, self.acceleration, self.effort])
-        return np.column_stack([self.time[self.kept], self.rows(signals)])
+        return np.vstack([self.time[self.kept], self.rows(signals).T])
 
     @property
     def kept(self) -> np.ndarray:

@@ -80,7 +80,8 @@ def predict(
         whole.setdefault(motion.recording, []).append(motion)
     made = []
     for name, parts in whole.items():
-        time, position, velocity, acceleration, effort = np.concatenate([m.states for m in parts]).T.copy()
+        columns = [m.state_columns for m in parts]
+        time, position, velocity, acceleration, effort = columns[0] if len(parts) == 1 else np.hstack(columns)
         if len(effort) == 0:
             continue
         found = [known[id(m)] if id(m) in known else predict_effort_rows(model, values, m) for m in parts]

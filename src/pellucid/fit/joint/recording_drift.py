@@ -60,13 +60,15 @@ def find_recording_drift(
     """
     from scipy.special import chdtrc
 
+    owner = [m.recording for m in data.motions]
+    if len(set(owner)) < 2:
+        return None
     weights = found.weights[:, None]
     w, residual = found.jacobian * weights, found.residual * found.weights
     norms = np.linalg.norm(w, axis=0)
     free = (norms > 1e-12 * norms.max()) & ~found.at_bound
     if not free.any() or not np.any(residual):
         return None
-    owner = [m.recording for m in data.motions]
     rows = np.repeat(owner, data.lengths)
     parts, steps, variances = [], [], []
     for name in dict.fromkeys(owner):

@@ -140,7 +140,9 @@ def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarr
     leaps, change = leaps[known], change[known]
     if leaps.size == 0:
         return leaps, leaps, np.zeros(0)
-    local = np.nanquantile(np.abs(change), 0.75, axis=1)
+    local, complete = np.empty(len(change)), np.isfinite(change).all(axis=1)
+    local[complete] = np.quantile(np.abs(change[complete]), 0.75, axis=1)  # a hundred times as fast, where it can be
+    local[~complete] = np.nanquantile(np.abs(change[~complete]), 0.75, axis=1)
     trend = np.nanmedian(change, axis=1)
     later = leaps[:, None] + 1 + np.arange(widest + 1)
     ahead = np.where(later < n, x[np.minimum(later, n - 1)], np.nan)
