@@ -8,6 +8,7 @@
 #include "hill.hpp"
 #include "kernels.hpp"
 #include "laws.hpp"
+#include "number_text.hpp"
 #include "regression_trees.hpp"
 #include "strap.hpp"
 #include "strap_response.hpp"
@@ -565,6 +566,7 @@ NB_MODULE(_core, m) {
   b::add_tree_laws(m);
   b::add_regression_trees(m);
   b::add_zero_phase(m);
+  b::add_number_text(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
   const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),

@@ -2647,6 +2647,26 @@ def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: 
         In the signals' units.
     """
 
+def number_rows(values: ArrayLike, decimals: ArrayLike) -> bytes:
+    """
+    Text of rows of numbers, separated by commas, each row with its line end.
+
+    Every number is rounded as the format ``%.kf`` of C rounds it. A column without decimals has no
+    sign of a zero. NaN, a missing sample, becomes an empty cell.
+
+    Parameters
+    ----------
+    values : (n, m)
+        Numbers, any unit.
+    decimals : (m,)
+        Decimals of each column, 0 to 15.
+
+    Returns
+    -------
+    bytes
+        ASCII.
+    """
+
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.lab import recorded_table
 from pellucid.lab.knee.rig import NAMES as PLANT
 from pellucid.lab.known_rigs import load_rig, parse_rig, rig_names
 from pellucid.lab.pointing.rig import PointingRig
@@ -132,10 +131,14 @@ def test_text_of_a_study_reads_back():
     assert read == said
 
 
-def test_counts_that_arrow_writes_are_the_text_that_python_writes(monkeypatch):
-    counts = np.random.default_rng(1).normal(0.0, 3e3, (200, 3))
-    columns = [Column(name, name, "V") for name in "abc"]
-    table = StoredTable.of(columns, counts)
-    by_python = table.text
-    monkeypatch.setattr(recorded_table, "MIN_ARROW_CELLS", 0)
-    assert table.text == by_python
+def test_the_text_of_a_table_is_that_of_its_formats():
+    rng = np.random.default_rng(1)
+    texts = ("%d", "%.3f", "%.5f", "%d")
+    columns = [Column(name, name, "V", text=text) for name, text in zip("abcd", texts, strict=True)]
+    table = StoredTable.of(columns, rng.normal(0.0, 3e3, (200, 4)), comment="# one\n")
+    rows = "".join((",".join(texts) + "\n") % tuple(row) for row in table.values.tolist())
+    assert table.text == f"# one\na,b,c,d\n{rows}"
+    # A format that is not of fixed decimals is Python's own.
+    columns = [Column("a", "a", "V", text="%r"), Column("b", "b", "V")]
+    free = StoredTable.of(columns, np.array([[0.1, 2.0], [1e-9, 3.0]]))
+    assert free.text == "a,b\n0.1,2\n1e-09,3\n"

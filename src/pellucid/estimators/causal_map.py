@@ -26,7 +26,6 @@ from ..models.card import CardParameter
 from ..models.parameter_card import ParameterCard
 from ..signals.filters import zero_phase_lowpass
 from .cross_validation import first_best
-from .ridge import Ridge
 
 CARD_KIND = "causal_emg_map"
 """Kind of the parameter card that holds a causal map."""
@@ -198,6 +197,8 @@ def fit_causal_map(
 ) -> CausalMap:
     """Fit a causal map, linear in envelopes and in envelopes times angle."""
     from scipy.signal import sosfilt
+
+    from .ridge import Ridge  # scikit-learn takes half a second to load
 
     settings = settings or EmgSettings()
     trials = [t for t in trials if _max_speed(t) < MAX_HELD_JOINT_SPEED_RAD_S]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from .. import _core
 from .shared_tables import EmgTable
 
 MAIN_STREAM = "main"
@@ -19,9 +21,8 @@ MARKER_STREAM = "markers"
 COUNT_TEXT = "%d"
 """Format of a whole number."""
 
-MIN_ARROW_CELLS = 100_000
-"""Tables of whole numbers with this many cells or more are written by Arrow, which takes a quarter of the time; to load
-it takes as long as to write such a table without it."""
+FIXED_TEXT = re.compile(r"%(?:d|\.(\d{1,2})f)")
+"""Formats of whole numbers, and of numbers with so many decimals, which the core writes."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,17 @@ class StoredTable:
     @property
     def text(self) -> str:
         """Return the text of the CSV file."""
-        counts = all(column.text == COUNT_TEXT for column in self.columns) and np.isfinite(self.values).all()
-        body = _count_rows(self.values) if counts and self.values.size >= MIN_ARROW_CELLS else self._rows
         heads = ",".join(column.name for column in self.columns)
-        return f"{self.comment}{heads}\n{body}"
+        return f"{self.comment}{heads}\n{self._rows}"
 
     @property
     def _rows(self) -> str:
-        """Return the text of the rows; one format operation for all of them costs 1 us for each."""
+        """Return the text of the rows. A missing sample is an empty cell."""
+        formats = [FIXED_TEXT.fullmatch(column.text) for column in self.columns]
+        if all(formats):
+            decimals = np.array([int(found[1] or 0) for found in formats if found])
+            values = np.where(decimals == 0, np.trunc(self.values), self.values)
+            return _core.number_rows(values, decimals).decode("ascii")
         row = ",".join(column.text for column in self.columns) + "\n"
         body = (row * len(self.values)) % tuple(self.values.ravel().tolist())
         return body.replace("nan", "") if np.isnan(self.values).any() else body
@@ -82,20 +86,6 @@ class StoredTable:
     def emptied(self) -> StoredTable:
         """Return a table with the same columns and no row."""
         return StoredTable(self.columns, self.values[:0])
-
-
-def _count_rows(values: np.ndarray) -> str:
-    """Return the text of rows of whole numbers, shape (n, columns)."""
-    import pyarrow
-    from pyarrow import csv
-
-    # Arrow would load pandas to find out that an array is none of its own, so it is given the memory alone.
-    whole = [pyarrow.py_buffer(column.astype(np.int64)) for column in values.T]
-    columns = [pyarrow.Array.from_buffers(pyarrow.int64(), len(values), [None, buffer]) for buffer in whole]
-    text = pyarrow.BufferOutputStream()
-    rows = pyarrow.record_batch(columns, names=[str(i) for i in range(len(columns))])
-    csv.write_csv(rows, text, csv.WriteOptions(include_header=False, quoting_style="none"))
-    return text.getvalue().to_pybytes().decode("ascii")
 
 
 def file_name(recording: str, stream: str) -> str:
