@@ -5,7 +5,8 @@
 //   a - given = T a' + g a + c + noise
 //
 // T is how late it is, g and c are errors of its measurement. Least squares with forgetting over a' and a, means taken off,
-// give T; it is judged only while a' varies enough, beside what a itself explains of it.
+// give T; it is judged only while a' varies enough, beside what a itself explains of it, and where T a' makes at least a
+// share of what g a leaves of the difference: a drive that is wrong in another way is no late one.
 #pragma once
 
 #include "fields.hpp"
@@ -15,7 +16,7 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct DriveDelayWatchParams {
-  S limit = S(std::numeric_limits<S>::infinity()), rate = limit, smoothing = S(60), forget = S(0.5);
+  S limit = S(std::numeric_limits<S>::infinity()), rate = limit, smoothing = S(60), forget = S(0.5), share{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.limit, {"drive_delay", unit::time, above(0).or_infinite(), "by which its answer may be late; infinite: any"});
@@ -23,6 +24,8 @@ template <class S> struct DriveDelayWatchParams {
                    "standard deviation of the command's rate from which on that is judged"});
     visit(p.smoothing, {"drive_delay_smoothing", unit::rate, above(0), "of command and answer; times the period below a half"});
     visit(p.forget, {"drive_delay_forget", unit::rate, above(0), "of what was seen before; times the period below a half"});
+    visit(p.share, {"drive_delay_share", unit::one, pellucid::share(),
+                    "of what is wrong with its answer that being late must explain; 0: any"});
   }
 };
 
@@ -56,9 +59,28 @@ template <class S> struct DriveDelayWatchState {
   S mean{};       ///< mean of the smoothed command [N m]
   S mean_rate{};  ///< mean of its rate [N m/s]
   S mean_error{};  ///< mean of command less answer [N m]
-  S aa{}, ar{}, rr{}, ea{}, er{};  ///< covariances of command a, its rate r and command less answer e
+  S aa{}, ar{}, rr{}, ea{}, er{}, ee{};  ///< covariances of command a, its rate r and command less answer e
   S count{};                       ///< answers so far, up to the memory's
 };
+
+/// What the answers so far say of how late they are.
+template <class S> struct SeenLateness {
+  S late{};               ///< how late they are, times `varied`
+  S varied{};             ///< variance of the command's rate beside the command, times the command's
+  bool is_shown = false;  ///< whether the rate varied enough, and lateness explains enough of what is wrong
+};
+
+template <class S>
+SeenLateness<S> seen_lateness(const DriveDelayWatchCoefficients<S>& c, const DriveDelayWatchState<S>& s) noexcept {
+  SeenLateness<S> seen;
+  seen.varied = s.rr * s.aa - s.ar * s.ar;
+  seen.late = s.er * s.aa - s.ea * s.ar;
+  // Errors less what the command explains of them, times aa; lateness explains its square over what varied.
+  const S errors = s.ee * s.aa - s.ea * s.ea;
+  seen.is_shown = s.count * c.forget >= S(delay_memory) && seen.varied > c.needed * s.aa &&
+                  seen.late * seen.late >= c.params.share * seen.varied * errors;
+  return seen;
+}
 
 /// One period in which the answer to a command was heard: `drive_effort` where it is late.
 template <class S> SafetyFault step(const DriveDelayWatchCoefficients<S>& c, DriveDelayWatchState<S>& s, const S& asked,
@@ -85,14 +107,13 @@ template <class S> SafetyFault step(const DriveDelayWatchCoefficients<S>& c, Dri
   s.rr = keep * (s.rr + share * r * r);
   s.ea = keep * (s.ea + share * e * a);
   s.er = keep * (s.er + share * e * r);
-  if (!is_finite(s.asked + s.given + s.aa + s.ar + s.rr + s.ea + s.er)) {
+  s.ee = keep * (s.ee + share * e * e);
+  if (!is_finite(s.asked + s.given + s.aa + s.ar + s.rr + s.ea + s.er + s.ee)) {
     s = {};
     return SafetyFault::none;
   }
-  if (!(s.count * c.forget >= S(delay_memory))) return SafetyFault::none;
-  const S whole = s.rr * s.aa - s.ar * s.ar;  // variance of the rate that the command does not explain, times aa
-  if (!(whole > c.needed * s.aa)) return SafetyFault::none;
-  return s.er * s.aa - s.ea * s.ar <= c.params.limit * whole ? SafetyFault::none : SafetyFault::drive_effort;
+  const SeenLateness<S> seen = seen_lateness(c, s);
+  return seen.is_shown && !(seen.late <= c.params.limit * seen.varied) ? SafetyFault::drive_effort : SafetyFault::none;
 }
 
 }  // namespace PELLUCID_ABI

@@ -14,6 +14,7 @@
 
 #include "body_residual.hpp"
 #include "damped_stop.hpp"
+#include "drive_delay_watch.hpp"
 #include "drive_watch.hpp"
 #include "encoder_watch.hpp"
 #include "energy_budget.hpp"
@@ -47,6 +48,7 @@ template <class S> struct SupervisorParams {
   ProbeWatchParams<S> probe{};  ///< small wave of effort that asks drive and encoder
   ShakingWatchParams<S> shaking{};
   UnexplainedEnergyParams<S> unexplained{};  ///< watch of what neither command nor force sensor explains
+  DriveDelayWatchParams<S> delay{};  ///< watch of how late the drive answers
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -70,6 +72,7 @@ template <class S> struct SupervisorParams {
     pellucid::walk(p.probe, visit);
     pellucid::walk(p.shaking, visit);
     pellucid::walk(p.unexplained, visit);
+    pellucid::walk(p.delay, visit);
   }
 };
 
@@ -95,6 +98,7 @@ template <class S> struct SupervisorCoefficients {
   StartUpTestCoefficients<S> test{};      ///< test of polarity and gain at start-up
   ProbeWatchCoefficients<S> probe{};      ///< watch that probes
   UnexplainedEnergyCoefficients<S> unexplained{};  ///< watch of energy that nobody accounts for
+  DriveDelayWatchCoefficients<S> delay{};  ///< watch of how late the drive answers
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< largest change of the effort in a period [N m]
@@ -113,11 +117,13 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.test = coefficients(p.test);
   c.probe = coefficients(p.probe, gate.params.period);
   c.unexplained = coefficients(p.unexplained, S(2) * gate.params.period);
+  c.delay = coefficients(p.delay, gate.params.period);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
   const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 &&
-                     c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0 && c.unexplained.valid != 0;
+                     c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0 && c.unexplained.valid != 0 &&
+                     c.delay.valid;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -167,6 +173,7 @@ template <class S> struct SupervisorState {
   StartUpTestState<S> test{};             ///< wave of effort at start-up
   ProbeWatchState<S> probe{};             ///< watch that probes
   UnexplainedEnergyState<S> unexplained{};  ///< energy that nobody accounts for
+  DriveDelayWatchState<S> delay{};        ///< watch of how late the drive answers
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
   S other_velocity{};           ///< velocity of the period before [rad/s]
@@ -342,6 +349,7 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
     const bool heard = is_new(s.drive_seen, back.drive);
+    if (heard) found = first_of(found, step(c.delay, s.delay, s.drive.asked, back.drive.value));
     found = first_of(found, step(p.drive, s.drive, back.drive.value, velocity_of_drive(c, s), c.period, heard));
   }
   const Mode now = mode_of(s);

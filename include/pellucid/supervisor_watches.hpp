@@ -119,6 +119,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const S asked = clamp(w.before.drive.asked, -p.drive.limit, p.drive.limit);
   const S strays = drive_speaks ? w.back.drive.value - asked : S(0);
   const S allowed = may_stray(p.drive, drive);
+  const SeenLateness<S> lateness = seen_lateness(w.c.delay, s.delay);
   const bool is_outside = drive_watches && drive_speaks && !(size(strays) <= allowed);
 
   const bool tested = before == Mode::start_up && mode_of(s) != Mode::start_up && s.test.count > p.test.samples;
@@ -169,6 +170,8 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"drive_outside", unit::one, W::above, F::drive_effort, "periods in a row in which the drive gave something else"}},
       Show{least_surplus(drive), where(drive_watches, p.drive.surplus),
            {"drive_surplus", unit::energy, W::above, F::drive_effort, "energy that the drive gave beyond what it was asked for"}},
+      Show{lateness.is_shown ? lateness.late / lateness.varied : S(0), where(drive_watches && lateness.is_shown, p.delay.limit),
+           {"drive_delay", unit::time, W::above, F::drive_effort, "by how much the drive's answer is late"}},
       Show{count(drive_speaks ? 0 : drive.silent + 1), where(drive_watches, count(p.drive.cycles)),
            {"drive_silence", unit::one, W::above, F::drive_silent, "periods without the drive's measurement"}},
       Show{shown.pushed, p.budget.push_limit,

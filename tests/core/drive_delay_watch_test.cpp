@@ -58,15 +58,45 @@ void delays() {
   check(found({100}, none) < 0, "any delay");
 }
 
+/// How much of what is wrong lateness explains, beside what the command itself explains: just enough, and just too little.
+void shares() {
+  Params rules{0.01, 0.5, 60, 1e-7, 0.5};
+  const auto judged = [&](const Params& r, S er, S ee) {
+    const auto c = p::coefficients(r, period);
+    p::DriveDelayWatchState<S> s;
+    s.count = 1e10;  // so that a period changes nothing
+    s.aa = 2, s.ar = 0.5, s.rr = 1.125, s.ea = 0.1, s.er = er, s.ee = ee;
+    return p::step(c, s, S(0), S(0));
+  };
+  // The rate's own variance is 2 / 2; er of 0.05 is 0.05 / 2 of lateness, and explains half of 0.0025 / 2 + 0.0025 / 2.
+  check(judged(rules, 0.05, 0.00624) == F::drive_effort, "lateness explains more than half");
+  check(judged(rules, 0.05, 0.00626) == F::none, "less than half");
+  rules.share = 0;
+  check(judged(rules, 0.05, 9) == F::drive_effort, "however little");
+  check(judged(rules, 0.0351, 9) == F::drive_effort && judged(rules, 0.0349, 9) == F::none, "but not so late");
+  check(judged(rules, -0.05, 9) == F::none, "nor early");
+  // A drive that is late and wrong in another way, which the share tells apart.
+  for (const S other : {0.0, 1.0}) {
+    const auto c = p::coefficients(Params{0.01, 1, 60, 0.5, 0.5}, period);
+    p::DriveDelayWatchState<S> s;
+    bool late = false;
+    for (int k = 0; k < 5000; ++k) {
+      const S t = period * k, asked = 4 + 3 * p::sin(2 * t), then = 4 + 3 * p::sin(2 * (t - 8 * period));
+      late = late || p::step(c, s, asked, then + other * p::sin(11 * t)) != F::none;
+    }
+    check(late == (other < 0.5), "more is wrong than that it is late");
+  }
+}
+
 void numbers() {
   const auto c = p::coefficients(params(), period);
   check(c.valid && c.smoothing == 0.12 && c.forget == 0.001 && c.needed == 1, "shares of a period");
   check_close(c.inverse_period, 500.0, 1e-9, "and its inverse");
   const Params usual;
-  check(usual.limit == std::numeric_limits<S>::infinity() && usual.smoothing == 60 && usual.forget == 0.5, "not checked");
+  check(usual.limit == std::numeric_limits<S>::infinity() && usual.smoothing == 60 && usual.forget == 0.5 && usual.share == 0, "not checked");
   check(!p::coefficients(params(), S(0)).valid && !p::coefficients(params(), S(0.02)).valid, "a period that is none");
   for (int k = 0; k < 4; ++k) {
-    S all[4];
+    S all[5];
     p::to_numbers(params(), all);
     all[k] = 0;
     check(!p::coefficients(p::from_numbers<Params>(all), period).valid, "nothing is no limit");
@@ -86,5 +116,6 @@ void numbers() {
 int main() {
   numbers();
   delays();
+  shares();
   return failures();
 }

@@ -67,6 +67,10 @@ void parameters() {
   bad.test.samples = 7;
   check(p::coefficients(bad, gate()).valid == 0, "half a wave that is too short");
   bad = r;
+  bad.delay.smoothing = 1100;
+  check(p::coefficients(bad, gate()).valid == 0, "a delay's mean that is too fast");
+  check(c.delay.smoothing == 60 * period, "a delay in every period");
+  bad = r;
   bad.shaking.recent = 600;
   check(p::coefficients(bad, gate()).valid == 0, "a mean that is too fast");
   // A delay beyond a million periods is a million.
@@ -525,6 +529,31 @@ void drive_and_order() {
   for (int k = 0; k < 9; ++k) check(off.at(0, 0) == F::none, "no drive that measures");
 }
 
+/// A drive that answers late is found by its delay, from answers that are new.
+void late_drives() {
+  Params r;
+  r.drive.expected = 1;
+  r.drive.tolerance = r.drive.surplus = never;
+  r.delay = {0.008, 1, 60, 0.5, 0.5};
+  for (const std::uint32_t late : {4u, 16u})
+    for (const bool fresh : {true, false}) {
+      Seen seen(r);
+      seen.starts(0);
+      S asked[32]{};
+      bool found = false;
+      for (std::uint32_t i = 0; i < 4000; ++i) {
+        const S t = period * i;
+        asked[i % 32] = 3 * p::sin(3 * t) + p::sin(7 * t);
+        seen.s.drive.asked = seen.s.drive.asked_before = asked[i % 32];
+        seen.back.drive = {asked[(i + 32 - late) % 32], 0, fresh ? i : 7, true};
+        const F now = seen.at(0, 2 * (i / 2) + 1);
+        found = found || now == F::drive_effort;
+      }
+      check(found == (fresh && late == 16), "16 ms late");
+      check(fresh || seen.s.delay.count == 1, "no answer, no delay");
+    }
+}
+
 /// Optional sensors: lost or beyond their range the law goes on where it can; a contradiction stops it.
 void sensors() {
   for (const bool force : {true, false})
@@ -873,6 +902,7 @@ int main() {
   slow_watches();
   momentum();
   drive_and_order();
+  late_drives();
   sensors();
   last_effort();
   efforts();

@@ -85,7 +85,8 @@ def test_every_threshold_of_a_joint():
         "probe_travel": math.inf, "probe_answer_error": 0.0, **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
         "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
-        "unexplained_memory": 0.1,
+        "unexplained_memory": 0.1, "drive_delay": math.inf, "drive_delay_rate": 0.08 * EFFORT,
+        "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4, "drive_delay_share": 0.5,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -160,6 +161,8 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
         assert s[f"shaking_{name}"] == pytest.approx(min(usual, 0.2 / period))
     for name, usual in (("slowest", 20.0), ("fastest", 100.0), ("memory", 3.0)):
         assert s[f"ringing_{name}"] == pytest.approx(min(usual, 0.2 / period))
+    for name, usual in (("smoothing", 20.0), ("forget", 0.4)):
+        assert s[f"drive_delay_{name}"] == pytest.approx(min(usual, 0.2 / period))
     assert s["freeze_speed"] == pytest.approx(500.0 * period)
     assert s["hold_damping"] == pytest.approx(0.05 * INERTIA / period)
     assert s["drive_forget"] == pytest.approx(-math.expm1(-period / 10.0))
@@ -172,7 +175,7 @@ def test_instruments():
     expected = {
         "encoder_resolution": 1e-3, "joint_expected": 1.0, "joint_tolerance": 0.2, "drive_expected": 1.0,
         "drive_limit": 7.0, "force_range": 25.0, "muscle_range": 30.0, "drive_gain": 0.02, "drive_offset": 0.01,
-        "test_effort": 0.0,
+        "test_effort": 0.0, "drive_delay": 13e-3,
     }  # fmt: skip
     assert {name: value for name, value in found.items() if name not in ("test_least", "test_most")} == pytest.approx(
         expected
@@ -214,6 +217,13 @@ def test_the_usual_accuracy_stated_is_the_usual_supervisor_bit_by_bit():
 )
 def test_a_worse_measurement_of_the_drive_widens_its_watch(worse, expected):
     assert changes(instruments=Instruments(**ACCURATE | worse)) == pytest.approx(expected)
+
+
+def test_a_measured_drive_is_watched_for_being_late():
+    measured = Instruments(drive=True, drive_limit=10.0)
+    assert thresholds(instruments=measured)["drive_delay"] == pytest.approx(12e-3 + PERIOD)
+    slow = thresholds(instruments=replace(measured, drive_lag=7e-3))
+    assert slow["drive_delay"] == pytest.approx(12e-3 + PERIOD + 5e-3)
 
 
 def test_weight_of_the_wearer_widens_the_push():
@@ -402,7 +412,7 @@ def test_a_worn_law_is_watched_by_its_spring():
         "drive_limit": 30.0, "drive_offset": 0.02, "drive_tolerance": 5.0 + 1.4 * 2.5, "drive_share": 0.25,
         "drive_cycles": 40.0,
         "drive_surplus": 0.05, "drive_inertia": 1.4 * 0.05, "drive_late": math.exp(-1.0 / 24.0),
-        "drive_gain": 0.05, "muscle_expected": 0.0, "ringing_limit": math.inf,
+        "drive_gain": 0.05, "muscle_expected": 0.0, "ringing_limit": math.inf, "drive_delay": math.inf,
         "test_effort": 0.0, "body_inertia": 0.0, "push_limit": 10.0,
     }  # fmt: skip
     assert {name: s[name] for name in expected} == pytest.approx(expected)
@@ -591,7 +601,7 @@ def test_every_threshold_of_several_joints(robot):
             "force_range": math.inf, "force_quiet_samples": 50.0, "muscle_expected": 0.0, "muscle_range": math.inf,
             "muscle_quiet_samples": 50.0, "test_effort": 0.0, "test_samples": 30.0, "test_rest": 100.0,
             "test_least": 0.0, "test_most": math.inf, "drive_delay": math.inf, "drive_delay_rate": 0.08 * effort,
-            "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4,
+            "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4, "drive_delay_share": 0.0,
         }  # fmt: skip
         assert dict(watch) == pytest.approx(expected, rel=1e-9)
     whole = sum(one.effort * one.velocity for one in limits) / 2.0

@@ -26,6 +26,10 @@ from .instruments import Instruments
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
 from .limits import Limits
 from .supervised import (
+    DRIVE_DELAY_FORGET,
+    DRIVE_DELAY_RATE_SHARE,
+    DRIVE_DELAY_S,
+    DRIVE_DELAY_SMOOTHING,
     DRIVE_FORGET_S,
     DRIVE_SURPLUS_TRAVEL,
     ENCODER_FREEZE_S,
@@ -78,23 +82,6 @@ FORCE_BURST_SHARE = 0.15
 
 FORCE_LOUDNESS = 0.0
 """Largest sum over joints of what force sensors say too loudly, in units of each joint's friction at rest [1]."""
-
-
-DRIVE_DELAY_S = 0.012
-"""Largest delay of a drive's answer to its command, beside a period [s]: half of a fault of 20 ms and more, and six
-times the lag of a slow measurement."""
-
-DRIVE_DELAY_RATE_SHARE = 0.08
-"""Standard deviation of the command's rate from which on that delay is judged, as a share of the limit of effort [1/s].
-
-Noise of a hundredth of the limit, read every 2 ms, then leaves a standard error of 2.5 ms."""
-
-DRIVE_DELAY_SMOOTHING = 20.0
-"""Bandwidth of the command that a delay is judged by [rad/s]: a delay of 20 ms is four tenths of a radian there. At 60
-rad/s it seems shorter, and was found in one of 16 runs."""
-
-DRIVE_DELAY_FORGET = 0.4
-"""Rate at which what was seen of a drive's delay is forgotten [1/s]."""
 
 
 def _defaults(model: str) -> dict[str, float]:

@@ -98,7 +98,8 @@ def watched_worn(
             "drive_late": math.exp(-period / SPRING_LATE),
         }
     nothing = dict.fromkeys(body_of(law), 0.0)
-    more |= {"muscle_expected": 0.0, "ringing_limit": math.inf}
+    # A spring's own loop is as late as a late drive, and foreign ones cannot be told from it while they are worn.
+    more |= {"muscle_expected": 0.0, "ringing_limit": math.inf, "drive_delay": math.inf}
     return supervised(law, instruments=measured, body=nothing, start_up=False).changed(**more)
 
 

@@ -61,6 +61,7 @@ _UNCHECKED_LAW: Mapping[str, float] = {
     "power_limit": _NO_LIMIT,
     "ringing_limit": _NO_LIMIT,
     "drive_surplus": _NO_LIMIT,
+    "drive_delay": _NO_LIMIT,
     "reset_delay": 0.02,
     "healthy_samples": 10.0,
     "rest_speed": _NO_LIMIT,
@@ -88,6 +89,16 @@ SUPERVISOR_VARIANTS: Mapping[str, Mapping[str, float]] = {
     "joint": {**_UNCHECKED_LAW, "joint_expected": 1.0, "joint_tolerance": 0.01},
     "drive": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
     "surplus": {**_UNCHECKED_LAW, "drive_expected": 1.0, "drive_tolerance": _NO_LIMIT, "drive_surplus": 1e-3},
+    "late": {
+        **_UNCHECKED_LAW,
+        "drive_expected": 1.0,
+        "drive_tolerance": _NO_LIMIT,
+        "drive_delay": 1e-6,
+        "drive_delay_rate": 1e-6,
+        "drive_delay_smoothing": 20.0,
+        "drive_delay_forget": 20.0,
+        "drive_delay_share": 1e-6,
+    },
     "unexplained": {**_UNCHECKED_LAW, **_BODY_NUMBERS, "wearer_torque": 0.01},
     "force": {
         **_UNCHECKED_LAW,
@@ -305,6 +316,9 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         driven(lambda i: np.nan),
     )
     yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
+    # An answer of either sign seems late to one and early to the other.
+    for way in (4.0, -4.0):
+        yield _Block("late", lambda i, row, way=way: replace(row, drive=way * float(np.sin(0.4 * i))), 60)
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
     yield _Block("unexplained_energy", length=60)
