@@ -425,6 +425,7 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
     if has_probe():
         for name in ("probe", "drive_measured_and_probe"):
             measured[name] = fault_trials(name, seed)
+    measured["knee-orthosis"] = spring_trials(seed)
     yield from table_lines(measured)
     yield "#### A sine of 2.5 Hz that a drive adds"
     yield ""

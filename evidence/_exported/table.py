@@ -19,6 +19,7 @@ INSTRUMENT_WORDS = {
     "drive_measured": "encoder, drive's current, commissioned test",
     "probe": "encoder, commissioned probe",
     "drive_measured_and_probe": "encoder, drive's current, commissioned test and probe",
+    "knee-orthosis": "the knee orthosis with a spring, as exported by default",
 }
 """What a row assumes, in words, by the name of the set of instruments."""
 

@@ -35,15 +35,22 @@ STORED_DTYPE = np.dtype("<f8")
 """Type of the stored numbers."""
 
 
+_VERIFIED: dict[tuple[str, int, int], set[str]] = {}
+"""Columns whose checksums this process has verified, by what `_state_of` says of their file."""
+
+
 class KeptColumns(Mapping):
     """Columns by name, each read from a kept file when it is asked for, or from its `source` if that file is damaged.
 
     A column of text is its description, as in `Columns`. A column whose checksum is `verified` is not summed up again.
     """
 
-    def __init__(self, path: Path, start: int, entries: dict, source: Path, *, verified: bool = False):
+    def __init__(self, path: Path, start: int, entries: dict, source: Path, verified: set[str]):
         self._path, self._start, self._entries, self._source = path, start, entries, source
-        self._verified = set(entries) if verified else set()
+        self._verified = verified
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
 
     def __getitem__(self, name: str) -> np.ndarray | str:
         entry = self._entries[name]
@@ -92,13 +99,15 @@ def _read_kept(path: Path, source: Path) -> Columns | None:
             # A truncated file holds less than its header states.
             if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED_DTYPE.itemsize > path.stat().st_size:
                 return None
+        verified = _VERIFIED.pop(_state_of(path), set())
         columns = Columns(
-            source, KeptColumns(path, start, dict(head["columns"]), source), head["angle_unit"], head["units"]
+            source, KeptColumns(path, start, dict(head["columns"]), source, verified), head["angle_unit"], head["units"]
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
     with suppress(OSError):
         os.utime(path)  # the files that were used last are removed last
+        _VERIFIED[_state_of(path)] = verified
     return columns
 
 
@@ -126,8 +135,14 @@ def _keep(path: Path, columns: Columns) -> Columns:
         _remove_old_files(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
-    kept = KeptColumns(path, SEAL_LENGTH + len(line), entries, columns.path, verified=True)
+    kept = KeptColumns(path, SEAL_LENGTH + len(line), entries, columns.path, set(entries))
     return Columns(columns.path, kept, columns.angle_unit, columns.units)
+
+
+def _state_of(path: Path) -> tuple[str, int, int]:
+    """Return the path of a file, the time of its last change [ns] and its size."""
+    found = path.stat()
+    return str(path), found.st_mtime_ns, found.st_size
 
 
 def _checksum(column: np.ndarray) -> str:
