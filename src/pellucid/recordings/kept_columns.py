@@ -35,7 +35,7 @@ STORED_DTYPE = np.dtype("<f8")
 """Type of the stored numbers."""
 
 
-_VERIFIED: dict[tuple[str, int, int], set[str]] = {}
+_VERIFIED_COLUMNS: dict[tuple[str, int, int], set[str]] = {}
 """Columns whose checksums this process has verified, by what `_state_of` says of their file."""
 
 
@@ -99,7 +99,7 @@ def _read_kept(path: Path, source: Path) -> Columns | None:
             # A truncated file holds less than its header states.
             if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED_DTYPE.itemsize > path.stat().st_size:
                 return None
-        verified = _VERIFIED.pop(_state_of(path), set())
+        verified = _VERIFIED_COLUMNS.pop(_state_of(path), set())
         columns = Columns(
             source, KeptColumns(path, start, dict(head["columns"]), source, verified), head["angle_unit"], head["units"]
         )
@@ -107,7 +107,7 @@ def _read_kept(path: Path, source: Path) -> Columns | None:
         return None
     with suppress(OSError):
         os.utime(path)  # the files that were used last are removed last
-        _VERIFIED[_state_of(path)] = verified
+        _VERIFIED_COLUMNS[_state_of(path)] = verified
     return columns
 
 
