@@ -19,7 +19,8 @@ template <class S> struct SafetyParams {
     visit(p.effort_limit, {"effort_limit", unit::effort, above(0), "of |effort|"});
     visit(p.rate_limit, {"rate_limit", unit::effort_rate, above(0), "of |d effort / dt|"});
     visit(p.velocity_limit, {"velocity_limit", unit::velocity, above(0).or_infinite(),
-                             "of |velocity|; beyond is a fault; infinite: none"});
+                             "of |velocity|, by a law's estimate and by the way since the last sample; beyond is a fault; "
+                           "infinite: none"});
     visit(p.position_min, {"position_min", unit::coordinate, any_number().or_infinite(),
                            "lower stop; -infinite: none"});
     visit(p.position_max, {"position_max", unit::coordinate, any_number().or_infinite(),
@@ -39,6 +40,7 @@ template <class S> struct SafetyCoefficients {
   SafetyParams<S> params{};  ///< as they are
   bool valid = false;        ///< whether they make sense
   S max_change{};            ///< largest change of the effort in a period [N m]
+  S max_way{};               ///< way in a period at the velocity limit [rad]
   S inverse_margin{};        ///< 1 / stop_margin [1/rad], infinite for a margin of 0
   SampleRules rules{};       ///< when a sample is too old
 };
@@ -48,6 +50,7 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
   c.params = p;
   c.valid = is_sound(p) && p.position_min < p.position_max;
   c.max_change = p.rate_limit * p.period;
+  c.max_way = p.velocity_limit * p.period;
   c.inverse_margin = p.stop_margin > S(0) ? S(1) / p.stop_margin : S(std::numeric_limits<S>::infinity());
   const bool bounded = p.max_age > S(0) && p.max_age < S(2000);  // what 32 bits of microseconds hold
   c.rules.max_age = bounded ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
@@ -86,14 +89,18 @@ template <class S> void reset(SafetyState<S>& state) noexcept {
   state.sample = {};
 }
 
-/// What is wrong with this input after the last, if anything. Also takes note of it.
+/// What is wrong with this input after the last, its velocity aside, if anything. Also takes note of it.
 template <class S>
 SafetyFault examine(const SafetyCoefficients<S>& c, SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
   if (!(input.valid && is_finite(input.command) && is_finite(input.position) && is_finite(input.velocity)))
     return SafetyFault::not_finite;
-  const SafetyFault found = examine(c.rules, state.sample, input.time, input.sequence);
-  if (found != SafetyFault::none) return found;
-  return abs(input.velocity) <= c.params.velocity_limit ? SafetyFault::none : SafetyFault::velocity;
+  return examine(c.rules, state.sample, input.time, input.sequence);
+}
+
+/// Whether a joint is too fast. A law's estimate overshoots where somebody throws the joint, so that the way from the last
+/// position to this one must say so, too; a gap between the two makes it longer.
+template <class S> bool is_too_fast(const SafetyCoefficients<S>& c, const SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
+  return !(abs(input.velocity) <= c.params.velocity_limit) && !(abs(input.position - state.position) <= c.max_way);
 }
 
 /// How much of the effort limit may still push towards a stop at this distance: 1 far away, 0 at the stop and beyond.
@@ -112,6 +119,7 @@ template <class S> S step(const SafetyCoefficients<S>& c, SafetyState<S>& state,
     return state.output;
   }
   if (state.fault == SafetyFault::none) state.fault = examine(c, state, input);
+  if (state.fault == SafetyFault::none && is_too_fast(c, state, input)) state.fault = SafetyFault::velocity;
   if (is_finite(input.position)) state.position = input.position;
 
   const S limit = c.params.effort_limit;

@@ -82,8 +82,9 @@ void step(const TreeGateCoefficients<S, N>& c, TreeGateState<S, N>& state, const
     const SafetyInput<S> input{wanted[k], read.value, velocity[k], read.time, read.sequence, read.valid};
     SafetyState<S> one;
     one.sample = state.sample[k];
-    const SafetyFault found = examine(c.joint[k], one, input);
+    SafetyFault found = examine(c.joint[k], one, input);
     state.sample[k] = one.sample;
+    if (found == SafetyFault::none && !(abs(velocity[k]) <= c.joint[k].params.velocity_limit)) found = SafetyFault::velocity;
     if (found != SafetyFault::none) state.fault = {found, static_cast<std::uint32_t>(k)};
   }
   if (state.fault.fault == SafetyFault::none && !(end_speed <= c.speed_limit))

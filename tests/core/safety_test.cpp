@@ -137,7 +137,7 @@ template <class T> void faults() {
   latches(F::not_finite, [&](Gate<T>& g) { g.step(nan); });
   latches(F::not_finite, [&](Gate<T>& g) { g.step(8, nan); });
   latches(F::not_finite, [&](Gate<T>& g) { g.step(8, 0, std::numeric_limits<T>::infinity()); });
-  latches(F::velocity, [&](Gate<T>& g) { g.step(8, 0, T(-20.1)); });
+  latches(F::velocity, [&](Gate<T>& g) { g.step(8, T(-0.0201), T(-20.1)); });
   latches(F::out_of_order, [&](Gate<T>& g) {
     g.skip(-2000, 0);
     g.step(8);

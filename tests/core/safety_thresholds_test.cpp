@@ -102,10 +102,24 @@ template <class S> void effort() {
 template <class S> void velocity() {
   for (const S way : {S(-1), S(1)}) {
     Gate<S> gate;
-    gate.step(S(1), S(0.5), way * S(4));
-    check(gate.s.fault == F::none, "at the limit");
-    gate.step(S(1), S(0.5), way * S(4.015625));
-    check(gate.s.fault == F::velocity, "beyond");
+    check(gate.c.max_way == S(4) * gate.c.params.period, "way of a period");
+    const S whole = gate.c.max_way, more = S(1.0078125) * whole;
+    S at = S(0.5);
+    const auto moved = [&](S by, S velocity) {
+      at = at + way * by;
+      gate.step(S(1), at, way * velocity);
+      return gate.s.fault;
+    };
+    gate.step(S(1), at, S(0));
+    check(moved(more, S(4)) == F::none, "at the limit by the estimate");
+    check(moved(S(0), S(9)) == F::none && moved(whole * S(0.9375), S(9)) == F::none, "an estimate that overshoots");
+    check(moved(-whole * S(0.9375), S(9)) == F::none, "either way");
+    check(moved(more, S(4.015625)) == F::velocity, "beyond by both");
+    p::reset(gate.s);
+    check(moved(-more, S(4.015625)) == F::velocity, "either way");
+    p::reset(gate.s);
+    gate.s.position = at;
+    check(moved(more, S(-4.015625)) == F::velocity, "whatever the sign of the estimate");
   }
 }
 

@@ -879,6 +879,7 @@ void fronts() {
   check(rig.state().drive.asked == rig.out.effort, "asked for");
   Rig<> fast(held());
   fast.law.controller.law.gate.params.velocity_limit = 0.5;
+  fast.law.controller.law.gate.max_way = 0.5 * period;
   p::seal(fast.law);
   fast.speed = 4;
   for (int k = 0; k < 60; ++k) {

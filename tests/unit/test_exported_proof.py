@@ -122,8 +122,8 @@ def test_faults_that_the_drive_measures_are_found_and_bounded(measured):
 GROUP_BOUNDS = {"sensor": (0.01, 1e-3), "drive": (0.3, 0.1), "clock": (0.02, 1e-3), "software": (0.2, 1e-3)}
 """Longest time until found [s] and largest excess [J] of the worst fault of each group, where the drive is measured."""
 
-SEEN_LATE = ("encoder_frozen", "encoder_half_two", "drive_late", "drive_holds", "law_state")
-"""Faults that do nothing for as long as a wearer rests, or that the law itself outlives."""
+SEEN_LATE = ("encoder_frozen", "encoder_half_two", "drive_late", "drive_holds")
+"""Faults that do nothing for as long as a wearer rests."""
 
 
 @pytest.mark.parametrize("group", GROUP_BOUNDS)
@@ -135,6 +135,14 @@ def test_the_worst_fault_of_a_group_is_found_in_time_and_bounded(measured, group
     longest, most = GROUP_BOUNDS[group]
     assert max(trial.found for trial in found) < longest
     assert max(trial.excess for trial in found) < most
+
+
+def test_a_measured_drive_that_answers_late_is_found(measured):
+    late = [t for index in range(8) for t in trials.try_faults(measured, index, SEED, ("drive_late",))]
+    assert all(trial.is_found and trial.fault in ("drive_effort", "drive_stuck") for trial in late)
+    assert max(trial.excess for trial in late) < 0.1
+    lives = [trials.live(measured, index, SEED, 60.0) for index in range(2)]
+    assert not any(life.false_alarms for life in lives)
 
 
 def test_a_commissioned_probe_finds_what_begins_before_its_first_movement(store):

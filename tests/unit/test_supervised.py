@@ -83,7 +83,7 @@ def test_a_slow_torque_loop_is_held_to_what_it_was_asked_for_a_while_ago(late, g
     law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS | {"gravity_sine": -3.0})
     safe = supervised(law, instruments=Instruments(drive=True), start_up=False, drive_tolerance=np.inf,
                       wearer_torque=np.inf, wearer_push=np.inf, push_limit=np.inf, power_limit=np.inf,
-                      budget_store=np.inf, ringing_limit=np.inf, shaking_limit=np.inf,
+                      budget_store=np.inf, ringing_limit=np.inf, shaking_limit=np.inf, drive_delay=np.inf,
                       drive_late=np.exp(-1e-3 / late) if late else 0.0)  # fmt: skip
     given, left = 0.0, np.exp(-1e-3 / 0.024)
     for i in range(2000):
