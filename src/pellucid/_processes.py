@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
 from contextvars import ContextVar
-from functools import partial
+from functools import partial, wraps
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables from which libraries of linear algebra and of trees read their number of threads when they are
@@ -22,11 +22,30 @@ loaded."""
 Job = tuple
 """A function, followed by its arguments."""
 
+Parameters = ParamSpec("Parameters")
+Returned = TypeVar("Returned")
+
 SHARE_INTERVAL_S = 1.0
 """Time after which the shares that jobs tell are read again [s]."""
 
 _share_of_job: ContextVar[Callable[[float], None]] = ContextVar("_share_of_job", default=lambda share: None)
 _shares: Any = None  # share done of each job, in a helper process that `shared_results` started
+
+
+def with_one_blas_thread(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
+    """Return a `function` that lets linear algebra use one thread, as the command line does.
+
+    Matrices are small here: more threads wait for each other for longer than they multiply, and sum in another order.
+    """
+
+    @wraps(function)
+    def on_one_thread(*arguments: Parameters.args, **options: Parameters.kwargs) -> Returned:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1, "blas"):
+            return function(*arguments, **options)
+
+    return on_one_thread
 
 
 def tell_job_share(share: float) -> None:

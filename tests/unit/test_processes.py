@@ -9,9 +9,18 @@ import sys
 import time
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
+import pellucid as pl
 from pellucid import _processes
-from pellucid._processes import job_part, keep_helpers, results_with_helpers, shared_results, tell_job_share
+from pellucid._processes import (
+    job_part,
+    keep_helpers,
+    results_with_helpers,
+    shared_results,
+    tell_job_share,
+    with_one_blas_thread,
+)
 
 SCRIPT = """
 import math
@@ -83,3 +92,16 @@ def test_a_script_is_not_run_again_by_its_helpers(tmp_path):
     path.write_text(SCRIPT, encoding="utf-8")
     said = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True).stdout
     assert said.splitlines() == [f"[1, 1, 2, 6, 24, 120] {path}"]
+
+
+def test_linear_algebra_has_one_thread_within_and_its_own_number_after():
+    def threads():
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    with threadpool_limits(2, "blas"):
+        assert set(with_one_blas_thread(threads)()) == {1}
+        assert set(threads()) == {2}
+        with pytest.raises(ZeroDivisionError):
+            with_one_blas_thread(lambda: 1 // 0)()
+        assert set(threads()) == {2}
+    assert with_one_blas_thread(pl.fit_joint).__doc__ == pl.fit_joint.__doc__

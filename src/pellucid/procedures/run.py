@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from .._processes import with_one_blas_thread
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
 from ..recordings.fault import Fault, grouped_messages
@@ -591,6 +592,7 @@ def _run_study(command: str, subject: object, on_progress: Progress | None, opti
     return run(as_study(subject, command), command, on_progress=on_progress)
 
 
+@with_one_blas_thread
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
     tell = on_progress or quiet
     twice = find_duplicates(study.recordings())

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ..._processes import with_one_blas_thread
 from ...models.joint import SYMBOLS_BY_NAME, joint_model
 from ...signals.motion import Filtering, motion_of, shortest
 from ...signals.sampled import sampled
@@ -20,6 +21,7 @@ SETTLING_PERIODS = 2.0
 """Default length that is trimmed at either end, in periods of the low-pass cut-off."""
 
 
+@with_one_blas_thread
 def fit_joint(
     time: np.ndarray,
     position: np.ndarray,
