@@ -15,17 +15,17 @@ class UnmeasuredFault:
     energy: float  # excess work on the limb in the worst run [J]
 
 
-# Fourteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`, seed
-# 20290201), without a measurement of the drive. Runs lasted ten seconds after the onset of the fault.
+# Fifteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`, seed
+# 20290601), without a measurement of the drive. Runs lasted ten seconds after the onset of the fault.
 UNMEASURED_FAULTS = (
-    UnmeasuredFault("its polarity is reversed", 82, 280, 11.2),
-    UnmeasuredFault("it gives three times the effort", 66, 280, 26.4),
-    UnmeasuredFault("it is stuck at an effort", 84, 280, 21.2),
-    UnmeasuredFault("it gives no effort", 77, 280, 4.6),
+    UnmeasuredFault("its polarity is reversed", 80, 300, 14.6),
+    UnmeasuredFault("it gives three times the effort", 63, 300, 34.6),
+    UnmeasuredFault("it is stuck at an effort", 91, 300, 27.8),
+    UnmeasuredFault("it gives no effort", 60, 300, 5.9),
 )
 """Faults of a drive that does not measure its effort, as they ended on virtual wearers."""
 
-MEASURED_FAULTS_FOUND_S = 0.44
+MEASURED_FAULTS_FOUND_S = 1.61
 """Time in which all of these were found with a measurement of the drive [s]."""
 
 MEASURED_FAULTS_ENERGY_J = 0.07
