@@ -180,12 +180,16 @@ def test_the_page_has_every_fault_once_with_what_was_measured():
     assert "This is no certification" in page
 
 
-UNCERTAIN = frozenset({"encoder_frozen", "force_triple", "emg_crossed", "drive_holds", "drive_late", "wearer_blocked",
-                       "strap_opens", "law_state", "wearer_spasm"})  # fmt: skip
+UNCERTAIN = frozenset({"encoder_frozen", "force_flipped", "force_triple", "emg_crossed", "drive_holds", "drive_late",
+                       "wearer_blocked", "strap_opens", "wearer_spasm"})  # fmt: skip
 """Faults of the elbow that need not be found in every run, because a bounded energy is all that they give."""
 
 ELBOW_EXCESS = {"wearer_spasm": 3.6}
 """Bounds of an elbow where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
+
+ELBOW_LATEST_MS = 4510.0
+"""Latest time until an elbow is safe: what docs/safety.md measured, of an encoder that changes its sign beside a second
+one, and a quarter more."""
 
 KNEE_EXCESS = {"emg_lost": 2.6, "drive_triple": 4.3, "drive_late": 4.8, "wearer_spasm": 4.2}
 """Bounds of a worn knee where they are not the usual one [J]: what docs/safety.md measured and a quarter more."""
@@ -208,7 +212,7 @@ def test_the_page_bounds_the_energy_and_the_time_of_every_fault():
         assert float(row[6].removesuffix(" J")) <= ELBOW_EXCESS.get(name, 1.5), name
         if name not in UNCERTAIN:
             assert found == of, name
-            assert float(row[5].removesuffix(" ms")) <= 3500.0, name
+            assert float(row[5].removesuffix(" ms")) <= ELBOW_LATEST_MS, name
     for row in knee:
         name = row[0].split("`")[1]
         if not row[0].endswith("*"):

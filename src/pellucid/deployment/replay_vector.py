@@ -298,6 +298,9 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     def driven(by: Callable[[int], float]) -> _Block:
         return _Block("drive", lambda i, row: replace(row, drive=by(i)) if i > 12 else row, 24)
 
+    def answered(size: float) -> _Block:
+        return _Block("late", lambda i, row: replace(row, drive=size * float(np.sin(0.4 * i))), 60)
+
     h = 1e-6 * period
     jump = 2e3 * values.numbers["velocity_limit"] * values.numbers["period"]
     yield from (value(np.nan), value(np.inf), value(-np.inf), value(float(np.float32(jump))))
@@ -316,9 +319,8 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         driven(lambda i: np.nan),
     )
     yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
-    # An answer of either sign seems late to one and early to the other.
-    for way in (4.0, -4.0):
-        yield _Block("late", lambda i, row, way=way: replace(row, drive=way * float(np.sin(0.4 * i))), 60)
+    # Of an answer and its opposite one seems late, the other early.
+    yield from (answered(4.0), answered(-4.0))
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
     yield _Block("unexplained_energy", length=60)
