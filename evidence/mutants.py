@@ -62,7 +62,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "shaking_watch": ("shaking_watch",),
     "start_up_test": ("start_up_wave",),
     "supervisor": ("supervisor_states", "supervisor"),
-    "supervisor_watches": ("incident_recorder",),
+    "supervisor_watches": ("supervisor_watches", "incident_recorder"),
     "tree_force_watch": ("tree_force_watch",),
     "tree_gate": ("tree_gate", "tree_law"),
     "tree_law": ("tree_gate", "tree_law"),

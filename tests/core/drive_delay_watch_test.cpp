@@ -75,6 +75,29 @@ void shares() {
   check(judged(rules, 0.05, 9) == F::drive_effort, "however little");
   check(judged(rules, 0.0351, 9) == F::drive_effort && judged(rules, 0.0349, 9) == F::none, "but not so late");
   check(judged(rules, -0.05, 9) == F::none, "nor early");
+  // A rate that varies by 1 where the command itself varies by 2, beside what the command explains of it.
+  for (const S needed : {0.99, 1.01}) {
+    rules.rate = p::sqrt(needed);
+    check((judged(rules, 0.05, 9) == F::drive_effort) == (needed < 1), "the rate varies just enough, or too little");
+  }
+  // Two fifths of the memory must be filled.
+  for (const S filled : {0.399, 0.401}) {
+    const auto c = p::coefficients(Params{0.01, 0.5, 60, 1e-7}, period);
+    p::DriveDelayWatchState<S> s;
+    s.count = filled / c.forget - 1;
+    s.aa = 2, s.rr = 1, s.er = 0.05, s.ee = 9;
+    check((p::step(c, s, S(0), S(0)) == F::drive_effort) == (filled > 0.4), "two fifths of the memory");
+  }
+  // The first answer is what later ones are compared with, and each weighs the same until the memory is full.
+  {
+    const auto c = p::coefficients(params(), period);
+    p::DriveDelayWatchState<S> s;
+    p::step(c, s, S(3), S(1));
+    check(s.mean_error == 2 && s.mean == 3 && s.ee == 0 && s.aa == 0 && s.count == 1, "the first answer");
+    for (int k = 0; k < 3000; ++k) p::step(c, s, S(3), S(1));
+    check_close(s.count, 1000.0, 1e-9, "the memory is full");
+    check(s.ee == 0, "an offset is no error");
+  }
   // A drive that is late and wrong in another way, which the share tells apart.
   for (const S other : {0.0, 1.0}) {
     const auto c = p::coefficients(Params{0.01, 1, 60, 0.5, 0.5}, period);

@@ -100,6 +100,28 @@ template <class S> void names() {
   check(outside(S(21)) == F::drive_stuck && outside(S(21.0009765625)) == F::drive_effort, "a tenth of the tolerance");
 }
 
+/// What was asked for now or as late as the loop, whichever gives more energy, is what the drive may give.
+template <class S> void late_loops() {
+  auto params = watch<S>();
+  params.tolerance = S(100);
+  params.surplus = S(100);
+  params.late = S(0.5);
+  for (const S way : {S(-1), S(1)}) {
+    auto falls = asked(way * S(1), way * S(1));
+    falls.due = way * S(3);  // half of it is left: 2
+    p::step(params, falls, way * S(2), way, S(1), true);
+    check(falls.due == way * S(2) && falls.surplus == S(0), "what is still due of more");
+    auto turns = asked(way * S(1), way * S(1));
+    turns.due = way * S(3);
+    p::step(params, turns, way * S(0), -way, S(1), true);
+    check(turns.surplus == S(1), "back, what is asked for now gives more");
+    auto grows = asked(way * S(3), way * S(3));
+    grows.due = way * S(1);
+    p::step(params, grows, way * S(3), way, S(1), true);
+    check(grows.due == way * S(2) && grows.surplus == S(0), "what was asked for now is more");
+  }
+}
+
 /// Energy beyond the command: (given - due) v less the accuracy of the measurement, forgotten in time.
 template <class S> void surplus() {
   auto params = watch<S>();
@@ -180,6 +202,7 @@ template <class S> void all() {
   silence<S>();
   tolerance<S>();
   names<S>();
+  late_loops<S>();
   surplus<S>();
 }
 

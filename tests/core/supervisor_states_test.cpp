@@ -70,6 +70,8 @@ void parameters() {
   bad.delay.smoothing = 1100;
   check(p::coefficients(bad, gate()).valid == 0, "a delay's mean that is too fast");
   check(c.delay.smoothing == 60 * period, "a delay in every period");
+  check(c.shaking.following == r.shaking.recent * 2 * period && c.shaking.forgetting == r.shaking.memory * 2 * period,
+        "shaking every second");
   bad = r;
   bad.shaking.recent = 600;
   check(p::coefficients(bad, gate()).valid == 0, "a mean that is too fast");
@@ -440,6 +442,18 @@ void momentum() {
   contradicted.s.body.contradiction = 9;
   contradicted.in.interaction = {0, 0, 1, true};
   check(contradicted.at(0, 1) == F::none && contradicted.s.residual == F::force_sensor, "a sensor's turn comes later");
+  for (const M mode : {M::running, M::degraded, M::start_up}) {
+    Params counts = r;
+    counts.force.expected = 1;
+    counts.body.wearer_torque = counts.body.wearer_push = never;
+    Seen gains(counts);
+    gains.in.interaction = {2, 0, 1, true};
+    gains.starts(1);
+    gains.s.body.started = true;
+    gains.s.unexplained.energy = 0.5;
+    gains.at(1, 1, mode);
+    check((gains.s.unexplained.energy != 0) == (mode == M::running), "energy that nobody accounts for, while all is well");
+  }
   Seen fresh(r);
   fresh.at(1, 0);
   check(fresh.at(1, 1) == F::none && !fresh.s.body.started, "two readings are no motion");

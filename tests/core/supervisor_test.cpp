@@ -221,11 +221,12 @@ template <class S> void probes() {
   for (int k = 0; k < 240; ++k) {
     p::step(c.probe, s.probe, S(0), S(0), S(0));
     const S added = p::wave(c.probe, s.probe);
-    for (const S effort : {S(-10), S(-9.9), S(0), S(9.9), S(10)}) {
+    for (const S effort : {S(-10), S(-9.9), S(-7.5), S(0), S(7.5), S(9.9), S(10)}) {
       s.output = s.drive.asked = effort;
       const S middle = p::with_probe(c, s, gate, effort, S(0.5) * (gate.params.position_min + gate.params.position_max));
       check(p::abs(middle) <= S(10) && p::abs(middle - effort) <= c.max_change, "within limit and rate");
       check(p::abs(effort) > S(9) || added == S(0) || p::same_sign(middle - effort, added), "the way of the wave");
+      check(p::abs(effort) != S(7.5) || added == S(0) || middle != effort, "beyond half of the limit, too");
       const S high = p::with_probe(c, s, gate, effort, gate.params.position_max);
       check(high <= p::max(effort, S(0)), "not into the upper stop");
       const S low = p::with_probe(c, s, gate, effort, gate.params.position_min);

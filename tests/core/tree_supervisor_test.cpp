@@ -603,6 +603,17 @@ struct Judged {
 };
 
 void contradictions() {
+  // Of two joints whose sensors lie the first is named.
+  {
+    Rules r = rules();
+    r.joint[0].motion.tolerance = r.joint[2].motion.tolerance = 1;
+    Judged two(r);
+    auto& law = two.rig.law.controller.state;
+    law.sensed[0] = law.sensed[2] = true;
+    law.felt[0] = law.felt[2] = 1.0078125;
+    two.judge(5000);
+    check(two.fault().fault == F::force_sensor && two.fault().joint == 0, "the first of two");
+  }
   for (std::size_t k = 0; k < joints; ++k)
     for (const S way : {-1.0, 1.0})
       for (int who = 0; who < 4; ++who) {

@@ -226,11 +226,24 @@ def test_a_measured_drive_is_watched_for_being_late():
     assert slow["drive_delay"] == pytest.approx(12e-3 + PERIOD + 5e-3)
 
 
+def test_rates_that_a_slow_period_cannot_follow():
+    assert thresholds(joint(period=0.4, max_age=2.0))["drive_delay_forget"] == pytest.approx(0.4)
+    assert thresholds(joint(period=0.8, max_age=4.0))["drive_delay_forget"] == pytest.approx(0.25)
+
+
 def test_weight_of_the_wearer_widens_the_push():
     """A law that carries weight of the wearer may push by as much more."""
     usual = thresholds()
     held = thresholds(replace(joint(), supported=1.5, unstated=0.25))
     assert held["push_limit"] == pytest.approx(usual["push_limit"] + 1.75)
+    assert held["power_limit"] > usual["power_limit"]
+
+
+def test_a_stated_load_adds_inertia_and_weight():
+    load = Segment(1.5, 0.15, 0.06)
+    loaded = rules.loaded_body({"inertia": 0.05, "gravity_sine": 1.2}, replace(joint(), load=load))
+    assert loaded["inertia"] == pytest.approx(0.05 + load.inertia)
+    assert loaded["gravity_sine"] == pytest.approx(1.2 + load.gravity())
 
 
 def test_a_worse_force_sensor_widens_its_watch():
@@ -676,6 +689,10 @@ def test_thresholds_of_force_sensors(robot):
     for share in felt.shares:
         assert (share["proportional"], share["sensor_lowpass"], share["sensor_drift"]) == (2.0, 15.0, 0.1)
         assert share["feedback_limit"] == pytest.approx(0.2 * share["effort_limit"])
+    driven = tree_laws.transparent(robot)
+    for share, plain in zip(tree_laws.with_force_sensor(driven).shares, driven.shares, strict=True):
+        assert share["energy_store"] == pytest.approx((2.0 + 2.0) * plain["energy_store"])
+        assert 0.0 < plain["inertia_share"] <= 0.4
     for k, watch in enumerate(felt.watches):
         effort = law.shares[k]["effort_limit"]
         assert (watch["force_expected"], watch["force_range"], watch["force_quiet_samples"]) == (1.0, 25.0, 50.0)
