@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from .column_norms import column_norms
 from .regression import Solution
 
 BLOCK_COUNT = 10
@@ -43,7 +44,7 @@ def values_without_blocks(
     and `instruments`, (m, p), are used. Parameters on a bound stay there.
     """
     free = ~found.at_bound
-    scale = np.maximum(np.linalg.norm(found.jacobian[:, free], axis=0), np.finfo(float).tiny)
+    scale = np.maximum(column_norms(found.jacobian[:, free]), np.finfo(float).tiny)
     w = found.jacobian[:, free] / scale * found.weights[:, None]
     z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
     residual = found.residual * found.weights

@@ -47,6 +47,7 @@ from ..models.carried_friction import (
 )
 from ..models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ..signals.motion import SLOW_SHARE
+from .column_norms import column_norms
 from .regression import FittedMotion, Stack
 
 MAX_ROWS = 50_000
@@ -273,7 +274,7 @@ def neglected_columns(
 
     The arguments are those of `estimate_discrepancy`.
     """
-    norms = np.linalg.norm(jacobian, axis=0)
+    norms = column_norms(jacobian)
     free = (norms > 1e-12 * norms.max()) & (np.diag(statistical) > 0.0)
     scale = norms[free]
     w = jacobian[:, free] / scale

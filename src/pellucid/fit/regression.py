@@ -226,10 +226,10 @@ def least_squares_within(
     The trust-region method ("trf") ends close to a bound, the active-set method ("bvls") on it. A Stribeck profile over
     velocities that fit equally well depends on the residuals of the former.
     """
-    scale = np.linalg.norm(w, axis=0)
     values = np.linalg.lstsq(w, y, rcond=None)[0]
     if np.all(values >= lower) and np.all(values <= upper):
         return values
+    scale = np.linalg.norm(w, axis=0)
     from scipy.optimize import lsq_linear  # imported late, because checking a study does not need it
 
     tolerance = {"trf": 1e-12, "bvls": 1e-14}[method]

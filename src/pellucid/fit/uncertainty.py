@@ -38,6 +38,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from .column_norms import column_norms
 from .parameter import Whiteness
 
 BLOCK_CORRELATION_TIMES = 10
@@ -188,7 +189,7 @@ def sandwich_covariance(
     free = np.ones(p, bool) if free is None else free
     w = jacobian[:, free]
     z = w if instruments is None else instruments[:, free]
-    scale = np.linalg.norm(w, axis=0)
+    scale = column_norms(w)
     bread = _inverse(z, w, scale)
     if bread is None:
         return np.diag(np.where(free, np.inf, 0.0))
@@ -204,7 +205,7 @@ def _inverse(left: np.ndarray, right: np.ndarray, scale: np.ndarray) -> np.ndarr
     if not np.all(scale > 0.0):
         return None
     try:
-        return np.linalg.inv((left / scale).T @ (right / scale))
+        return np.linalg.inv(left.T @ right / np.outer(scale, scale))
     except np.linalg.LinAlgError:
         return None
 
@@ -226,7 +227,7 @@ def block_bootstrap(
     `jacobian` has shape (m, p), `residual` (m,), `values` (p,). `memory` is the residual's correlation time in samples,
     if known.
     """
-    scale = np.linalg.norm(jacobian, axis=0)
+    scale = column_norms(jacobian)
     if not np.isfinite(residual).all() or _inverse(jacobian, jacobian, scale) is None:
         return np.tile([-np.inf, np.inf], (len(values), 1))
     w = jacobian / scale

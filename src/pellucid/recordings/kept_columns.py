@@ -21,9 +21,11 @@ import numpy as np
 from .._atomic import atomically
 from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 from .readers import Columns, read_columns
+from .readers.read import needs_process
 
 MIN_FILE_BYTES = 4_000_000
-"""Only the columns of files from this size on are kept; smaller files are read fast enough."""
+"""Only the columns of files from this size on are kept; smaller files are read fast enough, unless they need a process
+of their own."""
 
 MAX_KEPT_BYTES = 4_000_000_000
 """At most this many bytes are kept for one study. The files that were read last stay."""
@@ -80,7 +82,7 @@ def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
 
     Otherwise the file is read, and its columns are kept if it is long.
     """
-    if source.stat().st_size < MIN_FILE_BYTES:
+    if source.stat().st_size < MIN_FILE_BYTES and not needs_process(source):
         return read_columns(source)
     path = folder / f"{digest[:32]}-{_readers_checksum()[:8]}{FILE_ENDING}"
     return _read_kept(path, source) or _keep(path, read_columns(source))

@@ -14,6 +14,7 @@ from ..._errors import IdentificationError
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
 from ...signals.motion import Motion
+from ..column_norms import column_norms
 from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
 from ..regression import (
     Solution,
@@ -138,7 +139,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarr
         jacobian, effort = regression_rows(model, values, data)
         residual = data.target - effort
         # A Stribeck velocity without a Stribeck level has no effect at all.
-        norms = np.linalg.norm(jacobian, axis=0)
+        norms = column_norms(jacobian)
         free = norms > 1e-12 * norms.max()
         triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r"))
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)

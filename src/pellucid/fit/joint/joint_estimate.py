@@ -13,6 +13,7 @@ from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, Motion, motion_of
 from ...signals.sampled import sampled
+from ..column_norms import column_norms
 from ..discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
 from ..estimates import Estimates
 from ..parameter import Whiteness
@@ -188,7 +189,7 @@ def make_estimate(
     if not size > 0.0:
         raise IdentificationError("found an effort of 0 in every row, expected one that changes as the joint moves")
     w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
-    norms = np.linalg.norm(found.jacobian, axis=0)
+    norms = column_norms(found.jacobian)
     # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
     idle = norms <= 1e-12 * norms.max()
     free = ~idle

@@ -82,13 +82,18 @@ def make_predictive_band(
     blocks = np.concatenate([first + np.arange(n) // block for first, n in zip(before, lengths, strict=False)])
     order = np.argsort(size)  # sorted once: the errors without one block are sorted too
     ordered, owned = size[order], blocks[order]
+    grouped = np.argsort(owned, kind="stable")  # places of each block among the sorted errors, in order
+    ends = np.searchsorted(owned[grouped], np.arange(blocks.max() + 2))
     worth = len(size) / max(2.0 * time, 1.0)
     inside = np.empty(len(size), bool)
     for b in range(blocks.max() + 1):
-        mine = blocks == b
-        rest = ordered[owned != b] if not mine.all() else ordered
-        share = _quantile_level(level, worth * len(rest) / len(size))
-        inside[mine] = size[mine] <= rest[int(np.ceil(share * (len(rest) - 1)))]
+        mine = grouped[ends[b] : ends[b + 1]]
+        rest = len(size) - len(mine) or len(size)
+        share = _quantile_level(level, worth * rest / len(size))
+        place = int(np.ceil(share * (rest - 1)))  # among the errors without this block
+        if rest < len(size):
+            place += int(np.searchsorted(mine - np.arange(len(mine)), place, side="right"))
+        inside[order[mine]] = ordered[mine] <= ordered[place]
     by_recording = {p.recording: float(inside[owner == i].mean()) for i, p in enumerate(own)}
     return PredictiveBand(
         conformal_half_width(size, level, worth),

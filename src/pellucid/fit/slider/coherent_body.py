@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from ..._errors import IdentificationError
+from ..._processes import with_one_blas_thread
 from ...models.slider_joint import SliderJointModel
 from ...signals.slider_motion import SliderMotion
 from ..discrepancy import collect_states, estimate_discrepancy
@@ -24,6 +25,7 @@ MAX_RELINEARISATIONS = 12
 """Largest number of relinearisations under the consistency conditions."""
 
 
+@with_one_blas_thread
 def fit_coherent(
     model: SliderJointModel,
     motions: Sequence[SliderMotion],

@@ -75,6 +75,11 @@ def _is_text(path: Path) -> bool:
     return numbers >= MIN_SNIFFED_NUMBERS and 2 * numbers >= len(words) and text.count("\ufffd") < 0.02 * len(text)
 
 
+def needs_process(path: Path) -> bool:
+    """Return whether a file of this ending may be read in a process of its own, which takes long to start."""
+    return any(hasattr(reader, "APART") for reader in readers_by_ending().get(path.suffix.lower(), ()))
+
+
 def read_columns(path: str | os.PathLike) -> Columns:
     """Read every numeric column of a recording, in the file's own units.
 
