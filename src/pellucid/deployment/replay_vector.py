@@ -319,7 +319,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         driven(lambda i: np.nan),
     )
     yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
-    # Of an answer and its opposite one seems late, the other early.
+    # One of the two answers seems late, its opposite seems early.
     yield from (answered(4.0), answered(-4.0))
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
