@@ -72,6 +72,7 @@ void parameters() {
   check(c.delay.smoothing == 60 * period, "a delay in every period");
   check(c.shaking.following == r.shaking.recent * 2 * period && c.shaking.forgetting == r.shaking.memory * 2 * period,
         "shaking every second");
+  check(c.unexplained.period == 2 * period, "and energy");
   bad = r;
   bad.shaking.recent = 600;
   check(p::coefficients(bad, gate()).valid == 0, "a mean that is too fast");
@@ -535,6 +536,14 @@ void drive_and_order() {
   check_close(says(5 + 12 * period, 4), 2.5, 1e-9, "over two periods, of which it was silent in one");
   turns.c.params.drive.inertia = 0;
   check(p::velocity_of_drive(turns.c, turns.s) == 0, "a drive at the joint turns as the joint does");
+  const S followed = turns.s.drive_velocity;
+  says(9, 5);
+  check(turns.s.drive_velocity == followed, "and is not followed by itself");
+  Params blind = r;
+  blind.drive.inertia = 1;
+  check(p::is_before_spring(blind), "a drive with an encoder of its own");
+  blind.joint_expected = 0;
+  check(!p::is_before_spring(blind), "nobody sees how it turns");
   r.drive.inertia = 0;
   r.drive.expected = 0;
   Seen off(r);

@@ -99,6 +99,14 @@ void encoders() {
   shows(m, "raw_acceleration", -4 / period, 2000 + 2 * blur / period);
   asks("raw_acceleration", [](Made& x) { x.before.heard = 2; });
   asks("raw_acceleration", [](Made& x) { x.s.encoder.heard = 2; });
+  // The time between two readings, unless it is the period or so long that nobody knows it.
+  m.before.time = 5000;
+  for (const std::uint32_t gap : {2000u, 1000000u, 1000001u, 0u, m.c.encoder.micros}) {
+    m.s.encoder.time = m.before.time + gap;
+    const bool known = gap == 2000u || gap == 1000000u;
+    const S passed = known ? 1e-6 * gap : period;
+    shows(m, "raw_acceleration", -4 / passed, 2000 + 4 * 1e-4 / passed / passed);
+  }
   m.s.encoder.position = 3.5;
   shows(m, "range", 2, 2.5);
   asks("range", [](Made& x) { x.params.encoder.range_max = never; });

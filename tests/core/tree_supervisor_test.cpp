@@ -583,6 +583,10 @@ void late_drives() {
         check(found.fault == F::none || found.joint == k, "of that joint");
       }
       check(late == (parity == 1), "16 ms late");
+      const S seen = rig.state().joint[k].delay.count;
+      rig.state().steps = 1;
+      p::observe(rig.law, rig.in, rig.back);
+      check(rig.state().joint[k].delay.count == seen, "an answer that was seen before says nothing");
     }
   }
 }

@@ -48,6 +48,7 @@ def test_rules_of_amplitude_window_and_noise():
     assert s["probe_samples"] == 120.0
     assert s["probe_inertia"] == INERTIA
     assert s["probe_noise"] == pytest.approx(2.5e-6)
+    assert pytest.approx(math.sqrt(5.0)) == PROBE_CREST  # three waves side by side, at their highest
     speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
     assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
     assert s["probe_evidence"] == 25.0

@@ -239,6 +239,15 @@ def test_weight_of_the_wearer_widens_the_push():
     assert held["power_limit"] > usual["power_limit"]
 
 
+@pytest.mark.parametrize(("half", "swing"), [(0.4, 0.8), (2.0, 2.0)])
+def test_supported_weight_may_be_lifted_over_the_swing(half, swing):
+    law = joint(position_min=-half, position_max=half)
+    laws = law, replace(law, supported=1.5), replace(law, unstated=0.5)
+    store = [thresholds(each)["budget_store"] for each in laws]
+    assert store[1] - store[0] == pytest.approx(1.5 * swing)
+    assert store[2] - store[0] == pytest.approx(0.5 * swing)
+
+
 def test_a_stated_load_adds_inertia_and_weight():
     load = Segment(1.5, 0.15, 0.06)
     loaded = rules.loaded_body({"inertia": 0.05, "gravity_sine": 1.2}, replace(joint(), load=load))
