@@ -100,7 +100,7 @@ def test_a_judged_recording_whose_simulation_diverges_is_named_and_refuses_nothi
     assert response.recording == "check_07"
     other = replace(found, checks={**found.checks, "check_07": response})
     assert np.isnan(other.mean_fit())
-    assert other.parameters == found.parameters
+    assert repr(other.parameters) == repr(found.parameters)  # a number that is none equals itself
     assert "cannot be simulated along check_07" in _headline(other, {})
     said = [v.text for v in _verdicts(other, {}, {}, {}) if v.kind == "warning"]
     assert any("check_07" in text and "diverges" in text for text in said)

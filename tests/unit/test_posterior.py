@@ -126,7 +126,7 @@ def test_a_seed_decides_every_draw(plain):
     other = sampled(likelihood, values, covariance, seed=7)
     assert np.array_equal(again.draws, found.draws)
     assert not np.array_equal(other.draws, found.draws)
-    assert np.all(np.abs(other.array - found.array) < 0.2 * np.sqrt(np.diag(covariance)))
+    assert np.all(np.abs(other.array - found.array) < 0.3 * np.sqrt(np.diag(covariance)))
 
 
 def test_ensembles_that_stay_apart_are_refused_in_words():
