@@ -3,6 +3,7 @@
 
 #include "arrays.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -52,12 +53,10 @@ void add_number(std::string& text, double value, int decimals) {
   std::uint64_t whole;
   char digits[40];
   if (!scaled(std::abs(value), decimals, whole)) {
-    const int length = std::snprintf(nullptr, 0, "%.*f", decimals, value);
-    std::vector<char> written(static_cast<std::size_t>(length) + 1);
-    std::snprintf(written.data(), written.size(), "%.*f", decimals, value);
-    for (char& one : written)
-      if (one == ',') one = '.';  // the decimal point of some places
-    const std::string all(written.data(), static_cast<std::size_t>(length));
+    char written[340];  // the largest number has 309 digits, a sign, and 16 characters more
+    std::snprintf(written, sizeof written, "%.*f", decimals, value);
+    std::string all(written);
+    std::replace(all.begin(), all.end(), ',', '.');  // the decimal point of some places
     text += all == "-0" ? "0" : all;
     return;
   }

@@ -123,10 +123,12 @@ def test_pairs_that_trade_off_are_named():
 def test_a_seed_decides_every_draw(plain):
     likelihood, values, covariance, _, found = plain
     again = sampled(likelihood, values, covariance)
-    other = sampled(likelihood, values, covariance, seed=7)
+    others = [sampled(likelihood, values, covariance, seed=seed) for seed in (7, 8, 9)]
     assert np.array_equal(again.draws, found.draws)
-    assert not np.array_equal(other.draws, found.draws)
-    assert np.all(np.abs(other.array - found.array) < 0.3 * np.sqrt(np.diag(covariance)))
+    assert not any(np.array_equal(other.draws, found.draws) for other in others)
+    # A median of a thousand draws strays by .04 standard errors; that of one seed strayed by .22 with another kernel.
+    apart = np.mean([other.array for other in others], axis=0) - found.array
+    assert np.all(np.abs(apart) < 0.2 * np.sqrt(np.diag(covariance)))
 
 
 def test_ensembles_that_stay_apart_are_refused_in_words():

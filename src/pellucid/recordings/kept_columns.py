@@ -36,7 +36,6 @@ FILE_ENDING = ".columns"
 STORED_DTYPE = np.dtype("<f8")
 """Type of the stored numbers."""
 
-
 _VERIFIED_COLUMNS: dict[tuple[str, int, int], set[str]] = {}
 """Columns whose checksums this process has verified, by what `_state_of` says of their file."""
 
@@ -80,7 +79,7 @@ class KeptColumns(Mapping):
 def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
     """Return the columns of the file `source` with the SHA-256 `digest`, from `folder` if they are kept there.
 
-    Otherwise the file is read, and its columns are kept if it is long.
+    Otherwise the file is read, and its columns are kept if it is long, or needs a process of its own.
     """
     if source.stat().st_size < MIN_FILE_BYTES and not needs_process(source):
         return read_columns(source)
