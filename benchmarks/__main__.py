@@ -10,9 +10,10 @@ import json
 import platform
 import sys
 from pathlib import Path
+from types import ModuleType
 
 from ._goals import goal_table, speed_page
-from ._runner import names_in, read_arguments, run_all
+from ._runner import check_one_thread, limit_to_one_thread, names_in, read_arguments, run_all
 from ._size import is_smallest
 
 NAMES = names_in(Path(__file__).parent)
@@ -21,9 +22,17 @@ SPEED_PAGE = Path("docs/speed.md")
 """The page that is written from the figures of all benchmarks."""
 
 
+def measured(module: ModuleType) -> list[dict]:
+    """Return the rows of a benchmark, which are comparable only if everything used one thread."""
+    rows = list(module.run())
+    check_one_thread(module.__name__)
+    return rows
+
+
 def main() -> None:
     names, out = read_arguments("benchmarks", NAMES, "benchmarks.json")
-    rows, failed = run_all("benchmarks", names, lambda module: module.run())
+    limit_to_one_thread()
+    rows, failed = run_all("benchmarks", names, measured)
     from pellucid._atomic import write_text_atomically
 
     width = max((len(row["name"]) for row in rows), default=0)

@@ -7,6 +7,7 @@ several of them share. A file that needs a data set which is not on this machine
 from __future__ import annotations
 
 import argparse
+import os
 import traceback
 from collections.abc import Callable
 from importlib import import_module
@@ -39,6 +40,27 @@ def read_arguments(
     if asked.smallest:
         choose_smallest()
     return [name for name in asked.names if name not in files] or names, Path(files[0]) if files else asked.out
+
+
+def limit_to_one_thread() -> None:
+    """Let linear algebra use one thread, in Pellucid, in what it is compared with, and in commands that are started.
+
+    Pellucid's functions use one thread each. A rival with one thread per core would be measured on more of the machine
+    than Pellucid, and slower wherever another program uses a core.
+    """
+    from pellucid._processes import THREAD_VARIABLES
+
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+
+
+def check_one_thread(benchmark: str) -> None:
+    """Raise if a library that is loaded would use several threads for linear algebra."""
+    from threadpoolctl import threadpool_info
+
+    several = [f"{one['filepath']} ({one['num_threads']})" for one in threadpool_info() if one["num_threads"] > 1]
+    if several:
+        found = ", ".join(several)
+        raise RuntimeError(f"{benchmark}: found libraries with several threads, expected one each: {found}")
 
 
 def run_all(package: str, names: list[str], rows_of: Callable[[Any], Any]) -> tuple[list, list[str]]:
