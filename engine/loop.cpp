@@ -82,6 +82,9 @@ void Loop::listen(std::int64_t time, std::uint32_t& flags) noexcept {
     if (command.stops != stops_seen_) {
       stops_seen_ = command.stops;
       stop_is_due_ = true;
+      void_token_ = command.token;
+    } else if (command.token != void_token_) {
+      void_token_ = 0;
     }
     if (command.injections != injections_seen_) {
       injections_seen_ = command.injections;
@@ -153,7 +156,9 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
 
   Asked asked;
   asked.beat = ++beat_;
-  record.token = 0;
+  // A stop wins over a reset that was requested before it, and a silent session resets nothing.
+  const bool resets = state_ == State::stopped && !stop_is_due_ && session_was_heard_;
+  record.token = resets && command_.token != void_token_ ? command_.token : 0;
   if (state_ == State::running || state_ == State::stopped) {
     if (stop_is_due_) {
       of_law(law, 0, [](auto& one) { return p::stop(one), 0; });
@@ -171,7 +176,7 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
     p::Feedback<double> back;
     back.drive = reading.drive;
     back.joint = reading.joint;
-    back.token = record.token = state_ == State::stopped ? command_.token : 0;
+    back.token = record.token;
     out_ = step(law, reading.samples, back, now_us);
     flags |= flag::stepped;
     effort_ = out_.effort;
@@ -182,6 +187,8 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
     effort_ = effort_ > 0 ? std::max(effort_ - change, 0.0) : std::min(effort_ + change, 0.0);
     if (!std::isfinite(effort_)) effort_ = 0;
     asked.enable = true;
+    // The law that ramps down ends anyway; no other begins before the session has taken `run` back.
+    if (stop_is_due_) armed_ = false;
     stop_is_due_ = false;
     if (effort_ == 0) state_ = State::idle;
   }

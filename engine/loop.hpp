@@ -43,6 +43,7 @@ class Loop {
   bool armed_ = true;                    // false: an operator stopped while nothing ran; run must first be taken back
   bool session_was_heard_ = false;
   bool stop_is_due_ = false;
+  std::uint32_t void_token_ = 0;         // token that came with the last stop: a stop voids it until another one is sent
   double effort_ = 0;
   pellucid::SupervisorOutput<double> out_{};
   Injection injection_ = Injection::none;

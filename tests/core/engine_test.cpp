@@ -184,6 +184,53 @@ void reset() {
   check(bench.loop->state() == State::running, "and then it does");
 }
 
+void stop_during_a_reset() {
+  Bench bench;
+  bench.arm();
+  bench.step(100);
+  ++bench.command.stops;
+  bench.step(3);
+  bench.command.token = bench.last().challenge;
+  bench.command.run = 0;
+  bench.step(3);
+  check(bench.loop->state() == State::stopped, "a reset waits for its delay");
+  ++bench.command.stops;
+  bench.step(2000);
+  check(bench.loop->state() == State::stopped && bench.last().token == 0, "a stop voids a reset that waits");
+  bench.command.token = 0;
+  bench.step(2);
+  bench.command.token = bench.last().challenge;
+  bench.step(300);
+  check(bench.loop->state() == State::idle, "a reset that is requested after the stop is granted");
+
+  Bench silent;
+  silent.arm();
+  silent.step(100);
+  ++silent.command.stops;
+  silent.step(200);
+  silent.silent_from = static_cast<std::int64_t>(silent.cycle) * period;
+  silent.step(1100);
+  silent.command.token = silent.last().challenge;
+  silent.send();
+  silent.cycle += 1500;  // the command is old when the engine reads it
+  silent.step(300);
+  check(silent.loop->state() == State::stopped, "a session that is silent resets nothing");
+}
+
+void stop_during_a_change() {
+  Bench bench;
+  bench.arm();
+  bench.step(300);
+  bench.command.law = 1;
+  bench.step();
+  check(bench.loop->state() == State::changing, "the effort ramps down before another law begins");
+  ++bench.command.stops;
+  bench.step(2000);
+  check(bench.loop->state() == State::idle && !bench.device.asked.enable, "a stop during a change holds the next law");
+  bench.arm();
+  check(bench.loop->state() == State::running, "until it is disarmed and armed again");
+}
+
 void conditions() {
   Bench bench;
   bench.arm();
@@ -353,6 +400,8 @@ int main() {
   arming();
   stops();
   reset();
+  stop_during_a_reset();
+  stop_during_a_change();
   conditions();
   adjusting();
   torn_commands();
