@@ -4,6 +4,8 @@ Every run is of a second or two in real time, at an ordinary priority. On a busy
 the supervisor stops the law, as it should; then the test arms again.
 """
 
+import gc
+import importlib.util
 import json
 import os
 import signal
@@ -23,8 +25,11 @@ from pellucid.control.supervised import body_of
 from pellucid.lab.live import virtual_elbow, virtual_knee
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
+from pellucid.live.region import Region
 from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
+from pellucid.live.shared_memory import remove_dead_regions
+from pellucid.live.stream_ring import StreamRing
 from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
 from pellucid.recordings.readers import xdf
 
@@ -203,6 +208,84 @@ def test_every_process_ends_by_itself_after_its_session_was_killed(tmp_path):
     assert not list(region.parent.glob(f"{region.name}*"))
     assert not (tmp_path / "trial.about.json").exists()  # the recorder has ended the file
     assert len(xdf.read(tmp_path / "trial.xdf")["robot.position"]) > 100
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("killed", ["session", "engine recorder session", "recorder session", "engine session"])
+def test_the_next_session_removes_the_memory_of_one_that_was_killed(elbow, tmp_path, killed):
+    words = [sys.executable, "-c", SESSION_PROGRAM, str(tmp_path / "first")]
+    (tmp_path / "first").mkdir()
+    session = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert session.stdout is not None
+    said = json.loads(session.stdout.readline())
+    region = Path(said["region"])
+    ring = StreamRing.create(region, 7, name="emg", type="EMG", source="", rate=2048.0, labels=["a"], units=["V"])
+    with LiveEngine.start(elbow, tmp_path / "beside", streams=False, recorder=False, ordinary=True):
+        assert region.exists()  # of a session that lives
+        assert ring.path.exists()
+    for name in killed.split():
+        os.kill(session.pid if name == "session" else said["processes"][name], signal.SIGKILL)
+    session.wait()
+    session.stdout.close()
+    until = time.monotonic() + PATIENCE_S
+    while any(map(is_running, said["processes"].values())) and time.monotonic() < until:
+        time.sleep(0.1)
+    with LiveEngine.start(elbow, tmp_path / "next", streams=False, recorder=False, ordinary=True) as engine:
+        assert not list(region.parent.glob(f"{region.name}*"))
+        assert engine.region.path.exists()
+
+
+def test_memory_that_is_being_made_or_of_another_program_is_left(tmp_path):
+    for name in ("pellucid-x", "other.live"):
+        (tmp_path / name).write_text("of another program")
+    newborn = tmp_path / "pellucid-new.live"
+    newborn.touch()
+    old = tmp_path / "pellucid-old.live"
+    old.touch()
+    os.utime(old, (0, 0))
+    alone = tmp_path / "pellucid-gone.live.0.stream"
+    alone.write_bytes(b"a ring without its region")
+    region = Region.create(tmp_path / "pellucid-held.live", 1_000_000)
+    assert set(remove_dead_regions(tmp_path)) == {old, tmp_path / "pellucid-gone.live"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "pellucid-x", "other.live", "pellucid-new.live", "pellucid-held.live",
+    }  # fmt: skip
+    del region
+    gc.collect()
+    assert remove_dead_regions(tmp_path) == [tmp_path / "pellucid-held.live"]
+
+
+def test_memory_that_is_missing_is_said_before_anything_begins(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", fail)
+    with pytest.raises(PellucidError, match=r"found no room for \d+ MB of shared memory \(No space left on device\)"):
+        Region.create(tmp_path / "region", 1_000_000)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def open_umask():
+    """Let new files be read by everybody, unless whoever makes them says otherwise."""
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+def test_no_other_user_can_read_what_a_session_writes(elbow, tmp_path, open_umask):
+    streams = importlib.util.find_spec("pylsl") is not None
+    with LiveEngine.start(elbow, tmp_path, streams=streams, ordinary=True) as engine:
+        engine.begin_recording(tmp_path / "trial.xdf", {})
+        wait_until(engine, lambda: (tmp_path / "trial.xdf").exists() and (not streams or len(engine.streams) == 3))
+        memory = list(engine.region.path.parent.glob(f"{engine.region.path.name}*"))
+        assert len(memory) == 1 + len(engine.streams)
+        files = [path for path in tmp_path.rglob("*") if path.is_file()]
+        assert {"engine.txt", "engine.log", "recorder.log", "session.xdf", "trial.xdf", "trial.about.json"} <= {
+            path.name for path in files
+        }
+        modes = {path.name: path.stat().st_mode & 0o777 for path in (*memory, *files)}
+    assert set(modes.values()) == {0o600}, modes
 
 
 def test_a_second_session_in_a_folder_leaves_the_first_ones_file(elbow, tmp_path):

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -27,8 +26,16 @@ from . import layout
 from .clock_tracker import ClockState
 from .intake import NAMES_WORD
 from .region import Event, Region
-from .session_process import SESSION_VARIABLE, remove_region
+from .session_process import SESSION_VARIABLE
 from .setup import EngineSetup, Task, settings_text
+from .shared_memory import (
+    PRIVATE_MODE,
+    PRIVATE_UMASK,
+    SHARED_MEMORY_FOLDER,
+    make_region_file,
+    remove_dead_regions,
+    remove_region,
+)
 from .stream_ring import StreamRing
 
 ENGINE_NAME = "bin/pellucid-engine"
@@ -40,14 +47,17 @@ SETTINGS_FILE = "engine.txt"
 SESSION_FILE = "session.xdf"
 """File in a session's folder with every number that the law was given; a later session's has a number in its name."""
 
-SHARED_MEMORY_FOLDER = Path("/dev/shm")
-"""Folder for the region where the system has it: its pages are never written to a disk."""
-
 START_TIMEOUT_S = 20.0
 """Longest time that an engine may take to begin."""
 
-COMMAND_TIMEOUT_S = 2.0
-"""Longest time that an engine may take to see a command."""
+COMMAND_TIMEOUT_S = 0.5
+"""Longest time that an engine may take to see a command: shorter than the silence after which it stops its law."""
+
+ENGINE_SILENCE_S = 0.05
+"""An engine without a cycle for this time is silent [s]: 50 periods at 1 kHz. The pages then say so within 0.1 s."""
+
+RECORDER_SILENCE_S = 3.0
+"""A recorder without a round for this time is silent [s]: a round takes 20 ms, but a slow disk may hold one up."""
 
 END_TIMEOUT_S = 5.0
 """Longest time that a process may take to end in order."""
@@ -60,7 +70,7 @@ CHILD_NAMES = ("engine", "recorder", "intake", "streams")
 class EngineStatus:
     """What the engine says of itself now."""
 
-    state: str  # one of `layout.STATES`
+    state: str  # one of `layout.STATES`, or "silent" where a living engine runs no cycles
     condition: str
     fault: str  # latched fault of the supervisor, "none" for none
     mode: str  # what the supervisor does
@@ -71,6 +81,14 @@ class EngineStatus:
     effort_limit: float  # effort limit of the chosen condition's law, 0 without one [N m]
     velocity_limit: float  # [rad/s]
     position_limits: tuple[float, float]  # [rad]
+
+
+@dataclass(frozen=True)
+class RecorderHealth:
+    """Whether the recorder records."""
+
+    problem: str  # why it does not record, after the words "the recorder"; empty while it records
+    is_starting: bool = False
 
 
 @dataclass(frozen=True)
@@ -146,6 +164,8 @@ class LiveEngine:
         self.session_file = next_session_file(folder)
         self._processes: dict[str, subprocess.Popen] = {}
         self._torque_value = 0.0
+        self._stop_sequence = 0  # number of the command with the last stop
+        self._recorder_begun = 0  # when the recorder was started, on the monotonic clock [ns]
         self._felt_since = region.record_count
         self._faults: list[tuple[float, str]] = []
         self._fault_cursor = 0
@@ -184,13 +204,15 @@ class LiveEngine:
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        place = SHARED_MEMORY_FOLDER if os.access(SHARED_MEMORY_FOLDER, os.W_OK) else folder
-        handle, name = tempfile.mkstemp(prefix="pellucid-", suffix=".live", dir=place)
-        os.close(handle)
-        region = Region.create(Path(name), setup.period_ns)
-        _atomic.write_text_atomically(folder / SETTINGS_FILE, settings_text(setup))
+        remove_dead_regions(SHARED_MEMORY_FOLDER, folder)
+        path, handle = make_region_file(folder)
+        try:
+            region = Region.create(path, setup.period_ns)
+        finally:
+            os.close(handle)
         engine = cls(setup, folder, region)
         try:
+            _atomic.write_bytes_atomically(folder / SETTINGS_FILE, settings_text(setup).encode(), private=True)
             engine._start_engine(ordinary)
             if recorder:
                 engine.restart_recorder()
@@ -206,12 +228,17 @@ class LiveEngine:
 
     def _run(self, name: str, words: Sequence[object]) -> subprocess.Popen:
         # In a session of its own: a signal to the terminal's group leaves it running until it is told to end.
-        log = (self.folder / f"{name}.log").open("ab")
-        with log:
+        try:
+            log = os.open(self.folder / f"{name}.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, PRIVATE_MODE)
+        except OSError:  # such as a full disk: the process matters more than its words
+            log = os.open(os.devnull, os.O_WRONLY)
+        try:
             process = subprocess.Popen(
                 [str(word) for word in words], stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-                env=os.environ | {SESSION_VARIABLE: str(os.getpid())},
+                env=os.environ | {SESSION_VARIABLE: str(os.getpid())}, umask=PRIVATE_UMASK,
             )  # fmt: skip
+        finally:
+            os.close(log)
         self._processes[name] = process
         return process
 
@@ -224,11 +251,17 @@ class LiveEngine:
         until = time.monotonic() + START_TIMEOUT_S
         while self.region.record_count == begun:
             if process.poll() is not None or time.monotonic() > until:
-                said = (self.folder / "engine.log").read_text(encoding="utf-8", errors="replace").strip()
-                raise PellucidError(said.splitlines()[-1] if said else "pellucid-engine: did not begin")
+                raise PellucidError(self._last_words("engine") or "pellucid-engine: did not begin")
             time.sleep(0.005)
             self.beat()
-        self._wait_for(self.region.command(run=0))
+        self._wait_for(self.region.command(run=0), START_TIMEOUT_S)
+
+    def _last_words(self, name: str) -> str:
+        try:
+            said = (self.folder / f"{name}.log").read_text(encoding="utf-8", errors="replace").strip()
+        except OSError:
+            return ""
+        return said.splitlines()[-1] if said else ""
 
     def _start_module(self, name: str, *words: str) -> None:
         package = __package__ or "pellucid.live"
@@ -251,17 +284,32 @@ class LiveEngine:
     def restart_recorder(self) -> None:
         """Start the recorder, or start it again; it goes on with the file that it was writing."""
         self._end("recorder", signal.SIGKILL)
+        self._recorder_begun = time.monotonic_ns()
         self._start_module("recorder", str(self.session_file), str(self.folder / SETTINGS_FILE))
 
     def _wait_for_recorder(self) -> None:
-        until = time.monotonic() + START_TIMEOUT_S
-        begun = time.monotonic_ns()
-        while int(self.region.recorder()["heartbeat"]) < begun:
-            if not self._is_alive("recorder") or time.monotonic() > until:
-                said = (self.folder / "recorder.log").read_text(encoding="utf-8", errors="replace").strip()
-                raise PellucidError(f"recorder: did not begin: {said.splitlines()[-1] if said else 'it said nothing'}")
+        while (health := self.recorder_health()).problem:
+            if not health.is_starting:
+                raise PellucidError(f"the recorder {health.problem}")
             time.sleep(0.01)
             self.beat()
+
+    def recorder_health(self) -> RecorderHealth:
+        """Return whether the recorder records, and why not."""
+        if "recorder" not in self._processes:
+            return RecorderHealth("")
+        told, status = self.region.recorder(), self._processes["recorder"].poll()
+        if status is not None:
+            if int(told["error"]):
+                return RecorderHealth(f"has ended: {os.strerror(int(told['error']))}")
+            by_signal = f"signal {-status}, {signal.strsignal(-status)}"
+            said = by_signal if status < 0 else self._last_words("recorder") or f"status {status}"
+            return RecorderHealth(f"has ended: {said}")
+        now, heard = time.monotonic_ns(), int(told["heartbeat"])
+        if heard < self._recorder_begun:
+            late = now - self._recorder_begun > 1e9 * START_TIMEOUT_S
+            return RecorderHealth("did not begin" if late else "is starting", not late)
+        return RecorderHealth("is silent" if now - heard > 1e9 * RECORDER_SILENCE_S else "")
 
     def restart_streams(self) -> None:
         """Start again what died of the intake and of a virtual wearer's streams."""
@@ -317,12 +365,15 @@ class LiveEngine:
         """Say that the session is alive; to be called at least three times a second."""
         self.region.command()
 
-    def _wait_for(self, sequence: int) -> None:
-        until = time.monotonic() + COMMAND_TIMEOUT_S
-        while int(self.region.status()["command_sequence"]) < sequence:
+    def _wait_for(self, sequence: int, timeout: float = COMMAND_TIMEOUT_S) -> None:
+        until = time.monotonic() + timeout
+        while not self._has_seen(sequence):
             if time.monotonic() > until:
-                raise PellucidError(f"engine: did not see the command within {COMMAND_TIMEOUT_S} s; is it alive?")
+                raise PellucidError(f"engine: did not see the command within {timeout:g} s; is it alive?")
             time.sleep(0.001)
+
+    def _has_seen(self, sequence: int) -> bool:
+        return int(self.region.status()["command_sequence"]) >= sequence
 
     def set_condition(self, condition: str | int) -> None:
         """Choose a condition; a law that runs is first ramped to no effort."""
@@ -341,12 +392,16 @@ class LiveEngine:
         self.region.command(run=0)
 
     def stop(self) -> None:
-        """Stop as the operator: the supervisor stops the law and latches."""
-        self.region.command(stops=int(self.region.last_command()["stops"]) + 1)
+        """Stop as the operator: the supervisor stops the law and latches. A reset that was requested before is void."""
+        self._stop_sequence = self.region.command(stops=int(self.region.last_command()["stops"]) + 1, token=0)
 
     def reset(self) -> None:
-        """Ask for a reset after a stop; it is granted after a healthy while, and the law is then disarmed."""
-        self.region.command(run=0, token=int(self.region.status()["challenge"]))
+        """Ask for a reset after a stop; it is granted after a healthy while, and the law is then disarmed.
+
+        To be called again until the engine is no longer stopped: nothing is asked before the engine has seen the stop.
+        """
+        if self._has_seen(self._stop_sequence):
+            self.region.command(run=0, token=int(self.region.status()["challenge"]))
 
     def set_torque(self, torque: float) -> None:
         """Change the torque that the running law adds [N m]; its gate limits size and rate.
@@ -436,7 +491,8 @@ class LiveEngine:
         path.parent.mkdir(parents=True, exist_ok=True)
         note = path.with_suffix(".about.json")
         conditions = [c.name for c in self.setup.conditions]
-        _atomic.write_text_atomically(note, json.dumps({"conditions": conditions, **(about or {})}))
+        said = json.dumps({"conditions": conditions, **(about or {})})
+        _atomic.write_bytes_atomically(note, said.encode(), private=True)
         self.region.write_event("record_begin", {"path": str(path), "about": str(note)})
         self._recorded = path
 
@@ -463,13 +519,24 @@ class LiveEngine:
         path = Path(path)
         return path.exists() and not path.with_suffix(".about.json").exists()
 
+    def give_up_recording(self, path: str | Path) -> None:
+        """Take a recording from a recorder that does not seal its file; the file stays as it is.
+
+        The recorder is ended; `restart_recorder` starts it again.
+        """
+        self._end("recorder", signal.SIGKILL)
+        with suppress(OSError):
+            Path(path).with_suffix(".about.json").unlink(missing_ok=True)
+
     # Reading ---------------------------------------------------------------------------------------------------------
 
     def status(self) -> EngineStatus:
         """Return what the engine says of itself now."""
         s = self.region.status()
+        state = layout.STATES[int(s["state"])] if self._is_alive("engine") else "ended"
+        is_silent = time.monotonic_ns() - int(s["heartbeat"]) > 1e9 * ENGINE_SILENCE_S
         return EngineStatus(
-            state=layout.STATES[int(s["state"])] if self._is_alive("engine") else "ended",
+            state="silent" if is_silent and state != "ended" else state,
             condition=self.setup.conditions[int(s["law"])].name,
             fault=FAULT_NAMES[int(s["fault"])],
             mode=layout.MODES[int(s["mode"])],

@@ -15,6 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -23,10 +24,11 @@ from typing import Any
 import numpy as np
 
 from .._errors import PellucidError
-from ..recordings.xdf_writer import SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
+from ..recordings.xdf_writer import FIRST_BYTES, SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
 from .region import Event, Region
 from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
-from .session_process import ORPHAN_S, SessionProcess, remove_region
+from .session_process import ORPHAN_S, SessionProcess
+from .shared_memory import remove_region
 from .stream_ring import StreamRing, ask_for_niceness
 
 POLL_S = 0.02
@@ -252,7 +254,8 @@ def resume(path: Path, about: Path | None) -> OpenRecording | None:
     data = path.read_bytes()
     end, row = 0, None
     known = XdfStream(RECORDER_ID, "double64", len(CURSOR_COLUMNS))
-    for chunk in chunks(data):
+    # A file that a full disk kept from its first bytes holds nothing.
+    for chunk in chunks(data) if data.startswith(FIRST_BYTES) else ():
         if chunk.tag == SAMPLES_TAG and int.from_bytes(chunk.content[:4], "little") == RECORDER_ID:
             block: Any = sample_block(chunk.content, known)
             end, row = chunk.end, block["value"][-1]
@@ -269,19 +272,23 @@ def run(path: Path, session: Path, settings: Path) -> None:
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: ends.append(number))
     ask_for_niceness()
-    recorder = Recorder(Region(path), session, settings.read_text(encoding="utf-8"))
-    process = SessionProcess()
-    while not ends and not _has_nothing_to_record(recorder.region, process):
-        try:
+    region, process = Region(path), SessionProcess()
+    region.tell_recorder(error=0)
+    try:
+        recorder = Recorder(region, session, settings.read_text(encoding="utf-8"))
+        while not ends and not _has_nothing_to_record(region, process):
             recorder.step()
-        except (OSError, PellucidError) as error:
-            recorder.region.tell_recorder(error=1)
+            time.sleep(POLL_S)
+        recorder.close()
+    except (OSError, PellucidError) as error:
+        # The log may lie on the same full disk: the session reads the cause from the region.
+        region.tell_recorder(error=getattr(error, "errno", None) or 0)
+        with suppress(OSError):
             print(f"recorder: {error}", file=sys.stderr, flush=True)
-            raise
-        time.sleep(POLL_S)
-    recorder.close()
-    if process.gone_for() > 0.0:
-        remove_region(path)
+        sys.exit(1)
+    finally:
+        if process.gone_for() > 0.0:
+            remove_region(path)
 
 
 def _has_nothing_to_record(region: Region, process: SessionProcess) -> bool:

@@ -7,6 +7,7 @@ import mmap
 import os
 import threading
 import time
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from . import layout
+from .shared_memory import hold, make_memory_file
 
 
 @dataclass(frozen=True)
@@ -44,11 +46,13 @@ class Region:
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
         try:
-            with self.path.open("r+b") as file:
-                size = os.fstat(file.fileno()).st_size
-                if size != layout.REGION_BYTES:
-                    raise PellucidError(f"{path}: found {size} bytes, expected {layout.REGION_BYTES} of a live session")
-                self._memory = mmap.mmap(file.fileno(), size)
+            handle = os.open(self.path, os.O_RDWR | os.O_CLOEXEC)
+            weakref.finalize(self, os.close, handle)
+            hold(handle)
+            size = os.fstat(handle).st_size
+            if size != layout.REGION_BYTES:
+                raise PellucidError(f"{path}: found {size} bytes, expected {layout.REGION_BYTES} of a live session")
+            self._memory = mmap.mmap(handle, size)
         except OSError as error:
             raise PellucidError(f"{path}: {error.strerror or error}") from None
         block = self._block
@@ -69,14 +73,12 @@ class Region:
     @classmethod
     def create(cls, path: Path, period_ns: int) -> Region:
         """Make a region for an engine with a control period [ns], and return it."""
-        with Path(path).open("wb") as file:
-            file.truncate(layout.REGION_BYTES)
-            head = np.zeros(1, layout.HEADER_TYPE)
-            head["magic"], head["version"], head["value_count"] = layout.REGION_MAGIC, layout.REGION_VERSION, 6
-            head["record_bytes"], head["record_capacity"] = layout.RECORD_TYPE.itemsize, layout.RECORD_CAPACITY
-            head["event_bytes"], head["event_capacity"] = layout.EVENT_TYPE.itemsize, layout.EVENT_CAPACITY
-            head["epoch"], head["period"] = time.monotonic_ns(), period_ns
-            file.write(head.tobytes())
+        head = np.zeros(1, layout.HEADER_TYPE)
+        head["magic"], head["version"], head["value_count"] = layout.REGION_MAGIC, layout.REGION_VERSION, 6
+        head["record_bytes"], head["record_capacity"] = layout.RECORD_TYPE.itemsize, layout.RECORD_CAPACITY
+        head["event_bytes"], head["event_capacity"] = layout.EVENT_TYPE.itemsize, layout.EVENT_CAPACITY
+        head["epoch"], head["period"] = time.monotonic_ns(), period_ns
+        make_memory_file(Path(path), layout.REGION_BYTES, head.tobytes())
         region = cls(path)
         region.command(torque_estimate=np.nan, torque_half_width=np.nan)
         return region

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import time
-from pathlib import Path
 
 SESSION_VARIABLE = "PELLUCID_SESSION_PROCESS"
 """Variable of the environment that tells a child the number of its session's process; the engine reads it, too."""
@@ -36,9 +35,3 @@ class SessionProcess:
     def is_over(self) -> bool:
         """Return whether a child should end now."""
         return self.gone_for() > ORPHAN_S
-
-
-def remove_region(path: Path) -> None:
-    """Remove the files of a session's shared memory: the region, and the rings of its streams."""
-    for each in [path, *path.parent.glob(f"{path.name}.*")]:
-        each.unlink(missing_ok=True)

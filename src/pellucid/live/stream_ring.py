@@ -14,6 +14,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from .clock_tracker import ClockState
+from .shared_memory import make_memory_file
 
 RING_MAGIC = b"PELLRING"
 """First eight bytes of the file."""
@@ -133,9 +134,8 @@ class StreamRing:
         head["magic"], head["version"], head["channels"] = RING_MAGIC, RING_VERSION, len(labels)
         head["capacity"], head["text_bytes"], head["rate"] = capacity, len(text), np.nan
         making = path.with_suffix(".making")
-        with making.open("wb") as file:
-            file.write(head.tobytes().ljust(TEXT_OFFSET, b"\0") + text)
-            file.truncate(HEAD_BYTES + capacity * _sample_type(len(labels)).itemsize)
+        size = HEAD_BYTES + capacity * _sample_type(len(labels)).itemsize
+        make_memory_file(making, size, head.tobytes().ljust(TEXT_OFFSET, b"\0") + text)
         making.rename(path)
         return cls(path)
 

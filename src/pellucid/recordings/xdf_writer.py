@@ -43,6 +43,9 @@ FOOTER_TAG = 6
 BOUNDARY_BYTES = uuid.UUID("43a546dc-cbf5-410f-b30e-d546738d6e43").bytes
 """The constant bytes of a boundary chunk, as the format states them."""
 
+FILE_MODE = 0o600
+"""Mode of a new file: a recording of a person, which no other user of this computer may read."""
+
 FORMATS = {"double64": "<f8", "float32": "<f4", "int64": "<i8", "int32": "<i4", "string": None}
 """Formats of a stream's values, and their type in NumPy."""
 
@@ -83,9 +86,9 @@ class XdfWriter:
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
-        self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, FILE_MODE)
         self.streams: dict[int, XdfStream] = {}
-        os.write(self._file, FIRST_BYTES)
+        self._append(FIRST_BYTES)
         self._write(FILE_HEADER_TAG, b"<?xml version='1.0'?><info><version>1.0</version></info>")
 
     @classmethod
@@ -98,9 +101,16 @@ class XdfWriter:
         return writer
 
     def _write(self, tag: int, content: bytes) -> None:
-        data = b"\x08" + struct.pack("<QH", len(content) + 2, tag) + content
-        if os.write(self._file, data) != len(data):
-            raise PellucidError(f"{self.path}: not able to write: is the disk full?")
+        self._append(b"\x08" + struct.pack("<QH", len(content) + 2, tag) + content)
+
+    def _append(self, data: bytes) -> None:
+        """Append bytes; a disk that takes a part says why at the rest, which is then missing from the file."""
+        try:
+            written = os.write(self._file, data)
+            while written < len(data):
+                written += os.write(self._file, data[written:])
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.path)) from None
 
     def add_stream(
         self,
