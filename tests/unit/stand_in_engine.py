@@ -64,6 +64,7 @@ class StandInEngine:
             read_since=self._read_emg, labels=[f"emg.{m}" for m in self.muscles], nominal_rate=EMG_RATE_HZ
         )
         self.beats = 0
+        self.problem, self.heals, self.restarts, self.given_up = "has ended: No space left on device", True, 0, []
         self.estimates: list[tuple[float, float, float]] = []
         self.silent = {"emg": 0.0, "markers": 0.0, "encoder": 0.0}
         self.clocks = {name: SimpleNamespace(jumps=0, batches=0, lost=0) for name in self.silent}
@@ -124,7 +125,7 @@ class StandInEngine:
         self.state = "running"
 
     def disarm(self):
-        self.state = "idle"
+        self.state = self.state if self.state in ("stopped", "silent") else "idle"
 
     def stop(self):
         self.state, self.fault = "stopped", "operator"
@@ -185,8 +186,19 @@ class StandInEngine:
         )
         return path
 
+    def recorder_health(self):
+        problem = "" if self.alive["recorder"] else self.problem
+        return SimpleNamespace(problem=problem, is_starting=False)
+
+    def restart_recorder(self):
+        self.restarts += 1
+        self.alive["recorder"] = self.heals
+
+    def give_up_recording(self, path):
+        self.given_up.append(path)
+
     def recorded(self, path):
-        return Path(path).is_file()
+        return Path(path).is_file() and self.alive["recorder"]
 
     def health(self):
         return SimpleNamespace(

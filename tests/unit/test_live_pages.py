@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -15,6 +16,7 @@ import pytest
 from scripted_browser import NARROW_PX, PATIENCE_S, Players, browser, served
 from test_live_session import session_of
 
+from pellucid.live.region import Region
 from pellucid.procedures.registry import open_study
 from pellucid.session import run_session
 from pellucid.session.new_session import start_session_study
@@ -300,6 +302,97 @@ def test_nonsense_from_a_page_changes_nothing(tmp_path):
         assert len(asyncio.run(talk())) == 7
     assert session.phase == "consent"
     assert not engine.recording
+
+
+STRANGE_MESSAGES = (
+    "", "null", "1e999", "[[]]", "[" * 15000, '{"type": null}', '{"type": ["act"]}', '{"type": "\\ud800"}',
+    '{"type": "x"}', '{"type": "act", "action": null}', '{"type": "act", "action": {"stop": 1}}',
+    '{"type": "act", "action": "\\udfff"}', '{"type": "act", "action": "' + "stop" * 4000 + '"}',
+    '{"type": "act", "action": "st\u00f6p"}', '{"type": "act", "action": "torque", "value": NaN}',
+    '{"type": "act", "action": "torque", "value": -Infinity}',
+    '{"type": "act", "action": "torque", "value": 1' + "0" * 400 + "}",
+    '{"type": "act", "action": "torque", "value": []}', '{"type": "ping", "page": "now"}',
+    '{"type": "ping", "page": NaN}', '{"type": "ping", "page": 1' + "0" * 400 + "}",
+    '{"type": "frames", "intervals": 5}', '{"type": "frames", "intervals": {}}',
+    '{"type": "frames", "intervals": [NaN]}', '{"type": "frames", "intervals": [1' + "0" * 400 + "]}",
+    '{"type": "frames", "intervals": [1e300]}', '{"type": "frames", "cues": 3}', '{"type": "frames", "cues": [3]}',
+    '{"type": "frames", "cues": [[1, NaN]]}', '{"type": "frames", "cues": ["' + "x" * 9000 + '"]}',
+    '{"type": "frames", "first": {}}', '{"type": "frames", "rtt": NaN}', b"\xff\xfe\x00",
+    b'{"type": "frames", "offset": true}',
+)  # fmt: skip
+"""Messages of which none is one of a page."""
+
+
+@pytest.mark.parametrize("role", ["operator", "participant"])
+def test_every_strange_message_is_answered_and_a_stop_still_works(tmp_path, role, capfd):
+    session, engine, _ = short_session(tmp_path / "s", "elbow")
+    engine.mark = Region.create(tmp_path / "region", 1_000_000).write_event  # which refuses what JSON cannot hold
+    with served(session) as server:
+
+        async def talk():
+            from websockets.asyncio.client import connect
+
+            base = f"127.0.0.1:{server.port}"
+            address = f"ws://{base}/socket/{role}?token={server.token}"
+            async with connect(address, origin=f"http://{base}") as socket:
+
+                async def answer_to(message):
+                    await socket.send(message)
+                    while True:
+                        told = await asyncio.wait_for(socket.recv(), 30)
+                        found = json.loads(told, parse_constant=pytest.fail) if isinstance(told, str) else {"type": ""}
+                        if found["type"] in ("refused", "done", "pong"):
+                            return found
+
+                for message in STRANGE_MESSAGES:
+                    told = await answer_to(message)
+                    assert told["type"] == "refused", (message[:80], told)
+                    assert len(told["why"]) < 300
+                whole = {"type": "frames", "first": 1.5, "offset": -2.25, "rtt": None}
+                await socket.send(json.dumps(whole | {"intervals": [16.7] * 500, "cues": [[7, 7654321.1]] * 300}))
+                told = await answer_to('{"type": "act", "action": "stop", "value": NaN}')
+                while told["type"] != "done":
+                    told = await answer_to('{"type": "act", "action": "stop"}')
+
+        asyncio.run(talk())
+    assert engine.state == "stopped"
+    assert session.phase == "consent"
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+STRANGE_REQUESTS = (
+    (b"GET /operator?token=%C3%BC HTTP/1.1\r\nHost: {host}\r\n", 403),
+    (b"GET /operator?token=\xc3\xbc HTTP/1.1\r\nHost: {host}\r\n", None),
+    (b"GET /operator?token=%ff%00 HTTP/1.1\r\nHost: {host}\r\n", 403),
+    (b"GET /operator?token={token}&token=x HTTP/1.1\r\nHost: {host}\r\n", 200),
+    (b"GET //[?token={token} HTTP/1.1\r\nHost: {host}\r\n", 400),
+    (b"GET /operator?token={token} HTTP/1.1\r\n", 403),
+    (b"GET /operator?token={token} HTTP/1.1\r\nHost: {host}\r\nHost: evil\r\n", 403),
+    (b"GET /operator?token={token} HTTP/1.1\r\nHost: {host}\r\nX: \xff\r\n", 400),
+    (b"GET /static/../../secret HTTP/1.1\r\nHost: {host}\r\n", 403),
+    (b"GET /socket/operator?token={token} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n", 426),
+    (b"GET /socket/operator?token={token} HTTP/1.1\r\nHost: {host}\r\nOrigin: a\r\nOrigin: http://{host}\r\n", 403),
+    (b"GET /socket/operator?token={token} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
+     b"Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: \xe9\r\n", 400),
+    (b"GET /socket/operator?token={token}%C3%BC HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n", 403),
+    (b"\x16\x03\x01\x02\x00\x01", None),
+    (b"GET \xff\xff\r\n", None),
+)  # fmt: skip
+"""Requests as bytes, and the status of their answers; None where the connection may just end."""
+
+
+def test_every_strange_request_is_answered_without_a_traceback(tmp_path, capfd):
+    session, *_ = short_session(tmp_path / "s", "elbow")
+    with served(session) as server:
+        host = f"127.0.0.1:{server.port}".encode()
+        for request_bytes, status in STRANGE_REQUESTS:
+            sent = request_bytes.replace(b"{host}", host).replace(b"{token}", server.token.encode()) + b"\r\n"
+            with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
+                connection.sendall(sent)
+                said = connection.recv(65536) if status is not None else b""
+            assert said[:12] == f"HTTP/1.1 {status}".encode() or status is None, (request_bytes, said[:80])
+        assert status_of(f"http://127.0.0.1:{server.port}/bare")[0] == 200
+    assert "Traceback" not in "".join(capfd.readouterr())
 
 
 def test_a_packet_of_samples_has_what_the_page_reads():

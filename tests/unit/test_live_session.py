@@ -9,7 +9,8 @@ from stand_in_engine import Clock, StandInEngine
 
 from pellucid._errors import StudyError
 from pellucid.procedures.registry import open_study
-from pellucid.session.live_session import LiveSession, Phase
+from pellucid.session import live_session
+from pellucid.session.live_session import ARMED_PHASES, SAVING_LIMIT_S, LiveSession, Phase
 from pellucid.session.new_session import SHIPPED_SESSIONS, start_session_study
 from pellucid.session.run_session import choose_participant
 from pellucid.session.running_task import RunningHolding, Sensed
@@ -176,6 +177,58 @@ def test_a_page_that_closes_ends_the_trial(tmp_path):
     run_until(session, clock, lambda: session.phase == Phase.judged, 5.0)
     assert session.reason == "no operator's page was open"
     assert engine.state == "idle"
+
+
+def test_no_law_is_armed_outside_a_trial(tmp_path):
+    session, engine, _ = started(tmp_path)
+    attempt = session.attempt
+    engine.recorded = lambda path: False
+    for phase in [phase for phase in Phase if phase not in ARMED_PHASES]:
+        session.phase, session.attempt, session.rest_until = phase, attempt, session.clock() + 60.0
+        attempt.ended, session._job = session.clock(), Future()  # a check that is not done yet
+        engine.state = "running"  # whoever armed it
+        session.step()
+        assert (session.phase, engine.state) == (phase, "idle")
+
+
+def test_a_law_without_a_recorder_is_disarmed_and_a_file_that_is_never_whole_ends(tmp_path):
+    session, engine, clock = started(tmp_path)
+    engine.heals, engine.alive["recorder"] = False, False
+    session.step()
+    assert (session.phase, engine.state) == (Phase.saving, "idle")
+    run_until(session, clock, lambda: session.phase == Phase.judged, SAVING_LIMIT_S + 2.0)
+    assert session.reason == "the recorder has ended: No space left on device"
+    assert "not complete: the recorder has ended: No space left on device" in session.attempt.judged.reason
+    assert engine.given_up == [session.attempt.file]
+    assert engine.restarts > 1
+    assert [fault.text for fault in session.faults].count("the recorder has ended: No space left on device") == 1
+    assert session.act("operator", "repeat") == ""
+    assert "No space left on device" in session.act("operator", "start")
+    assert session.operator_state()["recorder"] == "has ended: No space left on device"
+    engine.alive["recorder"] = True
+    session.step()
+    assert session.act("operator", "start") == ""
+
+
+def test_a_session_without_a_person_ends_when_nothing_can_be_recorded(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s", unattended=True)
+    engine.heals, engine.alive["recorder"] = False, False
+    run_until(session, clock, lambda: session.phase == Phase.finished)
+    assert not open_study(tmp_path / "s").config.recordings
+
+
+def test_a_disk_that_is_full_when_a_trial_is_kept_is_told(tmp_path, monkeypatch):
+    session, _engine, clock = started(tmp_path)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
+
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(live_session, "add_to_study", fail)
+    assert "No space left on device" in session.act("operator", "accept")
+    assert session.phase == Phase.judged
+    monkeypatch.undo()
+    assert session.act("operator", "accept") == ""
 
 
 def test_a_participant_cannot_do_what_an_operator_does(tmp_path):

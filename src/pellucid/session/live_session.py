@@ -24,7 +24,15 @@ from ..procedures.assessment.assessment_table import AssessmentTable
 from ..studies.study import STUDY_FILE, Study
 from .emg_levels import EmgLevels
 from .emg_source import EmgSource
-from .recorded_trial import Judged, add_to_study, judge_trial, next_attempt, recorded_names, trial_file
+from .recorded_trial import (
+    Judged,
+    add_to_study,
+    judge_open_trial,
+    judge_trial,
+    next_attempt,
+    recorded_names,
+    trial_file,
+)
 from .running_indices import RunningIndices, RunningVerdict
 from .running_task import Ask, RunningHolding, RunningTask, Sensed, first_angle, running_task
 from .session_engine import EngineSamples, SessionEngine
@@ -54,8 +62,20 @@ PREPARATION_LIMIT_S = 20.0
 SETTLED_S = 0.3
 """Time for which the person must have been at the first angle before a recording begins [s]."""
 
+ARMED_PHASES = (Phase.preparing, Phase.running)
+"""Phases in which a law may be armed; in every other one it is disarmed."""
+
 OPERATOR_AWAY_S = 2.0
-"""A running trial ends, and the law with it, after this time without an operator's page [s]."""
+"""A law is disarmed, and its trial ends, after this time without a sign of life from an operator's page [s]."""
+
+SAVING_LIMIT_S = 10.0
+"""Longest time for a recording to be completed [s]: a recorder that was killed begins again within some 3 s."""
+
+RECORDER_RESTART_INTERVAL_S = 5.0
+"""Time between two starts of a recorder that ended [s]: where the disk stays full, it ends again at once."""
+
+UNATTENDED_PATIENCE_S = 30.0
+"""A session without a person is finished when no trial could begin for this time [s]."""
 
 MAX_STREAM_SILENCE_S = 2.0
 """A stream of ``[session]`` that was not heard for longer is missing [s]."""
@@ -71,6 +91,9 @@ STALE_FAULT = "stale"
 
 STOPPED_FAULT = "stopped"
 """The supervisor's name for a stop from outside: by hand, or after the session's silence."""
+
+TOLD_SILENCE_S = 0.1
+"""A gap between two cycles of at least this length is a silent engine, and not a busy computer [s]."""
 
 RESET_INTERVAL_S = 0.2
 """Time between two answers to the supervisor's challenge [s]."""
@@ -105,6 +128,8 @@ class Attempt:
     task: RunningTask
     begun: float
     interrupted: str = ""  # why it ended early
+    stopped: bool = False  # whether a person stopped it
+    ended: float = math.inf  # time of the end of its recording [s]
     judged: Judged | None = None
     features: list[np.ndarray] = field(default_factory=list)  # features of the torque estimate
     torques: list[np.ndarray] = field(default_factory=list)
@@ -173,9 +198,14 @@ class LiveSession:
         self._cursor = self._emg_cursor = 0
         self._last: dict[str, float] = {}
         self._last_time = math.nan
+        self._armed = False  # whether a law was armed and not disarmed since
         self._resetting = False
         self._reset_at = 0.0
-        self._stopped_at = -math.inf
+        self._stop_asked = False  # whether a person has pressed Stop since the last reset or start
+        self._silent_since: float | None = None  # since when the engine runs no cycles [s]
+        self._recorder_problem = self._told_recorder = ""
+        self._recorder_started_at = -math.inf
+        self._blocked_since: float | None = None  # since when no trial can begin in a session without a person [s]
         self._operator_left: float | None = None
         self._at_angle_since: float | None = None
         self._job: Future | None = None
@@ -197,14 +227,18 @@ class LiveSession:
         now = self.clock()
         self.engine.beat()
         self._watch_engine(now)
+        self._keep_recorder(now)
         self._read(now)
         self._watch_streams(now)
+        if self.phase in ARMED_PHASES and (why := self._obstacle(now)):
+            self._interrupt(why)
         {
             Phase.preparing: self._prepare, Phase.running: self._run, Phase.saving: self._save,
             Phase.judging: self._judge, Phase.rest: self._rest, Phase.finishing: self._end,
         }.get(self.phase, lambda now: None)(now)  # fmt: skip
         if self.unattended:
-            self._act_unattended()
+            self._act_unattended(now)
+        self._disarm_unless_allowed(now)
         if self._background is not None and self._background.done():
             self._take_indices(self._background)
             self._background = None
@@ -214,26 +248,46 @@ class LiveSession:
         allowed = OPERATOR_ACTIONS if role == "operator" else PARTICIPANT_ACTIONS
         if action not in allowed:
             return f"found the action {action!r} from the {role}'s page, expected one of {', '.join(allowed)}"
-        self.engine.mark("action", {"role": role, "action": action, "value": value})
-        return getattr(self, f"_{action}")(value) or ""
+        told = {"role": role, "action": action, "value": None if value is None else _finite(value)}
+        self.engine.mark("action", told)
+        try:
+            return getattr(self, f"_{action}")(value) or ""
+        except (PellucidError, OSError) as error:
+            return str(error)
+        finally:
+            self._disarm_unless_allowed(self.clock())
 
     def page_opened(self, role: str) -> None:
-        """Count a page that connected."""
+        """Count a page that connected, or answers again."""
         self.pages[role] += 1
-        self._operator_left = None if role == "operator" else self._operator_left
+        if role != "operator":
+            return
+        self._operator_left = None
+        if self.pages[role] > 1:
+            self._tell(f"{self.pages[role]} operator's pages are open; each of them controls the session")
 
-    def page_closed(self, role: str) -> None:
-        """Count a page that is gone."""
+    def page_closed(self, role: str, *, heard: float | None = None, is_silent: bool = False) -> None:
+        """Count a page that is gone, or does not answer.
+
+        Parameters
+        ----------
+        role : str
+        heard : float, optional
+            When it was heard last, on the session's clock [s]; now if left out.
+        is_silent : bool
+            Whether the page is open and does not answer.
+        """
         self.pages[role] -= 1
         if self.pages[role] > 0:
             return
-        self.engine.mark("page closed", {"role": role})
+        how = "does not answer" if is_silent else "was closed"
+        self.engine.mark("page closed", {"role": role, "how": how})
         if role == "operator":
-            self._operator_left = self.clock()
-        if self.phase in (Phase.preparing, Phase.running) and self.attempt is not None:
-            self._tell(f"the {role}'s page was closed during a trial")
+            self._operator_left = self.clock() if heard is None else heard
+        if self.phase in ARMED_PHASES and self.attempt is not None:
+            self._tell(f"the {role}'s page {how} during a trial")
             if role == "participant":
-                self._interrupt("the participant's page was closed during the trial")
+                self._interrupt(f"the participant's page {how} during the trial")
 
     @property
     def trial(self) -> PlannedTrial | None:
@@ -245,7 +299,8 @@ class LiveSession:
     def _consent(self, value: float | None) -> str:
         if self.phase != Phase.consent:
             return "consent is not asked for now"
-        self.engine.mark("consent", {"participant": self.participant, "text": list(self.table.consent)[:4]})
+        text = [part[: MAX_MARKED_CHARACTERS // 4] for part in self.table.consent[:4]]
+        self.engine.mark("consent", {"participant": self.participant, "text": text})
         self.phase = Phase.instructions
         return ""
 
@@ -264,17 +319,24 @@ class LiveSession:
             return f"a trial can start once it is waited for; now: {self.phase}"
         if self._state == "stopped":
             return "the robot is stopped; reset it first"
+        if self._state == "silent":
+            return "the engine is silent"
         if self.missing_streams:
             return f"the stream {self.missing_streams[0]} is not heard; [session] streams asks for it"
         if self.pages["participant"] == 0 and not self.unattended:
             return "the participant's page is not open; open it first"
+        if why := self._obstacle(self.clock()):
+            return f"no trial can start: {why}"
         number = next_attempt(self.study.folder, trial)
         file = trial_file(self.study.folder, trial, number)
-        self.attempt = Attempt(trial, number, file, running_task(trial), self.clock())
+        attempt = Attempt(trial, number, file, running_task(trial), self.clock())
         self._at_angle_since = None
+        self._stop_asked = False
         self.engine.set_condition(trial.law)
         if self._is_powered(trial.law):
+            self._armed = True
             self.engine.arm()
+        self.attempt = attempt
         angle = first_angle(trial)
         if angle is not None:
             self.engine.set_target(angle)
@@ -310,16 +372,24 @@ class LiveSession:
 
     def _stop(self, value: float | None) -> str:
         self.engine.stop()
-        self._stopped_at = self.clock()
+        self._resetting = False
+        self._stop_asked = True
         self._tell("stopped by hand")
+        if self.phase in ARMED_PHASES and self.attempt is not None:
+            self.attempt.stopped = True
+        if self._state in ("silent", "ended"):
+            how = "is silent" if self._state == "silent" else "has ended"
+            return f"the engine {how} and does not answer the stop; take the robot's power off by its own switch"
         return ""
 
     def _reset(self, value: float | None) -> str:
+        if self._state != "stopped":
+            return f"there is no stop to reset; the engine's state: {self._state}"
         self._resetting = True
         return ""
 
     def _end_trial(self, value: float | None) -> str:
-        if self.phase not in (Phase.preparing, Phase.running):
+        if self.phase not in ARMED_PHASES:
             return "no trial runs"
         self._interrupt("the operator ended the trial")
         return ""
@@ -370,20 +440,17 @@ class LiveSession:
             "participant": trial.participant, "condition": trial.condition, "protocol": trial.task.protocol,
             "trial": trial.name, "attempt": attempt.number,
         }  # fmt: skip
-        attempt.file.parent.mkdir(parents=True, exist_ok=True)
-        self.engine.begin_recording(attempt.file, about)
+        try:
+            attempt.file.parent.mkdir(parents=True, exist_ok=True)
+            self.engine.begin_recording(attempt.file, about)
+        except OSError as error:
+            self._interrupt(f"the recording could not begin: {error.strerror or error}")
+            return
         self.phase = Phase.running
 
     def _run(self, now: float) -> None:
         attempt = self.attempt
         assert attempt is not None
-        if self._state == "stopped":
-            self._interrupt(f"the robot was stopped ({self._status.fault})")
-            return
-        if self._operator_left is not None and now - self._operator_left > OPERATOR_AWAY_S and not self.unattended:
-            self.engine.disarm()
-            self._interrupt("no operator's page was open")
-            return
         attempt.task.step(self._sensed(now))
         cues, asks = attempt.task.take()
         for cue in cues:
@@ -406,21 +473,32 @@ class LiveSession:
     def _interrupt(self, why: str) -> None:
         assert self.attempt is not None
         self.attempt.interrupted = why
-        self._tell(why)
+        if not self.faults or self.faults[-1].text != why:
+            self._tell(why)
         if self.phase == Phase.running:
             self._end_recording()
         else:
             self.attempt, self.phase = None, Phase.waiting
 
     def _end_recording(self) -> None:
+        assert self.attempt is not None
         self.engine.end_recording(wait=False)
         self.slider = 0.0
+        self.attempt.ended = self.clock()
         self.phase = Phase.saving
 
     def _save(self, now: float) -> None:
-        assert self.attempt is not None
-        if self.engine.recorded(self.attempt.file):
-            self._job = self.executor.submit(judge_trial, self.study, self.attempt.trial, self.attempt.file)
+        attempt = self.attempt
+        assert attempt is not None
+        if self.engine.recorded(attempt.file):
+            self._job = self.executor.submit(judge_trial, self.study, attempt.trial, attempt.file)
+            self.phase = Phase.judging
+        elif now - attempt.ended > SAVING_LIMIT_S:
+            problem = self._recorder_problem or f"did not complete the file within {SAVING_LIMIT_S:g} s"
+            why = f"the recording is not complete: the recorder {problem}"
+            self._tell(why)
+            self.engine.give_up_recording(attempt.file)
+            self._job = self.executor.submit(judge_open_trial, self.study, attempt.trial, attempt.file, why)
             self.phase = Phase.judging
 
     def _judge(self, now: float) -> None:
@@ -446,7 +524,6 @@ class LiveSession:
         if trial is None:
             self._begin_finish()
         elif trial.rest > 0.0:
-            self.engine.disarm()
             self.rest_until, self.phase = self.clock() + trial.rest, Phase.rest
         else:
             self._show_instructions_or_wait()
@@ -457,7 +534,6 @@ class LiveSession:
         self.phase = Phase.instructions if new else Phase.waiting
 
     def _begin_finish(self) -> None:
-        self.engine.disarm()
         self._job = self.executor.submit(self.finish, self.study)
         self.phase = Phase.finishing
 
@@ -468,21 +544,28 @@ class LiveSession:
         if self._job.done():
             try:
                 self.report, self.notes = self._job.result()
-            except PellucidError as error:
+            except (PellucidError, OSError) as error:
                 self.notes = [str(error)]
             self._job, self.phase = None, Phase.finished
 
-    def _act_unattended(self) -> None:
+    def _act_unattended(self, now: float) -> None:
         if self.phase == Phase.consent:
             self.act("participant", "consent")
         elif self.phase == Phase.instructions:
             self.act("participant", "ready")
         elif self.phase == Phase.waiting and self._state == "stopped":
             self._resetting = True
+        elif self.phase == Phase.waiting and self._obstacle(now):
+            self._blocked_since = now if self._blocked_since is None else self._blocked_since
+            if now - self._blocked_since > UNATTENDED_PATIENCE_S:
+                self.act("operator", "finish")
         elif self.phase == Phase.waiting and not self.missing_streams:
+            self._blocked_since = None
             self.act("operator", "start")
         elif self.phase == Phase.judged and self.attempt is not None and self.attempt.judged is not None:
-            self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept")
+            again = self.attempt.judged.recording is None or (self.reason and self.attempt.number < 3)
+            if self.act("operator", "repeat" if again else "accept"):
+                self.act("operator", "repeat")
 
     @property
     def reason(self) -> str:
@@ -491,6 +574,34 @@ class LiveSession:
         if attempt is None or attempt.judged is None:
             return ""
         return attempt.interrupted or attempt.judged.reason
+
+    # What stands against a law.
+
+    def _obstacle(self, now: float) -> str:
+        """Return why no trial may go on or begin now; empty if nothing stands against it."""
+        if self.attempt is not None and self.attempt.stopped:
+            return "the robot was stopped by hand"
+        if self._state == "stopped":
+            return f"the robot was stopped ({self._status.fault})"
+        if self._engine_is_lost(now):
+            return "the engine has ended" if self._state == "ended" else "the engine is silent"
+        if self._recorder_problem:
+            return f"the recorder {self._recorder_problem}"
+        away = self._operator_left is not None and now - self._operator_left > OPERATOR_AWAY_S
+        return "no operator's page was open" if away and not self.unattended else ""
+
+    def _engine_is_lost(self, now: float) -> bool:
+        """Return whether the engine runs no law now; without a law a short silence is a gap of the recording."""
+        patience = 0.0 if self._armed else SESSION_TIMEOUT_S
+        silent = self._silent_since is not None and now - self._silent_since >= patience
+        return self._state == "ended" or silent
+
+    def _disarm_unless_allowed(self, now: float) -> None:
+        """Take the law's power off unless a law may be armed now: asked after every step and action, in every phase."""
+        allowed = self.phase in ARMED_PHASES and not self._obstacle(now)
+        if not allowed and (self._armed or self._state == "running"):
+            self.engine.disarm()
+            self._armed = False
 
     # The engine and its samples.
 
@@ -509,26 +620,58 @@ class LiveSession:
         if fault != self._told_fault and fault not in (NO_FAULT, ""):
             self._tell(f"supervisor: {fault}{self._why_stopped(fault, now)}")
         self._told_fault = fault
+        self._watch_silence(now)
         alive = dict(self.engine.alive)
         for name, lives in alive.items():
-            if not lives and self._alive.get(name, True):
+            if not lives and self._alive.get(name, True) and name != "recorder":
                 self._tell(f"the process {name} has ended")
         self._alive = alive
         if self._resetting and now - self._reset_at >= RESET_INTERVAL_S:
             self._reset_at = now
             if self._state == "stopped":
                 self.engine.reset()
-            else:
-                self._resetting = False
-                self._tell("the stop was reset")
+            elif self._silent_since is None:
+                self._resetting = self._stop_asked = False
+                self._tell("the stop was reset" if self._state != "ended" else "the stop was not reset")
+
+    def _watch_silence(self, now: float) -> None:
+        """Tell when the engine falls silent, and when it goes on."""
+        if self._state != "silent":
+            if self._silent_since is not None:
+                self._tell(f"the engine goes on after {now - self._silent_since:.2f} s")
+            self._silent_since = None
+        elif self._silent_since is None:
+            self._silent_since = now
+            self._tell("the engine is silent")
+
+    def _keep_recorder(self, now: float) -> None:
+        """Tell why the recorder does not record, and start it again."""
+        health = self.engine.recorder_health()
+        if health.problem and health.problem != self._told_recorder and not health.is_starting:
+            self._tell(f"the recorder {health.problem}")
+            self._told_recorder = health.problem
+        elif self._told_recorder and not health.problem:
+            self._tell("the recorder records again")
+            self._told_recorder = ""
+        self._recorder_problem = health.problem
+        due = now - self._recorder_started_at > RECORDER_RESTART_INTERVAL_S
+        if health.problem and not health.is_starting and due and self.phase != Phase.finished:
+            self._recorder_started_at = now
+            try:
+                self.engine.restart_recorder()
+            except (PellucidError, OSError) as error:
+                self._tell(f"the recorder could not be started again: {error}")
 
     def _why_stopped(self, fault: str, now: float) -> str:
         """Return what this computer did where it, and not robot or person, made the supervisor stop."""
         times = self.engine.read_since(self._cursor).time
         gap = float(np.max(np.diff(times, prepend=self._last_time))) if len(times) else 0.0
+        if fault == STALE_FAULT and gap > TOLD_SILENCE_S:
+            pressed = "; Stop was pressed" if self._stop_asked else ""
+            return f" (the engine was silent for {gap:.2f} s{pressed})"
         if fault == STALE_FAULT and gap > MIN_TOLD_GAP_S:
             return f" (the engine did not run for {1e3 * gap:.0f} ms: this computer is too busy)"
-        if fault == STOPPED_FAULT and now - self._stopped_at > SESSION_TIMEOUT_S:
+        if fault == STOPPED_FAULT and not self._stop_asked:
             return f" (this program gave no sign of life for {SESSION_TIMEOUT_S:g} s: this computer is too busy)"
         return ""
 
@@ -607,7 +750,7 @@ class LiveSession:
 
     def _tell(self, text: str) -> None:
         self.faults.append(Fault(self.clock() - self.begun, text))
-        self.engine.mark("fault", {"text": text})
+        self.engine.mark("fault", {"text": text[:MAX_MARKED_CHARACTERS]})
 
     # Indices beside the loop.
 
@@ -670,8 +813,9 @@ class LiveSession:
                 "reason": self.reason,
                 "faults": [{"severity": f.severity, "text": f.message} for f in judged.faults[:SHOWN_FAULTS]],
             },
+            "recorder": self._recorder_problem,
             "engine": {
-                "state": self._state, "condition": getattr(status, "condition", ""),
+                "state": self._state, "armed": self._armed, "condition": getattr(status, "condition", ""),
                 "fault": getattr(status, "fault", ""), "alive": self._alive,
                 "effort_limit": _finite(getattr(status, "effort_limit", math.nan)),
                 "velocity_limit": _finite(getattr(status, "velocity_limit", math.nan)),
@@ -694,6 +838,11 @@ class LiveSession:
             "report": self.report is not None,
         }  # fmt: skip
 
+    @property
+    def urgent(self) -> tuple[object, ...]:
+        """What the operator's page is told at once when it changes."""
+        return self.phase, self._state, self._armed, self._recorder_problem, len(self.faults), self.pages["operator"]
+
     def participant_state(self) -> dict[str, Any]:
         """Return what the participant's page shows."""
         now, trial = self.clock(), self.trial
@@ -706,7 +855,7 @@ class LiveSession:
             made["left"] = max(self.rest_until - now, 0.0)
         elif self.phase in (Phase.preparing, Phase.running) and self.attempt is not None:
             made |= self.attempt.task.screen(self._sensed(now))
-        made["stopped"] = self._state == "stopped"
+        made["stopped"] = self._state == "stopped" or self._engine_is_lost(now)
         made["done"], made["all"] = self.total - len(self.plan) + self.index, self.total
         return made
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import secrets
 import struct
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from http import HTTPStatus
 from importlib.resources import files
 from pathlib import Path
@@ -42,6 +44,24 @@ HEALTH_INTERVAL_S = 0.5
 
 MAX_MESSAGE_BYTES = 20_000
 """A page's message is at most this long [B]."""
+
+MAX_WORD_CHARACTERS = 40
+"""Longest name of an action."""
+
+MAX_FRAME_INTERVALS = 400
+"""A message about frames has at most this many intervals: one a second, and six times as many frames."""
+
+MAX_FRAME_CUES = 20
+"""A message about frames has at most this many cues."""
+
+MAX_PAGE_TIME_MS = 1e8
+"""Largest time that a page may tell [ms]: it has then been open for a day."""
+
+PAGE_SILENCE_S = 1.0
+"""An operator's page that gave no sign of life for this time does not answer [s]; it gives five a second."""
+
+PING_INTERVAL_S = 0.4
+"""Time between two pings to a program that is connected as an operator and sends no signs of life [s]."""
 
 MAX_QUEUED_BYTES = 4_000_000
 """A page that falls behind by more than this is left out until it has caught up [B]."""
@@ -91,7 +111,10 @@ class Client:
     role: str
     robot_cursor: int = 0
     emg_cursor: int = 0
-    frames: list[float] = field(default_factory=list)
+    heard: float = 0.0  # time of the last sign of life, on the session's clock [s]
+    is_present: bool = True  # whether the session counts it
+    has_pulse: bool = False  # whether it gives signs of life by itself, as the operator's page does
+    pinged: float = 0.0  # time of the last ping [s]
 
 
 class PageServer:
@@ -114,6 +137,7 @@ class PageServer:
         self.foreign_origins = 0  # sockets of foreign origins that were refused
         self.stopped = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._pings: set[asyncio.Future] = set()
         self.ends_with_session = False  # whether the server stops by itself once the session is over
 
     def address(self, page: str) -> str:
@@ -151,14 +175,22 @@ class PageServer:
 
     def _answer(self, connection: Any, request: Any) -> Any:
         """Answer a plain request, refuse a socket that may not connect, or let one through (None)."""
-        parts = urlsplit(request.path)
-        query = parse_qs(parts.query)
+        try:
+            parts = urlsplit(request.path)
+            query = parse_qs(parts.query)
+            said = [text for pair in request.headers.raw_items() for text in pair]
+            is_plain = all(text.isascii() for text in (request.path, *said))
+        except ValueError:
+            is_plain = False
+        if not is_plain:
+            return self._refuse(connection, HTTPStatus.BAD_REQUEST, "found an address or a header that makes no sense")
         hosts = {f"{HOST_ADDRESS}:{self.port}", f"localhost:{self.port}"}
-        if request.headers.get("Host") not in hosts:
+        if only(request.headers.get_all("Host")) not in hosts:
             return self._refuse(connection, HTTPStatus.FORBIDDEN, "this server answers to this computer's name alone")
-        known = secrets.compare_digest(query.get("token", [""])[0], self.token)
+        told = query.get("token", [""])[0]
+        known = secrets.compare_digest(told.encode("utf-8", "surrogatepass"), self.token.encode())
         if parts.path.startswith("/socket/"):
-            origin = request.headers.get("Origin")
+            origin = only(request.headers.get_all("Origin"))
             if origin not in {f"http://{host}" for host in hosts}:
                 self.foreign_origins += 1
                 return self._refuse(connection, HTTPStatus.FORBIDDEN, f"origin {origin!r} is not a page of this server")
@@ -175,7 +207,7 @@ class PageServer:
         if parts.path in PAGE_FILES:
             page = files(__package__).joinpath("page", PAGE_FILES[parts.path]).read_bytes()
             return self._file(connection, page, ".html")
-        if parts.path == "/report" and self.session.report is not None:
+        if parts.path == "/report" and self.session.report is not None and self.session.report.is_file():
             return self._file(connection, self.session.report.read_bytes(), ".html", own_scripts=True)
         return self._refuse(connection, HTTPStatus.NOT_FOUND, "no such page")
 
@@ -205,7 +237,7 @@ class PageServer:
 
     async def _talk(self, socket: Any) -> None:
         role = urlsplit(socket.request.path).path.removeprefix("/socket/")
-        client = Client(socket, role)
+        client = Client(socket, role, heard=self.session.clock())
         self.clients.add(client)
         self.session.page_opened(role)
         if role == "operator":
@@ -220,38 +252,73 @@ class PageServer:
                 raise
         finally:
             self.clients.discard(client)
-            self.session.page_closed(role)
+            if client.is_present:
+                self.session.page_closed(role)
 
     async def _take(self, client: Client, message: str | bytes) -> None:
         """Take a page's message; one that is not understood is answered, and changes nothing."""
+        self._hear(client)
+        answer: dict[str, Any] | None = None
         try:
-            told = json.loads(message)
-            kind = told["type"]
-        except (ValueError, TypeError, KeyError):
-            await client.socket.send(json.dumps({"type": "refused", "why": "found no message of this server's pages"}))
-            return
-        if kind == "ping":
-            await client.socket.send(json.dumps({"type": "pong", "page": told.get("page"), "host": time.monotonic()}))
-        elif kind == "frames" and client.role == "participant":
-            self._take_frames(told)
-        elif kind == "act":
-            value = told.get("value")
-            value = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-            try:
-                why = self.session.act(client.role, str(told.get("action")), value)
-            except PellucidError as error:
-                why = str(error)
-            if why:
-                await client.socket.send(json.dumps({"type": "refused", "why": why}))
+            told = read_message(message)
+            if told.kind == "ping":
+                answer = {"type": "pong", "page": told.number("page"), "host": time.monotonic()}
+            elif told.kind == "alive":
+                client.has_pulse = True
+            elif told.kind == "frames" and client.role == "participant":
+                self._take_frames(told)
+            elif told.kind == "act":
+                action = told.word("action")
+                why = self.session.act(client.role, action, told.value("value"))
+                answer = {"type": "refused", "why": why} if why else {"type": "done", "action": action}
+            else:
+                raise PellucidError(f"found a message of the type {told.kind!r:.40}, expected one of this page")
+        except PellucidError as error:
+            answer = {"type": "refused", "why": str(error)}
+        if answer is not None:
+            await client.socket.send(json.dumps(answer))
+        if answer is not None and answer["type"] == "done":
+            self._tell_state()
             self._tell_plan()
 
-    def _take_frames(self, told: Mapping[str, Any]) -> None:
+    def _take_frames(self, told: PageMessage) -> None:
         """Record the times of the participant's frames, and of the frames in which a cue was first drawn."""
-        intervals = [float(x) for x in told.get("intervals", ()) if isinstance(x, (int, float))][:400]
+        intervals = told.numbers("intervals")[:MAX_FRAME_INTERVALS]
+        cues = told.pairs("cues")[:MAX_FRAME_CUES]
         self.frame_intervals += [1e-3 * x for x in intervals]
-        data = {"first": told.get("first"), "offset": told.get("offset"), "rtt": told.get("rtt"),
-                "intervals": [round(x, 1) for x in intervals], "cues": list(told.get("cues", ()))[:20]}  # fmt: skip
+        data = {"first": told.number("first"), "offset": told.number("offset"), "rtt": told.number("rtt"),
+                "intervals": [round(x, 1) for x in intervals], "cues": cues}  # fmt: skip
         self.session.engine.mark("frames", data)
+
+    def _hear(self, client: Client) -> None:
+        """Note a sign of life of a page."""
+        client.heard = self.session.clock()
+        if not client.is_present and client in self.clients:
+            client.is_present = True
+            self.session.page_opened(client.role)
+
+    def _watch_operators(self, now: float) -> None:
+        """Tell the session which operator's pages do not answer; programs without a pulse are pinged."""
+        for client in [c for c in self.clients if c.role == "operator"]:
+            if not client.has_pulse and now - client.pinged > PING_INTERVAL_S:
+                client.pinged = now
+                task = asyncio.ensure_future(self._ping(client))
+                self._pings.add(task)
+                task.add_done_callback(self._pings.discard)
+            if client.is_present and self.session.clock() - client.heard > PAGE_SILENCE_S:
+                client.is_present = False
+                self.session.page_closed(client.role, heard=client.heard, is_silent=True)
+
+    async def _ping(self, client: Client) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        with suppress(ConnectionClosed):
+            await (await client.socket.ping())
+            if not client.has_pulse:
+                self._hear(client)
+
+    def _tell_state(self) -> None:
+        self._broadcast("operator", json.dumps(self.session.operator_state()))
 
     def _tell_plan(self) -> None:
         text = json.dumps({"type": "plan", "rows": self.session.plan_rows()})
@@ -269,18 +336,19 @@ class PageServer:
     async def _step_on(self) -> None:
         due = {"samples": 0.0, "state": 0.0, "health": 0.0}
         following = time.monotonic()
-        plan_at = ""
+        plan_at, told = "", ()
         while True:
             now = time.monotonic()
+            self._watch_operators(now)
             self.session.step()
             self._broadcast("participant", json.dumps(self.session.participant_state()))
             if now >= due["samples"]:
                 due["samples"] = now + SAMPLES_INTERVAL_S
                 for client in [c for c in self.clients if c.role == "operator"]:
                     self._send_samples(client)
-            if now >= due["state"]:
-                due["state"] = now + STATE_INTERVAL_S
-                self._broadcast("operator", json.dumps(self.session.operator_state()))
+            if now >= due["state"] or told != self.session.urgent:
+                due["state"], told = now + STATE_INTERVAL_S, self.session.urgent
+                self._tell_state()
                 if plan_at != f"{self.session.phase} {self.session.index}":
                     plan_at = f"{self.session.phase} {self.session.index}"
                     self._tell_plan()
@@ -313,6 +381,93 @@ class PageServer:
 
         if packet:
             broadcast([client.socket], packet)
+
+
+@dataclass(frozen=True)
+class PageMessage:
+    """A message of a page: an object of JSON with a type. Everything else in it may be anything."""
+
+    kind: str
+    content: Mapping[str, Any]
+
+    def word(self, key: str) -> str:
+        """Return a short text."""
+        found = self.content.get(key)
+        if not isinstance(found, str) or len(found) > MAX_WORD_CHARACTERS:
+            raise PellucidError(f"{self.kind}: found no {key}, expected a word")
+        return found
+
+    def value(self, key: str) -> float | None:
+        """Return a number as float; None where there is none or it is not finite."""
+        return finite_number(self.content.get(key))
+
+    def number(self, key: str) -> float | None:
+        """Return a time or a duration of the page; None where there is none.
+
+        Raises
+        ------
+        PellucidError
+            If there is something else.
+        """
+        found = self.content.get(key)
+        return None if found is None else self._page_time(key, found)
+
+    def numbers(self, key: str) -> list[float]:
+        """Return a list of times of the page."""
+        return [self._page_time(key, each) for each in self._list(key)]
+
+    def pairs(self, key: str) -> list[list[float]]:
+        """Return a list of pairs of a number and a time of the page."""
+        found = self._list(key)
+        if not all(isinstance(each, list) and len(each) == 2 for each in found):
+            raise PellucidError(f"{self.kind}: found {key} that are no pairs, expected pairs of numbers")
+        return [[self._page_time(key, number) for number in each] for each in found]
+
+    def _list(self, key: str) -> list[Any]:
+        found = self.content.get(key, [])
+        if not isinstance(found, list):
+            raise PellucidError(f"{self.kind}: found {key} that is no list, expected a list of numbers")
+        return found
+
+    def _page_time(self, key: str, found: object) -> float:
+        number = finite_number(found)
+        if number is None or abs(number) > MAX_PAGE_TIME_MS:
+            raise PellucidError(f"{self.kind}: found {key} that is no time of a page, expected a number")
+        return number
+
+
+def read_message(text: str | bytes) -> PageMessage:
+    """Return a page's message.
+
+    Raises
+    ------
+    PellucidError
+        If it is no object of JSON with a type.
+    """
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        content = None
+    kind = content.get("type") if isinstance(content, dict) else None
+    if not isinstance(kind, str):
+        raise PellucidError("found no message of this server's pages, expected an object of JSON with a type")
+    return PageMessage(kind, content)
+
+
+def only(values: Sequence[str]) -> str | None:
+    """Return the value of a header that is there once; None for one that is missing or there again."""
+    return values[0] if len(values) == 1 else None
+
+
+def finite_number(found: object) -> float | None:
+    """Return a number of JSON as float; None for anything else, and for one that no float holds."""
+    if not isinstance(found, (int, float)) or isinstance(found, bool):
+        return None
+    try:
+        number = float(found)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _queued(socket: Any) -> int:

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._atomic import write_text_atomically
-from .._errors import PellucidError, RecordingError
+from .._errors import PellucidError
 from .._given import read_given
 from ..procedures.assessment.assessment_table import AssessmentTable
 from ..procedures.procedure import Procedure
 from ..procedures.registry import asked, open_study
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
+from ..recordings.xdf_writer import seal_xdf
 from ..studies.lock import hold_lock
 from ..studies.quality import cut_faults
 from ..studies.study import STUDY_FILE, Study
@@ -99,11 +101,20 @@ def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
             if trial.task.protocol in _checked_protocols(study, procedure):
                 faults += procedure.unfit(alone).values()
                 faults += procedure.faults(alone, procedure.table_of(alone))
-    except (RecordingError, PellucidError) as error:
+    except (PellucidError, OSError) as error:
         faults.append(Fault("refuse", "unreadable", file.name, "", str(error), "a whole recording", str(error)))
     own = [fault for fault in dict.fromkeys(faults) if fault.file in (file.name, "")]
     own.sort(key=lambda fault: fault.severity not in ("refuse", "warn"))
     return Judged(tuple(own), time.perf_counter() - begun, recording)
+
+
+def judge_open_trial(study: Study, trial: PlannedTrial, file: Path, why: str) -> Judged:
+    """Check a trial whose recorder did not complete the file; it is sealed first as far as the disk allows."""
+    with suppress(OSError, PellucidError):
+        seal_xdf(file)
+    judged = judge_trial(study, trial, file)
+    fault = Fault("refuse", "incomplete", file.name, "", why, "a recording that its recorder completed", why)
+    return replace(judged, faults=(fault, *judged.faults))
 
 
 def _checked_protocols(study: Study, procedure: Procedure) -> set[str]:

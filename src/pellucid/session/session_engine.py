@@ -38,12 +38,19 @@ class HeardStream(Protocol):
 class EngineStatus(Protocol):
     """What the engine does now."""
 
-    state: str  # "idle", "running", "changing", "stopped" or "ended"
+    state: str  # "idle", "running", "changing", "stopped", "silent" (no cycles) or "ended"
     condition: str
     fault: str  # "none" while all is well
     effort_limit: float  # largest effort of the law that runs [N*m]
     velocity_limit: float  # [rad/s]
     position_limits: Sequence[float]  # [rad]
+
+
+class RecorderHealth(Protocol):
+    """Whether the recorder records."""
+
+    problem: str  # why it does not, after the words "the recorder"; empty while it records
+    is_starting: bool
 
 
 class SessionEngine(Protocol):
@@ -101,6 +108,15 @@ class SessionEngine(Protocol):
 
     def begin_recording(self, path: Path, about: Mapping[str, Any]) -> None:
         """Begin a file."""
+
+    def recorder_health(self) -> RecorderHealth:
+        """Return whether the recorder records, and why not."""
+
+    def restart_recorder(self) -> None:
+        """Start the recorder again; it goes on with the file that it was writing."""
+
+    def give_up_recording(self, path: Path) -> None:
+        """End a recorder that does not complete a file, and leave the file as it is."""
 
     def end_recording(self, *, wait: bool = True) -> Path:
         """End the file."""

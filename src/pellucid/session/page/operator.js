@@ -139,7 +139,7 @@ function drawCharts() {
 addEventListener("resize", () => { for (const each of charts) each.chart.setSize({ width: each.box.clientWidth, height: each.chart.height }); });
 
 session.onText = (told) => {
-  if (told.type === "state") { state = told; showState(); }
+  if (told.type === "state") { state = told; showState(); session.send({ type: "alive" }); }
   if (told.type === "plan") showPlan(told.rows);
   if (told.type === "health") showHealth(told);
   if (told.type === "refused") refuse(told.why);
@@ -157,12 +157,13 @@ function showState() {
   const phase = state.phase, trial = state.trial, engine = state.engine, stopped = engine.state === "stopped";
   $("kicker").textContent = `${state.study} · ${state.participant} · ${words(state.device)} · ${clock(state.time)}`;
   $("headline").textContent = phase === "finished" ? "The session is over" : phase === "finishing" ? "Evaluating the session" : trial ? `Trial ${state.done + 1} of ${state.of}: ${words(trial.task)}, ${trial.condition}` : "";
-  const lamp = stopped ? "wrong" : engine.state === "running" ? "good" : "warning";
-  const said = { idle: "power off", running: `running: ${words(engine.condition)}`, changing: "the law changes", stopped: `stopped: ${words(engine.fault || "by hand")}`, ended: "the engine has ended" };
+  const lost = engine.state === "silent" || engine.state === "ended";
+  const lamp = stopped || lost ? "wrong" : engine.state === "running" ? "good" : "warning";
+  const said = { idle: "power off", running: `running: ${words(engine.condition)}`, changing: "the law changes", stopped: `stopped: ${words(engine.fault || "by hand")}`, silent: "engine silent", ended: "the engine has ended" };
   $("robot").firstChild.className = "lamp " + lamp;
   $("robot").lastChild.textContent = said[engine.state] || engine.state;
   $("reset").hidden = !stopped;
-  $("advice").textContent = phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not heard: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
+  $("advice").textContent = lost ? "The engine does not answer. Take the robot's power off by its own switch." : state.recorder ? `Nothing can be recorded: the recorder ${state.recorder}.` : phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not heard: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
   for (const [id, when] of [["start", phase === "waiting"], ["accept", phase === "judged"], ["repeat", phase === "judged"], ["skip_rest", phase === "rest"], ["end_trial", phase === "running" || phase === "preparing"]]) $(id).hidden = !when;
   const again = phase === "judged" && state.judged && state.judged.reason !== "";
   $("accept").className = again ? "" : "main";
@@ -178,7 +179,8 @@ function showState() {
   $("torque-low").textContent = `${number(-state.slider.limit, 0)} N·m`;
   $("torque-high").textContent = `${number(state.slider.limit, 0)} N·m`;
   $("torque-now").textContent = `${number(state.slider.value, 1)} N·m`;
-  $("pages").textContent = state.pages.participant ? "The participant's page is open." : "The participant's page is not open.";
+  const operators = state.pages.operator > 1 ? ` ${state.pages.operator} operator's pages are open: each of them controls the session.` : "";
+  $("pages").textContent = (state.pages.participant ? "The participant's page is open." : "The participant's page is not open.") + operators;
   $("finish").disabled = !["waiting", "rest", "instructions"].includes(phase);
   $("report-line").hidden = !state.report;
   list("notes", state.notes.map((note) => ["note", note]));
