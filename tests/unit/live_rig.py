@@ -138,7 +138,7 @@ class Rig:
             if phase == "instructions":
                 participant.act("ready")
             elif phase == "waiting":
-                operator.act("reset" if state == "stopped" else "start")
+                operator.act("reset" if self.session.is_stopped else "start")
             elif phase == "judged":
                 operator.act("repeat")
             return phase == "running" and state == "running" and abs(self.effort() - HELD_TORQUE) < 0.1

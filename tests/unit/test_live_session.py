@@ -179,6 +179,22 @@ def test_a_page_that_closes_ends_the_trial(tmp_path):
     assert engine.state == "idle"
 
 
+def test_a_stop_without_a_law_is_to_be_reset_too(tmp_path):
+    session, engine, clock = started(tmp_path)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
+    assert session.act("participant", "stop") == ""
+    engine.state = "idle"  # there was no law that could have been stopped
+    session.step()
+    assert session.operator_state()["stopped"]
+    assert session.participant_state()["stopped"]
+    session.act("operator", "repeat")
+    assert "reset" in session.act("operator", "start")
+    assert session.act("operator", "reset") == ""
+    run_until(session, clock, lambda: not session.is_stopped, 1.0)
+    assert "no stop to reset" in session.act("operator", "reset")
+    assert session.act("operator", "start") == ""
+
+
 def test_no_law_is_armed_outside_a_trial(tmp_path):
     session, engine, _ = started(tmp_path)
     attempt = session.attempt

@@ -56,6 +56,9 @@ COMMAND_TIMEOUT_S = 0.5
 ENGINE_SILENCE_S = 0.05
 """An engine without a cycle for this time is silent [s]: 50 periods at 1 kHz. The pages then say so within 0.1 s."""
 
+MAX_SILENT_PERIODS = 3
+"""An engine with a long control period is silent only after more than this many periods without a cycle."""
+
 RECORDER_SILENCE_S = 3.0
 """A recorder without a round for this time is silent [s]: a round takes 20 ms, but a slow disk may hold one up."""
 
@@ -534,7 +537,8 @@ class LiveEngine:
         """Return what the engine says of itself now."""
         s = self.region.status()
         state = layout.STATES[int(s["state"])] if self._is_alive("engine") else "ended"
-        is_silent = time.monotonic_ns() - int(s["heartbeat"]) > 1e9 * ENGINE_SILENCE_S
+        patience = max(ENGINE_SILENCE_S, MAX_SILENT_PERIODS * self.setup.period)
+        is_silent = time.monotonic_ns() - int(s["heartbeat"]) > 1e9 * patience
         return EngineStatus(
             state="silent" if is_silent and state != "ended" else state,
             condition=self.setup.conditions[int(s["law"])].name,

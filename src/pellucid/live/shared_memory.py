@@ -101,7 +101,7 @@ def remove_dead_regions(*folders: Path) -> list[Path]:
     dead = [region for region in found if _is_dead(region)]
     for region in dead:
         for path in found[region]:
-            with suppress(OSError):  # of another user, or removed meanwhile
+            with suppress(OSError):  # another user owns it, or another start has removed it
                 path.unlink()
     return dead
 

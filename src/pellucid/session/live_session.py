@@ -201,7 +201,7 @@ class LiveSession:
         self._armed = False  # whether a law was armed and not disarmed since
         self._resetting = False
         self._reset_at = 0.0
-        self._stop_asked = False  # whether a person has pressed Stop since the last reset or start
+        self._stop_asked = False  # whether a person has pressed Stop since the last reset
         self._silent_since: float | None = None  # since when the engine runs no cycles [s]
         self._recorder_problem = self._told_recorder = ""
         self._recorder_started_at = -math.inf
@@ -317,7 +317,7 @@ class LiveSession:
         trial = self.trial
         if self.phase != Phase.waiting or trial is None:
             return f"a trial can start once it is waited for; now: {self.phase}"
-        if self._state == "stopped":
+        if self.is_stopped:
             return "the robot is stopped; reset it first"
         if self._state == "silent":
             return "the engine is silent"
@@ -331,7 +331,6 @@ class LiveSession:
         file = trial_file(self.study.folder, trial, number)
         attempt = Attempt(trial, number, file, running_task(trial), self.clock())
         self._at_angle_since = None
-        self._stop_asked = False
         self.engine.set_condition(trial.law)
         if self._is_powered(trial.law):
             self._armed = True
@@ -383,8 +382,10 @@ class LiveSession:
         return ""
 
     def _reset(self, value: float | None) -> str:
-        if self._state != "stopped":
-            return f"there is no stop to reset; the engine's state: {self._state}"
+        if self._state in ("silent", "ended"):
+            return "the engine does not answer, so that nothing can be reset"
+        if not self.is_stopped:
+            return "there is no stop to reset"
         self._resetting = True
         return ""
 
@@ -434,19 +435,22 @@ class LiveSession:
         self._at_angle_since = now if self._at_angle_since is None else self._at_angle_since
         if now - self._at_angle_since < SETTLED_S:
             return
-        about = {
-            "study": (self.study.folder / STUDY_FILE).read_text(encoding="utf-8")
-            if (self.study.folder / STUDY_FILE).is_file() else "",
-            "participant": trial.participant, "condition": trial.condition, "protocol": trial.task.protocol,
-            "trial": trial.name, "attempt": attempt.number,
-        }  # fmt: skip
         try:
-            attempt.file.parent.mkdir(parents=True, exist_ok=True)
-            self.engine.begin_recording(attempt.file, about)
+            self._begin_recording(attempt)
         except OSError as error:
             self._interrupt(f"the recording could not begin: {error.strerror or error}")
             return
         self.phase = Phase.running
+
+    def _begin_recording(self, attempt: Attempt) -> None:
+        trial, study_file = attempt.trial, self.study.folder / STUDY_FILE
+        about = {
+            "study": study_file.read_text(encoding="utf-8", errors="replace") if study_file.is_file() else "",
+            "participant": trial.participant, "condition": trial.condition, "protocol": trial.task.protocol,
+            "trial": trial.name, "attempt": attempt.number,
+        }  # fmt: skip
+        attempt.file.parent.mkdir(parents=True, exist_ok=True)
+        self.engine.begin_recording(attempt.file, about)
 
     def _run(self, now: float) -> None:
         attempt = self.attempt
@@ -494,8 +498,8 @@ class LiveSession:
             self._job = self.executor.submit(judge_trial, self.study, attempt.trial, attempt.file)
             self.phase = Phase.judging
         elif now - attempt.ended > SAVING_LIMIT_S:
-            problem = self._recorder_problem or f"did not complete the file within {SAVING_LIMIT_S:g} s"
-            why = f"the recording is not complete: the recorder {problem}"
+            late = f"did not complete the file within {SAVING_LIMIT_S:g} s"
+            why = f"the recording is not complete: the recorder {self._told_recorder or late}"
             self._tell(why)
             self.engine.give_up_recording(attempt.file)
             self._job = self.executor.submit(judge_open_trial, self.study, attempt.trial, attempt.file, why)
@@ -553,7 +557,7 @@ class LiveSession:
             self.act("participant", "consent")
         elif self.phase == Phase.instructions:
             self.act("participant", "ready")
-        elif self.phase == Phase.waiting and self._state == "stopped":
+        elif self.phase == Phase.waiting and self.is_stopped:
             self._resetting = True
         elif self.phase == Phase.waiting and self._obstacle(now):
             self._blocked_since = now if self._blocked_since is None else self._blocked_since
@@ -609,6 +613,11 @@ class LiveSession:
     def _state(self) -> str:
         return "idle" if self._status is None else self._status.state
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether no trial can start before a reset: supervisor or person stopped the robot, with or without a law."""
+        return self._state == "stopped" or self._stop_asked
+
     def _is_powered(self, law: str) -> bool:
         """Return whether the robot has power in a condition; one that is not worn has none."""
         setup = getattr(self.engine, "setup", None)
@@ -626,13 +635,12 @@ class LiveSession:
             if not lives and self._alive.get(name, True) and name != "recorder":
                 self._tell(f"the process {name} has ended")
         self._alive = alive
-        if self._resetting and now - self._reset_at >= RESET_INTERVAL_S:
+        if self._resetting and self._state == "stopped" and now - self._reset_at >= RESET_INTERVAL_S:
             self._reset_at = now
-            if self._state == "stopped":
-                self.engine.reset()
-            elif self._silent_since is None:
-                self._resetting = self._stop_asked = False
-                self._tell("the stop was reset" if self._state != "ended" else "the stop was not reset")
+            self.engine.reset()
+        elif self._resetting and self._state not in ("stopped", "silent", "ended"):
+            self._resetting = self._stop_asked = False
+            self._tell("the stop was reset")
 
     def _watch_silence(self, now: float) -> None:
         """Tell when the engine falls silent, and when it goes on."""
@@ -814,6 +822,7 @@ class LiveSession:
                 "faults": [{"severity": f.severity, "text": f.message} for f in judged.faults[:SHOWN_FAULTS]],
             },
             "recorder": self._recorder_problem,
+            "stopped": self.is_stopped,
             "engine": {
                 "state": self._state, "armed": self._armed, "condition": getattr(status, "condition", ""),
                 "fault": getattr(status, "fault", ""), "alive": self._alive,
@@ -841,7 +850,8 @@ class LiveSession:
     @property
     def urgent(self) -> tuple[object, ...]:
         """What the operator's page is told at once when it changes."""
-        return self.phase, self._state, self._armed, self._recorder_problem, len(self.faults), self.pages["operator"]
+        engine = self._state, self._armed, self._recorder_problem, self.is_stopped
+        return self.phase, *engine, len(self.faults), *self.pages.values()
 
     def participant_state(self) -> dict[str, Any]:
         """Return what the participant's page shows."""
@@ -855,7 +865,7 @@ class LiveSession:
             made["left"] = max(self.rest_until - now, 0.0)
         elif self.phase in (Phase.preparing, Phase.running) and self.attempt is not None:
             made |= self.attempt.task.screen(self._sensed(now))
-        made["stopped"] = self._state == "stopped" or self._engine_is_lost(now)
+        made["stopped"] = self.is_stopped or self._engine_is_lost(now)
         made["done"], made["all"] = self.total - len(self.plan) + self.index, self.total
         return made
 

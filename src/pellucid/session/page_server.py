@@ -137,6 +137,7 @@ class PageServer:
         self.foreign_origins = 0  # sockets of foreign origins that were refused
         self.stopped = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._watched = 0.0  # when the operator's pages were looked at last [s]
         self._pings: set[asyncio.Future] = set()
         self.ends_with_session = False  # whether the server stops by itself once the session is over
 
@@ -298,14 +299,18 @@ class PageServer:
             self.session.page_opened(client.role)
 
     def _watch_operators(self, now: float) -> None:
-        """Tell the session which operator's pages do not answer; programs without a pulse are pinged."""
+        """Tell the session which operator's pages do not answer; programs without a pulse are pinged.
+
+        After a pause of this program nothing is judged: signs of life may wait to be read.
+        """
+        paused, self._watched = now - self._watched > 0.5 * PAGE_SILENCE_S, now
         for client in [c for c in self.clients if c.role == "operator"]:
             if not client.has_pulse and now - client.pinged > PING_INTERVAL_S:
                 client.pinged = now
                 task = asyncio.ensure_future(self._ping(client))
                 self._pings.add(task)
                 task.add_done_callback(self._pings.discard)
-            if client.is_present and self.session.clock() - client.heard > PAGE_SILENCE_S:
+            if client.is_present and not paused and self.session.clock() - client.heard > PAGE_SILENCE_S:
                 client.is_present = False
                 self.session.page_closed(client.role, heard=client.heard, is_silent=True)
 
