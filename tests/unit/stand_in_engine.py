@@ -176,6 +176,7 @@ class StandInEngine:
         self._grow()
         self._grow_emg()
         path, first, first_emg = self.recording
+        first, first_emg = min(first, len(self.rows) - 1), min(first_emg, self.emg_count - 1)
         rows, emg = np.array(self.rows[first:]), self.emg_samples[first_emg : self.emg_count]
         times = self.begun + (first_emg + np.arange(len(emg))) / EMG_RATE_HZ
         names, values = ["position", "velocity", "torque", "interaction", "target", "limb"], rows[:, [1, 2, 3, 4, 5, 1]]

@@ -14,6 +14,7 @@ from live_rig import HELD_TORQUE, live_rig
 
 from pellucid.live.replay import read_session
 from pellucid.recordings.xdf_writer import scan_xdf
+from pellucid.session import live_session
 from pellucid.session.live_session import OPERATOR_AWAY_S
 
 DISARMED_S = 0.5
@@ -186,6 +187,19 @@ def test_a_killed_recorder_is_told_disarms_the_law_and_is_started_again(rig, whe
     rig.until_powered()
 
 
+def test_a_recorder_that_hangs_is_told_and_started_again(rig):
+    rig.open_both()
+    rig.until_powered()
+    begun = time.monotonic()
+    os.kill(rig.engine.processes["recorder"], signal.SIGSTOP)
+    rig.operator.when(lambda state: state["recorder"] == "is silent", begun)
+    assert rig.until(lambda: is_off(rig)) < DISARMED_S
+    file = rig.session.attempt.file
+    rig.until(lambda: rig.session.phase == "judged")
+    assert rig.session.reason == "the recorder is silent"
+    assert scan_xdf(file).footers
+
+
 @pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="needs prlimit")
 @pytest.mark.parametrize("when", ["preparing", "running", "saving"])
 def test_a_full_disk_is_named_disarms_the_law_and_ends_nothing_else(rig, when, monkeypatch):
@@ -205,6 +219,8 @@ def test_a_full_disk_is_named_disarms_the_law_and_ends_nothing_else(rig, when, m
         process = rig.engine.processes["recorder"]
         resource.prlimit(process, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
 
+    monkeypatch.setattr(live_session, "SAVING_LIMIT_S", 3.0)
+    monkeypatch.setattr(live_session, "RECORDER_RESTART_INTERVAL_S", 2.0)
     rig.open_both()
     if when == "preparing":
         rig.until(lambda: rig.session.phase == "instructions")

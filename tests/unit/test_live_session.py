@@ -1,6 +1,7 @@
 """A session without a browser: its plan, its tasks, what is judged and what is refused."""
 
 import itertools
+import json
 from concurrent.futures import Future
 
 import numpy as np
@@ -10,7 +11,7 @@ from stand_in_engine import Clock, StandInEngine
 from pellucid._errors import StudyError
 from pellucid.procedures.registry import open_study
 from pellucid.session import live_session
-from pellucid.session.live_session import ARMED_PHASES, SAVING_LIMIT_S, LiveSession, Phase
+from pellucid.session.live_session import ARMED_PHASES, OPERATOR_AWAY_S, SAVING_LIMIT_S, LiveSession, Phase
 from pellucid.session.new_session import SHIPPED_SESSIONS, start_session_study
 from pellucid.session.run_session import choose_participant
 from pellucid.session.running_task import RunningHolding, Sensed
@@ -205,6 +206,55 @@ def test_no_law_is_armed_outside_a_trial(tmp_path):
         engine.state = "running"  # whoever armed it
         session.step()
         assert (session.phase, engine.state) == (phase, "idle")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_whatever_happens_a_law_runs_only_in_a_trial_with_an_operator_and_a_recorder(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    session, engine, clock = session_of(tmp_path / "s")
+    engine.heals = False
+    roles = ("operator", "participant")
+    gone_at, ran = clock.now, 0
+
+    def toggle(role):
+        nonlocal gone_at
+        is_open = session.pages[role] > 0
+        (session.page_closed if is_open else session.page_opened)(role)
+        gone_at = clock.now if is_open and role == "operator" else gone_at
+
+    def spoil(state):
+        engine.state = state if engine.state in ("running", "idle") else engine.state
+
+    def mend():
+        engine.alive["recorder"] = True
+        engine.state = "idle" if engine.state == "silent" else engine.state
+
+    toggle("operator"), toggle("participant")
+    actions = ["start"] * 4 + ["repeat", "reset"] * 3 + ["skip_rest", "torque", "end_trial", "stop"]
+    session.act("participant", "consent"), session.act("participant", "ready")
+    for _ in range(800):
+        chance = rng.random()
+        if chance < 0.25:
+            role = str(rng.choice(roles, p=[0.9, 0.1]))
+            assert isinstance(session.act(role, str(rng.choice(actions)), float(rng.normal())), str)
+        elif chance < 0.27 or (chance < 0.4 and min(session.pages.values()) == 0):
+            toggle(str(rng.choice(roles)))
+        elif chance < 0.28:
+            spoil(str(rng.choice(["silent", "stopped"])))
+        elif chance < 0.29:
+            engine.alive["recorder"] = False
+        elif chance < 0.5:
+            mend()
+        clock.now += 0.1
+        session.step()
+        json.dumps(session.operator_state(), allow_nan=False), json.dumps(session.participant_state(), allow_nan=False)
+        if engine.state == "running":
+            ran += session.phase == Phase.running
+            assert session.phase in ARMED_PHASES
+            assert engine.alive["recorder"]
+            assert session.pages["operator"] or clock.now - gone_at <= OPERATOR_AWAY_S + 1e-9
+            assert not session.is_stopped
+    assert ran > 20
 
 
 def test_a_law_without_a_recorder_is_disarmed_and_a_file_that_is_never_whole_ends(tmp_path):

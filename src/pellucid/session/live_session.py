@@ -317,10 +317,10 @@ class LiveSession:
         trial = self.trial
         if self.phase != Phase.waiting or trial is None:
             return f"a trial can start once it is waited for; now: {self.phase}"
-        if self.is_stopped:
-            return "the robot is stopped; reset it first"
         if self._state == "silent":
             return "the engine is silent"
+        if self.is_stopped:
+            return "the robot is stopped; reset it first"
         if self.missing_streams:
             return f"the stream {self.missing_streams[0]} is not heard; [session] streams asks for it"
         if self.pages["participant"] == 0 and not self.unattended:
