@@ -64,6 +64,7 @@ void Loop::listen(std::int64_t time, std::uint32_t& flags) noexcept {
     const bool other_task = command.task != command_.task;
     command_ = command;
     if (command_.law >= settings_.conditions.size()) command_.law = chosen_;
+    if (command_.run == 0) adjusts_seen_ = command_.adjusts;  // a law that is armed later begins with its own numbers
     if (other_task) {
       Task task;
       task.number = command.task;
@@ -146,7 +147,6 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
     } else if (wants) {
       begin(law, condition);
       numbers_.assign(condition.numbers.begin(), condition.numbers.end());
-      adjusts_seen_ = 0;
       state_ = State::running;
       flags |= flag::began;
     }

@@ -281,6 +281,13 @@ void adjusting() {
   check((bench.last().flags & engine::flag::adjusted) != 0 && bench.last().adjusted_value == 1.1, "the record has the change");
   bench.step(100);
   check_close(bench.device.asked.effort - before, 1.0, 1e-3, "the offset is added");
+  bench.command.run = 0;
+  bench.step(1000);
+  check(bench.loop->state() == State::idle, "a law is disarmed with a changed number");
+  bench.arm();
+  check(bench.last().adjusted_value != 1.1 || (bench.last().flags & engine::flag::adjusted) == 0, "a law that begins anew has its own numbers");
+  bench.step(300);
+  check_close(bench.device.asked.effort, before, 1e-3, "and not the change of its last run");
   bench.command.adjusted_value = std::numeric_limits<double>::quiet_NaN();
   ++bench.command.adjusts;
   bench.step(10);

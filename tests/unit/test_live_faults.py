@@ -51,6 +51,19 @@ def test_a_law_is_disarmed_when_its_trial_ends(rig):
     assert not rig.engine.region.last_command()["run"]
 
 
+def test_a_law_that_is_armed_again_begins_without_the_torque_of_the_last_trial(rig):
+    rig.open_both()
+    rig.until_powered()
+    rig.operator.act("end_trial")
+    rig.until(lambda: rig.session.phase == "judged")
+    count = rig.engine.region.record_count
+    rig.operator.act("repeat")
+    rig.until(lambda: rig.operator.act("start")[0]["type"] == "done")
+    rig.until(lambda: rig.session.phase == "running")
+    torque = rig.engine.read_since(count).channels["torque"]
+    assert abs(torque).max() == 0.0
+
+
 def test_a_trial_that_ends_by_itself_disarms_its_law(rig):
     rig.open_both()
     rig.until_powered()
