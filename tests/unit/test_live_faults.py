@@ -174,7 +174,7 @@ def test_a_stop_during_a_reset_wins(rig):
     assert "no stop to reset" in rig.operator.act("reset")[0]["why"]
 
 
-@pytest.mark.parametrize("when", ["waiting", "running", "saving"])
+@pytest.mark.parametrize("when", [pytest.param("waiting", marks=pytest.mark.nightly), "running", "saving"])
 def test_a_killed_recorder_is_told_disarms_the_law_and_is_started_again(rig, when):
     rig.open_both()
     if when != "waiting":
@@ -214,7 +214,14 @@ def test_a_recorder_that_hangs_is_told_and_started_again(rig):
 
 
 @pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="needs prlimit")
-@pytest.mark.parametrize("when", ["preparing", "running", "saving"])
+@pytest.mark.parametrize(
+    "when",
+    [
+        pytest.param("preparing", marks=pytest.mark.nightly),
+        "running",
+        pytest.param("saving", marks=pytest.mark.nightly),
+    ],
+)
 def test_a_full_disk_is_named_disarms_the_law_and_ends_nothing_else(rig, when, monkeypatch):
     def fill():
         # The recorder, and every one that is started again, can write no further byte.

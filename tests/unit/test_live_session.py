@@ -283,6 +283,16 @@ def test_a_session_without_a_person_ends_when_nothing_can_be_recorded(tmp_path):
     assert not open_study(tmp_path / "s").config.recordings
 
 
+def test_a_session_without_a_person_ends_when_no_trial_can_be_kept(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(live_session, "add_to_study", fail)
+    session, _engine, clock = session_of(tmp_path / "s", unattended=True)
+    run_until(session, clock, lambda: session.phase == Phase.finished)
+    assert not open_study(tmp_path / "s").config.recordings
+
+
 def test_a_disk_that_is_full_when_a_trial_is_kept_is_told(tmp_path, monkeypatch):
     session, _engine, clock = started(tmp_path)
     run_until(session, clock, lambda: session.phase == Phase.judged)

@@ -567,9 +567,9 @@ class LiveSession:
             self._blocked_since = None
             self.act("operator", "start")
         elif self.phase == Phase.judged and self.attempt is not None and self.attempt.judged is not None:
-            again = self.attempt.judged.recording is None or (self.reason and self.attempt.number < 3)
-            if self.act("operator", "repeat" if again else "accept"):
-                self.act("operator", "repeat")
+            if self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept"):
+                self.act("operator", "repeat")  # a trial that cannot be kept after some attempts
+                self.act("operator", "finish")
 
     @property
     def reason(self) -> str:

@@ -341,7 +341,8 @@ class PageServer:
     async def _step_on(self) -> None:
         due = {"samples": 0.0, "state": 0.0, "health": 0.0}
         following = time.monotonic()
-        plan_at, told = "", ()
+        plan_at = ""
+        told: tuple[object, ...] = ()
         while True:
             now = time.monotonic()
             self._watch_operators(now)
