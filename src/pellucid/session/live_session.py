@@ -567,8 +567,9 @@ class LiveSession:
             self._blocked_since = None
             self.act("operator", "start")
         elif self.phase == Phase.judged and self.attempt is not None and self.attempt.judged is not None:
-            if self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept"):
-                self.act("operator", "repeat")  # a trial that cannot be kept after some attempts
+            refused = self.act("operator", "repeat" if self.reason and self.attempt.number < 3 else "accept")
+            if refused:  # a trial that cannot be kept after some attempts
+                self.act("operator", "repeat")
                 self.act("operator", "finish")
 
     @property
