@@ -169,7 +169,7 @@ template <class L, class S> class SupervisedIn : public Supervised {
   nb::dict estimates() const override { return estimates_of<L>(law_.controller.state); }
   nb::list log() const override {
     nb::list list;
-    for (std::uint32_t i = 0; i < p::log_length && i < law_.state.faults; ++i) {
+    for (std::uint32_t i = 0; i < p::log_length && i < p::faults_of(law_.state); ++i) {
       const p::LoggedFault one = p::logged(law_.state, i);
       list.append(nb::make_tuple(one.step, fault_name(one.fault), p::mode_names[static_cast<std::size_t>(one.mode)]));
     }
@@ -376,7 +376,7 @@ double time_added(const std::string& name, nb::handle parameters, nb::handle sup
         return p::step(alone, in, now);
       }));
     }
-    if (law.state.faults != 0) throw nb::value_error("time_supervisor: the motion is a fault");
+    if (p::faults_of(law.state) != 0) throw nb::value_error("time_supervisor: the motion is a fault");
     return least - bare;
   });
 }

@@ -9,7 +9,8 @@
 //        ^___________|___________|      when the record was read, or the supervisor was reset
 //
 // A call writes one record at most, whatever the memory holds: every index is compared with the memory's size first. No
-// memory, or too little for one record, means that nothing is recorded.
+// memory, or too little for one record, means that nothing is recorded. The recorder's own numbers are kept three times, so
+// that no single bit that memory loses forgets a record.
 #pragma once
 
 #include "supervisor_watches.hpp"
@@ -34,7 +35,8 @@ constexpr std::uint32_t incident_alive = 0x1ec0bde5u;
 constexpr std::uint32_t no_slot = 0xffffffffu;
 constexpr std::uint32_t max_decimation = 1000000;
 
-template <class S> struct IncidentState {
+/// A recorder's own numbers.
+struct IncidentRing {
   TwinWord alive{};              ///< word that says that it was started
   TwinWord decimation{};         ///< periods of a record
   TwinWord after{};              ///< records after the one in which the supervisor stopped
@@ -46,8 +48,20 @@ template <class S> struct IncidentState {
   std::uint32_t stop_slot = no_slot;  ///< place of the record in which the supervisor stopped
   std::uint32_t stopped = 1;     ///< 1: the supervisor had stopped in the period before
   std::uint32_t damages = 0;     ///< how often its own numbers were found damaged, and it began anew
+};
+
+/// The second and third copy of a recorder's own numbers, and what its watches remember.
+template <class S> struct IncidentState : IncidentRing {
+  IncidentRing copy[2]{};        ///< copies of its own numbers
   WatchedState<S> before{};      ///< what the next period's watches need of this one
 };
+/// A recorder's own numbers, whatever single bit was lost.
+template <class S> IncidentRing ring_of(const IncidentState<S>& r) noexcept {
+  return voted(static_cast<const IncidentRing&>(r), r.copy[0], r.copy[1]);
+}
+template <class S> void put(IncidentState<S>& r, const IncidentRing& ring) noexcept {
+  static_cast<IncidentRing&>(r) = r.copy[0] = r.copy[1] = ring;
+}
 
 /// Words of a record before its samples: time, period, what was said, effort, which samples are valid.
 constexpr std::size_t record_head_words = 6;
@@ -67,7 +81,7 @@ template <class L> constexpr std::uint32_t record_places(const IncidentMemory& m
 }
 
 namespace detail {
-template <class S> void start_ring(IncidentState<S>& r) noexcept {
+inline void start_ring(IncidentRing& r) noexcept {
   r.phase = static_cast<std::uint32_t>(IncidentPhase::recording);
   r.slot = r.whole = r.filled = r.left = 0;
   r.stop_slot = no_slot;
@@ -123,24 +137,32 @@ template <class S> struct KeepNearest {
 template <class S> void start(IncidentState<S>& r, std::uint32_t decimation, std::uint32_t after) noexcept {
   const IncidentState<S> fresh;
   r = fresh;
-  put(r.decimation, decimation < 1 ? 1 : decimation > max_decimation ? max_decimation : decimation);
-  put(r.after, after);
-  put(r.alive, incident_alive);
+  IncidentRing ring;
+  put(ring.decimation, decimation < 1 ? 1 : decimation > max_decimation ? max_decimation : decimation);
+  put(ring.after, after);
+  put(ring.alive, incident_alive);
+  put(r, ring);
 }
 
 /// The record was read: it begins anew.
-template <class S> void release(IncidentState<S>& r) noexcept { detail::start_ring(r); }
+template <class S> void release(IncidentState<S>& r) noexcept {
+  IncidentRing ring = ring_of(r);
+  detail::start_ring(ring);
+  put(r, ring);
+}
 
 /// Whether the supervisor stopped and all that was to follow is there.
-template <class S> bool is_frozen(const IncidentState<S>& r) noexcept {
+constexpr bool is_frozen(const IncidentRing& r) noexcept {
   return r.phase == static_cast<std::uint32_t>(IncidentPhase::frozen);
 }
+template <class S> bool is_frozen(const IncidentState<S>& r) noexcept { return is_frozen(ring_of(r)); }
 
 /// One period, after `step(s, read, back, now)` gave `out`.
 template <class L, class S>
-void note(IncidentState<S>& r, const IncidentMemory& memory, const Supervised<L>& s, const Samples<S>& read,
+void note(IncidentState<S>& state, const IncidentMemory& memory, const Supervised<L>& s, const Samples<S>& read,
           const Feedback<S>& back, std::int64_t now, const SupervisorOutput<S>& out) noexcept {
   const std::uint32_t places = record_places<L>(memory);
+  IncidentRing r = ring_of(state);
   if (places == 0 || (r.alive.word != incident_alive && r.alive.twin != ~incident_alive)) return;
   const bool sound = is_whole(r.alive) && is_whole(r.decimation) && is_whole(r.after) && r.decimation.word >= 1 &&
                      r.slot < places && r.whole <= places && r.filled < r.decimation.word && r.left <= places &&
@@ -149,7 +171,8 @@ void note(IncidentState<S>& r, const IncidentMemory& memory, const Supervised<L>
   if (!sound) {
     const std::uint32_t damages = r.damages < 0xffffffffu ? r.damages + 1 : r.damages;
     const bool known = is_whole(r.decimation) && is_whole(r.after);
-    start(r, known ? r.decimation.word : 1, known ? r.after.word : places / 2);
+    start(state, known ? r.decimation.word : 1, known ? r.after.word : places / 2);
+    r = ring_of(state);
     r.damages = damages;
   }
 
@@ -158,8 +181,8 @@ void note(IncidentState<S>& r, const IncidentMemory& memory, const Supervised<L>
   if (!stopped && r.stopped != 0 && r.phase != static_cast<std::uint32_t>(IncidentPhase::recording)) detail::start_ring(r);
   r.stopped = stopped ? 1 : 0;
 
-  const WatchedPeriod<S> period{s.supervisor, s.controller.law.gate, s.state, r.before, read, back, now};
-  WatchedState<S> next = r.before;
+  const WatchedPeriod<S> period{s.supervisor, s.controller.law.gate, s.state, state.before, read, back, now};
+  WatchedState<S> next = state.before;
   note_before(period, next);
   if (!is_frozen(r)) {
     if (r.filled == 0 && r.whole == places) --r.whole;  // the oldest record makes room
@@ -200,7 +223,8 @@ void note(IncidentState<S>& r, const IncidentMemory& memory, const Supervised<L>
         r.phase = static_cast<std::uint32_t>(IncidentPhase::frozen);
     }
   }
-  r.before = next;
+  state.before = next;
+  put(state, r);
 }
 
 constexpr std::uint32_t incident_version = 1;
@@ -281,8 +305,9 @@ template <class Stream> struct PutFields {
 
 /// Everything of the file but its last word. `total` is how many words the file has.
 template <class L, class S, class Stream>
-void put_incident(const IncidentState<S>& r, const IncidentMemory& memory, const Supervised<L>& s, bool slides,
+void put_incident(const IncidentState<S>& state, const IncidentMemory& memory, const Supervised<L>& s, bool slides,
                   std::uint32_t text_words, std::uint32_t total, Stream& to) noexcept {
+  const IncidentRing r = ring_of(state);
   const std::uint32_t places = record_places<L>(memory);
   const bool sound = places != 0 && r.slot < places && r.whole <= places;
   const std::uint32_t part = sound && r.filled != 0 ? 1 : 0;  // the record that is being written
@@ -307,7 +332,7 @@ void put_incident(const IncidentState<S>& r, const IncidentMemory& memory, const
   to.word(slides ? 1 : 0);
   to.word(float_word(s.supervisor.period));
   to.word(float_word(s.supervisor.effort_limit));
-  to.word(s.state.faults);
+  to.word(faults_of(s.state));
   for (std::uint32_t i = 0; i < log_length; ++i) {
     const LoggedFault one = logged(s.state, i);
     to.word(one.step);
@@ -339,7 +364,7 @@ void put_incident(const IncidentState<S>& r, const IncidentMemory& memory, const
     to.say("\n");
   }
   const Samples<S> nothing{};
-  walk_watches(WatchedPeriod<S>{s.supervisor, s.controller.law.gate, s.state, r.before, nothing, {}, 0}, r.before,
+  walk_watches(WatchedPeriod<S>{s.supervisor, s.controller.law.gate, s.state, state.before, nothing, {}, 0}, state.before,
                SayWatches<Stream>{to});
   SayFields<Stream> fields{to};
   walk(s.supervisor.params, fields);

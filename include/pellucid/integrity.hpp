@@ -1,4 +1,5 @@
-// Whether memory still holds what was put there: a checksum that is gone through a little each period, a word kept twice.
+// Whether memory still holds what was put there: a checksum that is gone through a little each period, a word kept twice,
+// a value kept three times.
 #pragma once
 
 #include "math.hpp"
@@ -16,6 +17,8 @@ constexpr void put(TwinWord& t, std::uint32_t word) noexcept {
   t.twin = ~word;
 }
 constexpr bool is_whole(const TwinWord& t) noexcept { return t.word == ~t.twin; }
+/// Whether a word was put there, whatever single bit was lost since.
+constexpr bool says(const TwinWord& t, std::uint32_t word) noexcept { return t.word == word || t.twin == ~word; }
 
 /// FNV-1a over 32-bit words.
 constexpr std::uint32_t checksum_start = 2166136261u;
@@ -45,6 +48,25 @@ template <class T> std::uint32_t checksum(const T& block) noexcept {
   return sum;
 }
 
+/// A value that is kept three times, so that one bit that a memory loses is outvoted.
+template <class T> struct Thrice {
+  T copy[3]{};
+};
+template <class T> void put(Thrice<T>& kept, const T& value) noexcept {
+  for (T& one : kept.copy) one = value;
+}
+/// The value that each bit has in at least two of three copies.
+template <class T> T voted(const T& first, const T& second, const T& third) noexcept {
+  T value{};
+  for (std::uint32_t i = 0; i < sizeof(T) / 4; ++i) {
+    const std::uint32_t a = word_at(first, i), b = word_at(second, i), c = word_at(third, i);
+    const std::uint32_t word = (a & b) | (a & c) | (b & c);
+    __builtin_memcpy(reinterpret_cast<unsigned char*>(&value) + 4 * i, &word, sizeof word);
+  }
+  return value;
+}
+template <class T> T voted(const Thrice<T>& kept) noexcept { return voted(kept.copy[0], kept.copy[1], kept.copy[2]); }
+
 constexpr std::uint32_t turned(std::uint32_t word, int bits) noexcept { return word << bits | word >> (32 - bits); }
 
 /// A quick sum of a block that is gone through as a whole each period: every change of a single word changes it.
@@ -58,6 +80,9 @@ template <class T> std::uint32_t quick_sum(const T& block) noexcept {
   if (words % 2 != 0) even = turned(even, 1) ^ word_at(block, words - 1);
   return even ^ turned(odd, 13);
 }
+
+/// Whether the whole block is as it was sealed.
+template <class T> bool is_sealed(const ChecksumState& s, const T& block) noexcept { return checksum(block) == s.sealed; }
 
 /// Some words further; false where the whole block came out otherwise than sealed.
 template <class T> bool step(ChecksumState& s, const T& block) noexcept {

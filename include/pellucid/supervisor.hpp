@@ -8,6 +8,9 @@
 //        \         |         /
 //         damped_stop  or  zero -> latched   until an operator's token, a healthy while and a delay
 //
+// A stop always wins: it outlives a start, takes back the token of a pending reset and restarts the delay. No single bit
+// that memory loses forgets a fault or its log, or gives the power back.
+//
 // A damped stop needs encoder and drive; where either is in doubt the effort ramps to 0 and the power is taken off
 // through `enable`, which a drive must obey, since one that is stuck heeds no command.
 #pragma once
@@ -155,6 +158,34 @@ struct LoggedFault {
 };
 constexpr std::uint32_t log_length = 8;
 
+/// The latest faults, and how many there ever were.
+template <class Entry> struct FaultLog {
+  std::uint32_t faults = 0;
+  Entry entry[log_length]{};
+};
+
+constexpr SafetyFault code_of(const LoggedFault& entry) noexcept { return entry.fault; }
+
+/// How far a reset has come.
+struct ResetProgress {
+  std::uint32_t stopped = 0;  ///< periods since the last fault or stop
+  std::uint32_t healthy = 0;  ///< healthy ones in a row
+  std::uint32_t held = 0;     ///< periods since what is done was entered
+};
+
+/// Stops that were asked for. `stop` alone counts them and `step` alone hears them, so that neither a reset nor a start,
+/// nor a step that an interrupt breaks into, loses one.
+struct StopRequests {
+  std::uint32_t asked = 0, heard = 0;
+};
+/// Whether a stop was asked for that was not heard yet. Takes note of it.
+inline bool hear_stop(StopRequests& r) noexcept {
+  const std::uint32_t asked = r.asked;
+  const bool is_new = asked != r.heard;
+  r.heard = asked;
+  return is_new;
+}
+
 constexpr std::uint32_t supervisor_alive = 0x5afe0001u;
 
 template <class S> struct SupervisorState {
@@ -185,10 +216,8 @@ template <class S> struct SupervisorState {
   ChecksumState law_sum{}, own_sum{};     ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t memory_sum{};             ///< checksum of what the law remembered after its last period
   std::uint32_t steps = 0;      ///< since it was configured
-  std::uint32_t stopped = 0;    ///< periods since the last fault
-  std::uint32_t healthy = 0;    ///< periods in a row since
-  std::uint32_t faults = 0;     ///< in the log, ever
-  LoggedFault log[log_length]{};  ///< the latest ones
+  Thrice<ResetProgress> waited{};         ///< since the last fault or stop
+  Thrice<FaultLog<LoggedFault>> log{};    ///< log of faults
 };
 
 template <class L> using scalar_of = decltype(L::Params::gate.period);
@@ -200,6 +229,7 @@ template <class L> struct Supervised {
   Controller<L> controller{};
   SupervisorCoefficients<S> supervisor{};
   SupervisorState<S> state{};
+  StopRequests stops{};
 };
 
 template <class S> Mode mode_of(const SupervisorState<S>& s) noexcept { return static_cast<Mode>(s.doing.word & 0xffu); }
@@ -210,9 +240,32 @@ template <class S> void go(SupervisorState<S>& s, Mode mode, SafetyFault fault) 
   put(s.doing, static_cast<std::uint32_t>(mode) | static_cast<std::uint32_t>(fault) << 8);
 }
 
-/// A fault of the log; 0 is the last. None where there were not so many.
+/// A fault of a log; 0 is the last. None where there were not so many.
+template <class Entry> Entry logged(const Thrice<FaultLog<Entry>>& kept, std::uint32_t ago) noexcept {
+  const FaultLog<Entry> log = voted(kept);
+  return ago < log.faults && ago < log_length ? log.entry[(log.faults - 1 - ago) % log_length] : Entry{};
+}
 template <class S> LoggedFault logged(const SupervisorState<S>& s, std::uint32_t ago) noexcept {
-  return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedFault{};
+  return logged(s.log, ago);
+}
+
+/// How many faults were ever written down.
+template <class State> std::uint32_t faults_of(const State& s) noexcept { return voted(s.log).faults; }
+
+/// Writes a fault down.
+template <class Entry> void write_down(Thrice<FaultLog<Entry>>& kept, const Entry& entry) noexcept {
+  FaultLog<Entry> log = voted(kept);
+  log.entry[log.faults % log_length] = entry;
+  ++log.faults;
+  put(kept, log);
+}
+
+/// A reset needs another token, and its delay begins anew; what is done was entered `held` periods ago.
+template <class State> void restart_reset(State& s, std::uint32_t held) noexcept {
+  const std::uint32_t before = s.challenge.word;
+  const std::uint32_t next = checksum_of(checksum_of(before ^ s.steps, faults_of(s)), 0x9e3779b9u) | 1u;
+  put(s.challenge, next != before ? next : next ^ 2u);
+  put(s.waited, ResetProgress{0, 0, held});
 }
 
 /// Takes the checksum of what the law remembers: between its periods nobody may change it.
@@ -234,29 +287,7 @@ template <class S> Mode first_mode(const SupervisorCoefficients<S>& c) noexcept 
 template <class S> void keep(SupervisorState<S>& s, const SupervisorState<S>& before) noexcept {
   s.challenge = before.challenge;
   s.steps = before.steps;
-  s.faults = before.faults;
-  for (std::uint32_t i = 0; i < log_length; ++i) s.log[i] = before.log[i];
-}
-
-/// Starts with an effort of 0; a fault that is latched stays so. False where the parameters make no sense.
-template <class L> bool configure(Supervised<L>& s, const typename L::Params& params,
-                                  const SupervisorParams<scalar_of<L>>& supervisor) noexcept {
-  using S = scalar_of<L>;
-  const SupervisorState<S> before = s.state;
-  const bool was = is_whole(before.alive) && before.alive.word == supervisor_alive;
-  const bool whole = is_whole(before.doing);
-  const bool shut = was && (!whole || (is_stopped(mode_of(before)) && fault_of(before) != SafetyFault::configuration));
-  configure(s.controller, params);
-  s.supervisor = coefficients(supervisor, s.controller.law.gate);
-  const SupervisorState<S> fresh;
-  s.state = fresh;
-  put(s.state.alive, supervisor_alive);
-  if (was) keep(s.state, before);
-  if (shut) go(s.state, Mode::latched, whole ? fault_of(before) : SafetyFault::integrity);
-  else if (s.supervisor.valid == 0) go(s.state, Mode::latched, SafetyFault::configuration);
-  else go(s.state, first_mode(s.supervisor), SafetyFault::none);
-  seal(s);
-  return s.supervisor.valid != 0;
+  s.log = before.log;
 }
 
 /// Other numbers of the law, from the next period on; what it remembers stays.
@@ -280,18 +311,71 @@ void enter(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, SafetyFaul
   const Mode now = mode_of(s);
   const Mode next = is_stopped(now) && now >= wanted ? now : wanted;
   if (next == now && is_stopped(now)) return;
-  s.log[s.faults % log_length] = {s.steps, fault, next};
-  ++s.faults;
+  write_down(s.log, LoggedFault{s.steps, fault, next});
   go(s, next, is_stopped(now) || (now == Mode::degraded && next == now) ? fault_of(s) : fault);
   if (!is_stopped(next)) return;
-  put(s.challenge, checksum_of(checksum_of(s.challenge.word ^ s.steps, s.faults), 0x9e3779b9u) | 1u);
-  s.stopped = 0;
-  s.healthy = 0;
+  restart_reset(s, 0);
   s.hold = {};
   const S asked = s.drive.asked;
   s.drive = {};
   s.drive.asked = s.drive.asked_before = asked;
   (void)c;
+}
+
+/// Another fault of what is stopped already: the way to a reset begins anew. It is written down once, so that one that
+/// lasts does not push the others out of the log.
+template <class State, class Entry> void stay_shut(State& s, const Entry& entry) noexcept {
+  const std::uint32_t held = voted(s.waited).held;
+  const FaultLog<Entry> log = voted(s.log);
+  bool told = false;
+  for (const Entry& one : log.entry) told = told || (code_of(one) == code_of(entry) && s.steps - one.step <= held);
+  if (!told) write_down(s.log, entry);
+  restart_reset(s, held);
+}
+template <class S> void stay_shut(SupervisorState<S>& s, SafetyFault fault) noexcept {
+  stay_shut(s, LoggedFault{s.steps, fault, mode_of(s)});
+}
+
+/// Memory lost a bit: what runs stops, and what is stopped already stays so.
+template <class S> void lose_trust(const SupervisorCoefficients<S>& c, SupervisorState<S>& s) noexcept {
+  const bool was_shut = mode_of(s) >= Mode::zero;
+  if (was_shut) stay_shut(s, SafetyFault::integrity);
+  else enter(c, s, SafetyFault::integrity, Mode::zero);
+}
+template <class L> void lose_trust(Supervised<L>& s) noexcept { lose_trust(s.supervisor, s.state); }
+
+/// Starts with an effort of 0; a fault that is latched stays so, and a stop that was asked for is heard. False where the
+/// parameters make no sense.
+template <class L> bool configure(Supervised<L>& s, const typename L::Params& params,
+                                  const SupervisorParams<scalar_of<L>>& supervisor) noexcept {
+  using S = scalar_of<L>;
+  const SupervisorState<S> before = s.state;
+  const bool was = says(before.alive, supervisor_alive);
+  const bool known = is_whole(before.doing) && mode_of(before) <= Mode::latched;
+  const bool shut = known && is_stopped(mode_of(before)) && fault_of(before) != SafetyFault::configuration;
+  configure(s.controller, params);
+  s.supervisor = coefficients(supervisor, s.controller.law.gate);
+  const SupervisorState<S> fresh;
+  s.state = fresh;
+  put(s.state.alive, supervisor_alive);
+  if (was) keep(s.state, before);
+  const bool valid = s.supervisor.valid != 0;
+  if (was && shut) {
+    go(s.state, Mode::latched, fault_of(before));
+  } else if (was && !(known && is_whole(before.alive))) {
+    go(s.state, Mode::running, SafetyFault::none);  // so that the fault is written down
+    enter(s.supervisor, s.state, SafetyFault::integrity, Mode::latched);
+  } else if (!valid) {
+    go(s.state, Mode::latched, SafetyFault::configuration);
+  } else {
+    go(s.state, first_mode(s.supervisor), SafetyFault::none);
+  }
+  if (valid && hear_stop(s.stops)) {
+    if (is_stopped(mode_of(s.state))) stay_shut(s.state, SafetyFault::stopped);
+    else enter(s.supervisor, s.state, SafetyFault::stopped, Mode::latched);
+  }
+  seal(s);
+  return valid;
 }
 
 /// Whether a sample is a measurement that was not seen before. Also takes note of it.
@@ -400,10 +484,11 @@ template <class S> void judge_sensors(const SupervisorCoefficients<S>& c, Superv
   enter(c, s, found, force == SafetyFault::none || c.params.degrades != 0 ? Mode::degraded : response(c, found));
 }
 
-/// Back to where it began, after a fault; the log stays.
+/// Back to where it began, after a fault; the log stays. Not where memory is no longer what was sealed.
 template <class L> void start_again(Supervised<L>& s) noexcept {
   using S = scalar_of<L>;
   const SupervisorState<S> before = s.state;
+  if (!is_sealed(before.law_sum, s.controller.law) || !is_sealed(before.own_sum, s.supervisor)) return lose_trust(s);
   reset(s.controller);
   s.controller.state.gate.output = S(0);
   const SupervisorState<S> fresh;
@@ -411,7 +496,9 @@ template <class L> void start_again(Supervised<L>& s) noexcept {
   s.state.alive = before.alive;
   keep(s.state, before);
   go(s.state, first_mode(s.supervisor), SafetyFault::none);
-  seal(s);
+  s.state.law_sum.sealed = before.law_sum.sealed;
+  s.state.own_sum.sealed = before.own_sum.sealed;
+  seal_memory(s);
 }
 
 /// The last effort [N m]. It is kept twice: where a memory lost a bit of one, the smaller counts, and 0 for no number.
@@ -434,6 +521,18 @@ S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sa
   return abs(total) <= c.effort_limit ? total : effort;
 }
 
+/// One more period of a stop: whether an operator's token ends it now.
+template <class State>
+bool may_reset(State& s, bool good, std::uint32_t token, std::uint32_t healthy, std::uint32_t delay) noexcept {
+  ResetProgress waited = voted(s.waited);
+  waited.healthy = !good ? 0 : waited.healthy < 0xffffffffu ? waited.healthy + 1 : waited.healthy;
+  if (waited.stopped < 0xffffffffu) ++waited.stopped;
+  if (waited.held < 0xffffffffu) ++waited.held;
+  put(s.waited, waited);
+  const bool asked = token != 0 && is_whole(s.challenge) && token == s.challenge.word;
+  return asked && waited.healthy >= healthy && waited.stopped >= delay;
+}
+
 /// The effort while stopped [N m], and whether an operator's token may end it.
 template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool heard, std::uint32_t token) noexcept {
   using S = scalar_of<L>;
@@ -449,11 +548,7 @@ template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool h
   if (mode_of(state) == Mode::zero && state.output == S(0)) go(state, Mode::latched, fault_of(state));
 
   const bool good = found == SafetyFault::none && heard && abs(velocity) <= c.params.rest_speed;
-  state.healthy = good ? (state.healthy < 0xffffffffu ? state.healthy + 1 : state.healthy) : 0;
-  if (state.stopped < 0xffffffffu) ++state.stopped;
-  const bool asked = token != 0 && is_whole(state.challenge) && token == state.challenge.word;
-  if (asked && c.valid != 0 && state.healthy >= c.params.healthy_samples && state.stopped >= c.reset_periods)
-    start_again(s);
+  if (may_reset(state, good, token, c.params.healthy_samples, c.reset_periods)) start_again(s);
 }
 
 /// Samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
@@ -463,8 +558,8 @@ template <class L, class S> Samples<S> stamped(Supervised<L>& s, const Samples<S
   return made;
 }
 
-/// From the next step on it stops.
-template <class L> void stop(Supervised<L>& s) noexcept { stop(s.controller); }
+/// From the next step on it stops, whatever it is doing; before a start, from that on.
+template <class L> void stop(Supervised<L>& s) noexcept { ++s.stops.asked; }
 
 /// One control period of a law under its supervisor, whatever comes in.
 template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Samples<S>& read, const Feedback<S>& back,
@@ -472,18 +567,27 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
   const SupervisorCoefficients<S>& c = s.supervisor;
   SupervisorState<S>& state = s.state;
   ++state.steps;
-  if (state.alive.word != supervisor_alive && state.alive.twin != ~supervisor_alive)
+  if (!says(state.alive, supervisor_alive))
     return {S(0), state.steps, 0, SafetyFault::not_started, Mode::latched, false};
-  if (c.valid == 0) return {S(0), state.steps, 0, SafetyFault::configuration, Mode::latched, false};
   if (!is_whole(state.alive) || !is_whole(state.doing) || mode_of(state) > Mode::latched) {
     put(state.alive, supervisor_alive);
     go(state, Mode::running, SafetyFault::none);  // so that the fault is written down
     enter(c, state, SafetyFault::integrity, Mode::zero);
   }
+  if (c.valid == 0) {
+    // What is not stopped was configured well.
+    if (!is_stopped(mode_of(state))) enter(c, state, SafetyFault::integrity, Mode::latched);
+    state.output = S(0);
+    return {S(0), state.steps, 0, fault_of(state), Mode::latched, false};
+  }
   // By turns, in the periods that do not look at momentum and energy.
   const bool kept = (state.steps & 1u) != 0 || ((state.steps & 2u) != 0 ? step(state.law_sum, s.controller.law)
                                                                        : step(state.own_sum, c));
-  if (!kept) enter(c, state, SafetyFault::integrity, Mode::zero);
+  if (!kept) lose_trust(s);
+  if (hear_stop(s.stops)) {
+    if (is_stopped(mode_of(state))) stay_shut(state, SafetyFault::stopped);
+    else latch(s.controller, SafetyFault::stopped);
+  }
 
   const Mode before = mode_of(state);
   if (is_stopped(before)) s.controller.fault = SafetyFault::none;  // what was wrong is written down; what is wrong now?
@@ -495,13 +599,14 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     if (found != SafetyFault::none) enter(c, state, found, response(c, found));
     if (before != Mode::start_up && (state.steps & 1u) == 0) judge_sensors(c, state, samples);
   } else {
-    const bool runs_away = state.stopped > 20 && found == SafetyFault::overspeed;
+    const bool runs_away = voted(state.waited).held > 20 && found == SafetyFault::overspeed;
     const SafetyFault doubt = first_of(s.controller.fault, found);
     // What a hold needs is in doubt now, or it does not hold.
     if (before == Mode::damped_stop && (runs_away || (doubt != SafetyFault::none && response(c, doubt) == Mode::zero)))
       enter(c, state, doubt, Mode::zero);
     if (s.controller.fault != SafetyFault::none)
       for (SampleState& seen : s.controller.seen) seen = {};
+    found = doubt;
   }
 
   Mode mode = mode_of(state);

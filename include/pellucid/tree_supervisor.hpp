@@ -163,6 +163,7 @@ struct LoggedTreeFault {
   TreeFault fault{};          ///< what, and where
   Mode mode = Mode::latched;  ///< what was then done
 };
+constexpr SafetyFault code_of(const LoggedTreeFault& entry) noexcept { return entry.fault.fault; }
 
 template <class S> struct JointWatchState {
   EncoderWatchState<S> encoder{};  ///< watch of the raw angle
@@ -178,8 +179,16 @@ template <class S> struct JointWatchState {
   S joint_offset{};                ///< offset of the second encoder [rad]
   bool joint_started = false;      ///< false until it was read
   std::uint32_t joint_silent = 0;  ///< periods without it
-  std::uint32_t doubted = 0;                     ///< 1: what a hold needs of it is in doubt
+  TwinWord doubted{};              ///< 1: what a hold needs of it is in doubt
+  TwinWord released{};             ///< 1: the joint's motor turns a joint in doubt, and has no power until a reset
 };
+/// Whether a hold may not use a joint; of a word that lost a bit, the safe answer.
+template <class S> bool is_doubted(const JointWatchState<S>& s) noexcept {
+  return s.doubted.word != 0 || !is_whole(s.doubted);
+}
+template <class S> bool is_released(const JointWatchState<S>& s) noexcept {
+  return s.released.word != 0 || !is_whole(s.released);
+}
 
 template <class S, std::size_t N> struct TreeSupervisorState {
   TwinWord alive{};                  ///< word that says that it was configured
@@ -193,10 +202,8 @@ template <class S, std::size_t N> struct TreeSupervisorState {
   ChecksumState law_sum{}, own_sum{};  ///< checksums of the law's numbers and of the supervisor's
   std::uint32_t memory_sum = 0;        ///< sum of what the law remembers, as its last period left it
   std::uint32_t steps = 0;           ///< since it was configured
-  std::uint32_t stopped = 0;         ///< periods since the last fault
-  std::uint32_t healthy = 0;         ///< periods in a row since
-  std::uint32_t faults = 0;          ///< in the log, ever
-  LoggedTreeFault log[log_length]{};  ///< the latest ones
+  Thrice<ResetProgress> waited{};    ///< since the last fault or stop
+  Thrice<FaultLog<LoggedTreeFault>> log{};  ///< log of faults
 };
 
 /// A law of several joints behind its front, under its supervisor. It may be moved in memory only before `seal`.
@@ -206,6 +213,7 @@ template <class L> struct TreeSupervised {
   TreeController<L> controller{};
   TreeSupervisorCoefficients<S, L::most> supervisor{};
   TreeSupervisorState<S, L::most> state{};
+  StopRequests stops{};
 };
 
 template <class S, std::size_t N> Mode mode_of(const TreeSupervisorState<S, N>& s) noexcept {
@@ -222,7 +230,7 @@ template <class S, std::size_t N> void go(TreeSupervisorState<S, N>& s, Mode mod
 /// A fault of the log; 0 is the last. None where there were not so many.
 template <class S, std::size_t N>
 LoggedTreeFault logged(const TreeSupervisorState<S, N>& s, std::uint32_t ago) noexcept {
-  return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedTreeFault{};
+  return logged(s.log, ago);
 }
 
 /// Takes the checksum of what the law remembers: between its periods nobody may change it.
@@ -258,37 +266,6 @@ template <class L> void begin(TreeSupervised<L>& s) noexcept {
   go(s.state, s.state.tested < n ? Mode::start_up : Mode::running, {});
 }
 
-/// Starts with efforts of 0; a fault that is latched stays so. False where the parameters make no sense.
-template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params& params,
-                                  const TreeSupervisorParams<typename L::Scalar, L::most>& supervisor) noexcept {
-  const bool was = is_whole(s.state.alive) && s.state.alive.word == supervisor_alive;
-  const bool whole = is_whole(s.state.doing);
-  const TreeFault before = fault_of(s.state);
-  const bool shut =
-      was && (!whole || (is_stopped(mode_of(s.state)) && before.fault != SafetyFault::configuration));
-  const TwinWord challenge = s.state.challenge;
-  const std::uint32_t steps = s.state.steps, faults = s.state.faults;
-  LoggedTreeFault log[log_length];
-  for (std::uint32_t i = 0; i < log_length; ++i) log[i] = s.state.log[i];
-  configure(s.controller, params);
-  s.supervisor = coefficients(supervisor, s.controller.law);
-  const TreeSupervisorState<typename L::Scalar, L::most> fresh;
-  s.state = fresh;
-  put(s.state.alive, supervisor_alive);
-  if (was) {
-    s.state.challenge = challenge;
-    s.state.steps = steps;
-    s.state.faults = faults;
-    for (std::uint32_t i = 0; i < log_length; ++i) s.state.log[i] = log[i];
-  }
-  const std::uint32_t all = static_cast<std::uint32_t>(joints_of(s.controller.law.gate, L::most));
-  if (shut) go(s.state, Mode::latched, whole ? before : TreeFault{SafetyFault::integrity, all});
-  else if (s.supervisor.valid == 0) go(s.state, Mode::latched, {SafetyFault::configuration, all});
-  else begin(s);
-  seal(s);
-  return s.supervisor.valid != 0;
-}
-
 /// Whether a fault leaves encoder and drive of its joint above suspicion, so that the joint can be held.
 constexpr bool can_hold(SafetyFault fault) noexcept {
   return fault == SafetyFault::velocity || fault == SafetyFault::stopped || fault == SafetyFault::overspeed ||
@@ -313,13 +290,10 @@ void enter(TreeSupervisorState<S, N>& s, TreeFault fault, Mode wanted) noexcept 
   const bool again = is_stopped(now);
   const Mode next = again && now >= wanted ? now : wanted;
   if (again && next == now) return;
-  s.log[s.faults % log_length] = {s.steps, fault, next};
-  ++s.faults;
+  write_down(s.log, LoggedTreeFault{s.steps, fault, next});
   go(s, next, again ? fault_of(s) : fault);
   if (!is_stopped(next)) return;
-  put(s.challenge, checksum_of(checksum_of(s.challenge.word ^ s.steps, s.faults), 0x9e3779b9u) | 1u);
-  s.stopped = 0;
-  s.healthy = 0;
+  restart_reset(s, 0);
   for (JointWatchState<S>& one : s.joint) {
     one.hold = {};
     const S asked = one.drive.asked;
@@ -329,9 +303,62 @@ void enter(TreeSupervisorState<S, N>& s, TreeFault fault, Mode wanted) noexcept 
   }
 }
 
+template <class S, std::size_t N> void stay_shut(TreeSupervisorState<S, N>& s, TreeFault fault) noexcept {
+  stay_shut(s, LoggedTreeFault{s.steps, fault, mode_of(s)});
+}
+
+/// Memory lost a bit: what runs stops, and what is stopped already stays so.
+template <class L> void lose_trust(TreeSupervised<L>& s) noexcept {
+  const TreeFault fault{SafetyFault::integrity, static_cast<std::uint32_t>(joints_of(s.controller.law.gate, L::most))};
+  const bool was_shut = mode_of(s.state) >= Mode::zero;
+  if (was_shut) stay_shut(s.state, fault);
+  else enter(s.state, fault, Mode::zero);
+}
+
+/// Starts with efforts of 0; a fault that is latched stays so, and a stop that was asked for is heard. False where the
+/// parameters make no sense.
+template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params& params,
+                                  const TreeSupervisorParams<typename L::Scalar, L::most>& supervisor) noexcept {
+  const bool was = says(s.state.alive, supervisor_alive), whole = is_whole(s.state.alive);
+  const bool known = is_whole(s.state.doing) && mode_of(s.state) <= Mode::latched;
+  const TreeFault before = fault_of(s.state);
+  const bool shut = known && is_stopped(mode_of(s.state)) && before.fault != SafetyFault::configuration;
+  const TwinWord challenge = s.state.challenge;
+  const std::uint32_t steps = s.state.steps;
+  const Thrice<FaultLog<LoggedTreeFault>> log = s.state.log;
+  configure(s.controller, params);
+  s.supervisor = coefficients(supervisor, s.controller.law);
+  const TreeSupervisorState<typename L::Scalar, L::most> fresh;
+  s.state = fresh;
+  put(s.state.alive, supervisor_alive);
+  if (was) {
+    s.state.challenge = challenge;
+    s.state.steps = steps;
+    s.state.log = log;
+  }
+  const std::uint32_t all = static_cast<std::uint32_t>(joints_of(s.controller.law.gate, L::most));
+  const bool valid = s.supervisor.valid != 0;
+  if (was && shut) {
+    go(s.state, Mode::latched, before);
+  } else if (was && !(known && whole)) {
+    go(s.state, Mode::running, {});  // so that the fault is written down
+    enter(s.state, {SafetyFault::integrity, all}, Mode::latched);
+  } else if (!valid) {
+    go(s.state, Mode::latched, {SafetyFault::configuration, all});
+  } else {
+    begin(s);
+  }
+  if (valid && hear_stop(s.stops)) {
+    if (is_stopped(mode_of(s.state))) stay_shut(s.state, {SafetyFault::stopped, all});
+    else enter(s.state, {SafetyFault::stopped, all}, Mode::latched);
+  }
+  seal(s);
+  return valid;
+}
+
 /// Takes note of a fault of a joint that could be of its encoder or drive.
 template <class S, std::size_t N> void doubt(TreeSupervisorState<S, N>& s, TreeFault fault, std::size_t joints) noexcept {
-  if (fault.fault != SafetyFault::none && fault.joint < joints && !can_hold(fault.fault)) s.joint[fault.joint].doubted = 1;
+  if (fault.fault != SafetyFault::none && fault.joint < joints && !can_hold(fault.fault)) put(s.joint[fault.joint].doubted, 1u);
 }
 
 /// What is wrong in this period with encoders, drives and commands: the first fault. Every joint in doubt is noted.
@@ -460,9 +487,10 @@ void judge_sensors(TreeSupervised<L>& s, const TreeSamples<S, N>& samples) noexc
   enter(state, found, goes_on ? Mode::degraded : response(c, found, n));
 }
 
-/// Back to where it began, after a fault; the log stays.
+/// Back to where it began, after a fault; the log stays. Not where memory is no longer what was sealed.
 template <class L> void start_again(TreeSupervised<L>& s) noexcept {
   using S = typename L::Scalar;
+  if (!is_sealed(s.state.law_sum, s.controller.law) || !is_sealed(s.state.own_sum, s.supervisor)) return lose_trust(s);
   reset(s.controller);
   for (S& output : s.controller.state.gate.output) output = S(0);
   auto& state = s.state;
@@ -471,9 +499,10 @@ template <class L> void start_again(TreeSupervised<L>& s) noexcept {
     state.output[k] = S(0);
   }
   state.wrench = {};
-  state.stopped = state.healthy = state.wrench_quiet = 0;
+  state.wrench_quiet = 0;
+  put(state.waited, ResetProgress{});
   begin(s);
-  seal(s);
+  seal_memory(s);
 }
 
 /// Efforts while stopped, and whether an operator's token may end it.
@@ -496,7 +525,7 @@ void stay_stopped(TreeSupervised<L>& s, bool good, std::uint32_t token) noexcept
     JointWatchState<S>& one = state.joint[k];
     const S limit = gate.joint[k].params.effort_limit, change = gate.joint[k].max_change;
     S next = faded[k];
-    if (holds && one.doubted == 0) {
+    if (holds && !is_doubted(one)) {
       const S wanted = step(c.joint[k].params.hold, one.hold, c.period, one.encoder.velocity);
       next = clamp(wanted, state.output[k] - change, state.output[k] + change);
     }
@@ -506,11 +535,7 @@ void stay_stopped(TreeSupervised<L>& s, bool good, std::uint32_t token) noexcept
     moves = moves || state.output[k] != S(0);
   }
   if (mode_of(state) == Mode::zero && !moves) go(state, Mode::latched, fault_of(state));
-  state.healthy = good && rests ? (state.healthy < 0xffffffffu ? state.healthy + 1 : state.healthy) : 0;
-  if (state.stopped < 0xffffffffu) ++state.stopped;
-  const bool asked = token != 0 && is_whole(state.challenge) && token == state.challenge.word;
-  if (asked && c.valid != 0 && state.healthy >= c.whole.healthy_samples && state.stopped >= c.reset_periods)
-    start_again(s);
+  if (may_reset(state, good && rests, token, c.whole.healthy_samples, c.reset_periods)) start_again(s);
 }
 
 /// Samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
@@ -519,8 +544,8 @@ TreeSamples<S, N> stamped(TreeSupervised<L>& s, const TreeSamples<S, N>& read, s
   return stamped(s.controller, read, now, s.state.steps);
 }
 
-/// From the next step on it stops.
-template <class L> void stop(TreeSupervised<L>& s) noexcept { stop(s.controller); }
+/// From the next step on it stops, whatever it is doing; before a start, from that on.
+template <class L> void stop(TreeSupervised<L>& s) noexcept { ++s.stops.asked; }
 
 /// What a law reads without its force sensors and EMG.
 template <class S, std::size_t N> void leave_out_sensors(TreeSamples<S, N>& samples, std::size_t joints) noexcept {
@@ -581,9 +606,8 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   const std::uint32_t all = static_cast<std::uint32_t>(n);
   TreeSupervisorOutput<S, N> out;
   out.beat = ++state.steps;
-  const bool alive = state.alive.word == supervisor_alive || state.alive.twin == ~supervisor_alive;
-  if (!alive || c.valid == 0) {
-    out.fault = {alive ? SafetyFault::configuration : SafetyFault::not_started, all};
+  if (!says(state.alive, supervisor_alive)) {
+    out.fault = {SafetyFault::not_started, all};
     return out;
   }
   if (!is_whole(state.alive) || !is_whole(state.doing) || mode_of(state) > Mode::latched) {
@@ -591,17 +615,29 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
     go(state, Mode::running, {});  // so that the fault is written down
     enter(state, {SafetyFault::integrity, all}, Mode::zero);
   }
-  // A checksum finds a lost bit later; what counts and indexes must be right before it is used.
-  if (!is_within_bounds(law)) {
-    enter(state, {SafetyFault::integrity, all}, Mode::latched);
+  // A checksum finds a lost bit later; what counts and indexes must be right before it is used. Without numbers that make
+  // sense a start does not run, so that what runs has lost a bit.
+  if (c.valid == 0 || !is_within_bounds(law)) {
+    if (c.valid != 0 || !is_stopped(mode_of(state))) enter(state, {SafetyFault::integrity, all}, Mode::latched);
     for (S& output : state.output) output = S(0);
     out.fault = fault_of(state);
-    out.challenge = state.challenge.word;
+    out.challenge = c.valid != 0 ? state.challenge.word : 0;
     return out;
   }
   const bool kept = (state.steps & 1u) != 0 || ((state.steps & 2u) != 0 ? step(state.law_sum, s.controller.law)
                                                                        : step(state.own_sum, c));
-  if (!kept) enter(state, {SafetyFault::integrity, all}, Mode::zero);
+  if (!kept) lose_trust(s);
+  for (std::size_t k = 0; k < n; ++k) {
+    JointWatchState<S>& one = state.joint[k];
+    if (is_whole(one.doubted) && is_whole(one.released)) continue;
+    if (!is_stopped(mode_of(state))) enter(state, {SafetyFault::integrity, static_cast<std::uint32_t>(k)}, Mode::zero);
+    if (!is_whole(one.doubted)) put(one.doubted, 1u);
+    if (!is_whole(one.released)) put(one.released, 1u);
+  }
+  if (hear_stop(s.stops)) {
+    if (is_stopped(mode_of(state))) stay_shut(state, {SafetyFault::stopped, all});
+    else latch(s.controller, {SafetyFault::stopped, all});
+  }
 
   const bool was_stopped = is_stopped(mode_of(state));
   if (was_stopped) s.controller.fault = {};  // what was wrong is written down; what is wrong now?
@@ -616,7 +652,7 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
     if (found.fault != SafetyFault::none) enter(state, found, response(c, found, n));
     if ((state.steps & 1u) == 0) judge_sensors(s, samples);
   } else {
-    const bool runs_away = state.stopped > 20 && found.fault == SafetyFault::overspeed;
+    const bool runs_away = voted(state.waited).held > 20 && found.fault == SafetyFault::overspeed;
     if (mode_of(state) == Mode::damped_stop && runs_away) enter(state, found, Mode::zero);
     if (front.fault != SafetyFault::none) forget_samples(s.controller);
   }
@@ -643,11 +679,11 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   motor_effort(law.drives, n, out.command.effort, out.command.drive);
   for (std::size_t i = 0; i < n; ++i) {
     ask(state.joint[i].drive, out.command.drive[i]);
-    out.enable[i] = mode <= Mode::damped_stop;
     for (std::size_t k = 0; k < n; ++k) {
       const bool turns = law.drives.coupled ? law.drives.turns[i][k] != S(0) : i == k;
-      if (turns && state.joint[k].doubted != 0) out.enable[i] = false;
+      if (turns && is_doubted(state.joint[k])) put(state.joint[i].released, 1u);
     }
+    out.enable[i] = mode <= Mode::damped_stop && !is_released(state.joint[i]);
     if (!out.enable[i] && mode <= Mode::damped_stop) out.command.drive[i] = S(0);
   }
   out.mode = mode;

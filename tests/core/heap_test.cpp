@@ -75,7 +75,7 @@ template <class L, class S> void supervised_swing() {
     token = out.challenge;
     moving += out.effort != S(0);
   }
-  check(moving > 30000 && s.state.faults > 100, "it moved, and was stopped");
+  check(moving > 30000 && p::faults_of(s.state) > 100, "it moved, and was stopped");
 }
 
 template <class S> void laws() {

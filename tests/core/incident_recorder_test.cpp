@@ -373,11 +373,16 @@ void a_repeated_sample_keeps_the_threshold() {
   check_close(threshold(), usual, 1e-6f, "as of any other sample");
 }
 
+/// Damages a number of a recorder in more copies than one, which no vote mends.
+void damage(p::IncidentRing& r, p::IncidentRing* copy, std::uint32_t p::IncidentRing::*number, std::uint32_t value) {
+  r.*number = copy[0].*number = value;
+}
+
 /// A place of the stop that damage put just beyond the memory is no stop in the file.
 void a_stop_beyond_the_memory() {
   Life<Joint, double> life(4);
   life.run(6);  // around once, so that the place would be one of a sample that is kept
-  life.recorder.stop_slot = 4;
+  damage(life.recorder, life.recorder.copy, &p::IncidentRing::stop_slot, 4);
   std::vector<std::uint32_t> file;
   p::write(life.recorder, life.words(), life.law, false, [&](std::uint32_t word) {
     file.push_back(word);
@@ -390,7 +395,7 @@ void a_stop_beyond_the_memory() {
 void a_place_beyond_the_memory() {
   Life<Joint, double> life(4);
   life.run(6);
-  life.recorder.slot = 4;
+  damage(life.recorder, life.recorder.copy, &p::IncidentRing::slot, 4);
   std::vector<std::uint32_t> file;
   p::write(life.recorder, life.words(), life.law, false, [&](std::uint32_t word) {
     file.push_back(word);
@@ -419,13 +424,31 @@ void damage_at_each_bound() {
   for (int field = 0; field < 4; ++field) {
     Life<Joint, double> life(4, 3);
     life.run(30);
-    auto& r = life.recorder;
-    if (field == 0) r.slot = 4;
-    if (field == 1) r.whole = 5;
-    if (field == 2) r.filled = 3;
-    if (field == 3) r.left = 5;
+    using R = p::IncidentRing;
+    std::uint32_t R::*const numbers[] = {&R::slot, &R::whole, &R::filled, &R::left};
+    const std::uint32_t beyond[] = {4, 5, 3, 5};
+    damage(life.recorder, life.recorder.copy, numbers[field], beyond[field]);
     life.step();
-    check(r.damages == 1, "found");
+    check(life.recorder.damages == 1, "found");
+  }
+}
+
+/// No single bit of a recorder's own numbers that is lost forgets the record of a stop.
+void every_bit_of_a_frozen_recorder() {
+  Life<Joint, double> life(8, 2, 3);
+  life.run(40);
+  p::stop(life.law);
+  life.run(20);
+  check(p::is_frozen(life.recorder), "frozen");
+  const auto frozen = life.recorder;
+  const auto memory = life.memory;
+  constexpr std::size_t bits = 8 * (sizeof(p::IncidentState<double>) - sizeof(p::WatchedState<double>));
+  for (std::size_t bit = 0; bit < bits; ++bit) {
+    life.recorder = frozen;
+    reinterpret_cast<unsigned char*>(&life.recorder)[bit / 8] ^= static_cast<unsigned char>(1u << bit % 8);
+    check(p::is_frozen(life.recorder), "still frozen");
+    life.run(3);
+    check(p::is_frozen(life.recorder) && life.recorder.damages == 0 && life.memory == memory, "and kept");
   }
 }
 
@@ -445,7 +468,11 @@ void damaged_memory() {
     for (int k = 0; k < 200; ++k) {
       if (random.uniform() < 0.1) {
         unsigned char* bytes = reinterpret_cast<unsigned char*>(&life.recorder);
-        bytes[static_cast<std::size_t>(random.uniform() * sizeof life.recorder)] = static_cast<unsigned char>(random.bits());
+        const auto at = static_cast<std::size_t>(random.uniform() * sizeof life.recorder);
+        const auto value = static_cast<unsigned char>(random.bits());
+        bytes[at] = value;
+        // In two copies at once, which no vote mends.
+        if (at < sizeof(p::IncidentRing)) bytes[at + sizeof(p::IncidentRing)] = value;
       }
       if (random.uniform() < 0.1)
         life.memory[static_cast<std::size_t>(random.uniform() * static_cast<double>(words))] =
@@ -563,6 +590,7 @@ int main() {
   a_place_beyond_the_memory();
   the_range_of_positions();
   damage_at_each_bound();
+  every_bit_of_a_frozen_recorder();
   damaged_memory();
   a_file();
   return failures();

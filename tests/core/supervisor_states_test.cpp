@@ -118,22 +118,22 @@ void transitions() {
       State s;
       p::go(s, now, now == M::running || now == M::start_up ? F::none : F::lost);
       s.steps = 77;
-      s.stopped = s.healthy = 5;
+      p::put(s.waited, p::ResetProgress{5, 5, 5});
       s.hold.effort = s.hold.taken = 3;
       s.drive = {4, 2, 1, 1, 1, 1, 1};
       p::enter(c, s, F::jump, wanted);
       const bool was = p::is_stopped(now), same = was && wanted <= now;
       const M next = same ? now : wanted;
       check(p::mode_of(s) == next, "the harder one");
-      check(s.faults == (same ? 0u : 1u), "written down where anything changed");
+      check(p::faults_of(s) == (same ? 0u : 1u), "written down where anything changed");
       const bool first = !was && !(now == M::degraded && wanted == M::degraded);
       check(p::fault_of(s) == (same || !first ? (now == M::running || now == M::start_up ? F::none : F::lost) : F::jump), "the first fault");
       if (same || !p::is_stopped(next)) {
-        check(s.stopped == 5 && s.healthy == 5 && s.challenge.word == 0 && s.drive.due == 1, "nothing else");
+        check(p::voted(s.waited).stopped == 5 && p::voted(s.waited).healthy == 5 && s.challenge.word == 0 && s.drive.due == 1, "nothing else");
         continue;
       }
       check(p::logged(s, 0).fault == F::jump && p::logged(s, 0).mode == next && p::logged(s, 0).step == 77, "log");
-      check(s.stopped == 0 && s.healthy == 0 && s.hold.effort == 0 && s.hold.taken == 0, "begins anew");
+      check(p::voted(s.waited).stopped == 0 && p::voted(s.waited).healthy == 0 && s.hold.effort == 0 && s.hold.taken == 0, "begins anew");
       check(s.drive.asked == 4 && s.drive.asked_before == 4 && s.drive.due == 0 && s.drive.outside == 0, "the drive's watch, too");
       check(s.challenge.word % 2 == 1 && p::is_whole(s.challenge), "a challenge that is not 0");
       const std::uint32_t challenge = s.challenge.word;
@@ -203,7 +203,7 @@ void configured() {
   const std::uint32_t challenge = rig.out.challenge;
   check(rig.out.fault == F::stopped && rig.mode() == M::damped_stop && challenge != 0, "stopped");
   check(p::configure(rig.law, law_params(), held()) && rig.mode() == M::latched && rig.fault() == F::stopped, "stays");
-  check(rig.state().challenge.word == challenge && rig.state().steps == 106 && rig.state().faults == 1, "kept");
+  check(rig.state().challenge.word == challenge && rig.state().steps == 106 && p::faults_of(rig.state()) == 1, "kept");
   check(p::logged(rig.law.state, 0).fault == F::stopped, "with its log");
   // Numbers that make no sense are a fault that ends with better ones.
   Rig<> other(held());
@@ -218,7 +218,9 @@ void configured() {
   lost.run(20);
   lost.law.supervisor.valid = 0;
   lost.run(1);
-  check(lost.out.effort == 0 && lost.out.fault == F::configuration && lost.out.mode == M::latched && !lost.out.enable, "at once");
+  check(lost.out.effort == 0 && lost.out.fault == F::integrity && lost.out.mode == M::latched && !lost.out.enable, "at once");
+  check(lost.out.challenge == 0 && p::logged(lost.law.state, 0).fault == F::integrity, "and written down");
+  check(p::configure(lost.law, law_params(), held()) && lost.mode() == M::latched && lost.fault() == F::integrity, "a start keeps it");
   // A broken mode is a fault; what was never configured has no past.
   for (const std::uint32_t bits : {4u, 3u}) {
     Rig<> broken(held());
@@ -230,10 +232,22 @@ void configured() {
   Rig<> past(held());
   p::stop(past.law);
   past.run(1);
-  past.state().alive.twin ^= 1u;
-  p::configure(past.law, law_params(), held());
-  check(past.mode() == M::running && past.state().faults == 0 && past.state().steps == 0, "no past");
-  past.run(10);
+  for (std::uint32_t bit = 0; bit < 64; ++bit) {
+    Rig<> one = past;
+    (bit < 32 ? one.state().alive.word : one.state().alive.twin) ^= 1u << bit % 32;
+    p::configure(one.law, law_params(), held());
+    check(one.mode() == M::latched && one.fault() == F::stopped && p::faults_of(one.state()) == 1, "a lost bit forgets nothing");
+    Rig<> runs(held());
+    runs.run(5);
+    (bit < 32 ? runs.state().alive.word : runs.state().alive.twin) ^= 1u << bit % 32;
+    p::configure(runs.law, law_params(), held());
+    check(runs.mode() == M::latched && runs.fault() == F::integrity && p::faults_of(runs.state()) == 1, "and is a fault");
+  }
+  // A mode that was lost beside numbers that make no sense is a fault that better ones do not end.
+  Rig<> both = past;
+  both.state().doing.word ^= 1u;
+  check(!p::configure(both.law, law_params(), bad) && both.fault() == F::integrity, "both");
+  check(p::configure(both.law, law_params(), held()) && both.mode() == M::latched && both.fault() == F::integrity, "stays");
   past.state().alive = {};
   p::put(past.state().alive, 5);
   past.state().steps = 9;
@@ -255,7 +269,7 @@ void memory() {
   latched.run(20);
   p::stop(latched.law);
   latched.run(60);
-  check(latched.mode() == M::latched && latched.out.fault == F::stopped && latched.state().faults == 1, "latched");
+  check(latched.mode() == M::latched && latched.out.fault == F::stopped && p::faults_of(latched.state()) == 1, "latched");
   for (int what = 0; what < 5; ++what) {
     Rig<> rig(held());
     rig.run(20);
@@ -266,7 +280,7 @@ void memory() {
     if (what == 4) p::put(rig.state().doing, 6u);
     rig.run(1);
     check(rig.out.fault == F::integrity && !rig.out.enable && p::is_whole(rig.state().alive), "lost");
-    check(p::logged(rig.law.state, 0).fault == F::integrity && rig.state().faults == 1, "written down");
+    check(p::logged(rig.law.state, 0).fault == F::integrity && p::faults_of(rig.state()) == 1, "written down");
   }
   // Checksums of law and supervisor by turns, every second period: each is gone through in a known time.
   Rig<> turns(held());
@@ -592,7 +606,7 @@ void sensors() {
         for (const S way : {-1.0, 1.0}) {
           in.interaction = in.muscle = {way * 2, 0, 1, true};
           p::judge_sensors(c, s, in);
-          check(p::mode_of(s) == mode && s.faults == 0, "within its range");
+          check(p::mode_of(s) == mode && p::faults_of(s) == 0, "within its range");
         }
         in.interaction = in.muscle = {2 + more, 0, 1, true};
         p::judge_sensors(c, s, in);
@@ -756,14 +770,98 @@ void resets() {
   for (int k = 0; k < 16; ++k) again.stay(F::none, true, challenge);
   const State& s = again.rig.state();
   check(again.rig.mode() == M::running && again.rig.fault() == F::none && s.output == 0, "runs, from no effort");
-  check(s.steps == 7 && s.faults == 1 && s.challenge.word == challenge && p::is_whole(s.alive), "kept");
-  check(s.body.lasting == 0 && s.budget.spent == 0 && s.healthy == 0 && s.stopped == 0, "begun again");
+  check(s.steps == 7 && p::faults_of(s) == 1 && s.challenge.word == challenge && p::is_whole(s.alive), "kept");
+  check(s.body.lasting == 0 && s.budget.spent == 0 && p::voted(s.waited).healthy == 0 && p::voted(s.waited).stopped == 0, "begun again");
   check(again.rig.law.controller.state.gate.output == 0 && again.rig.law.controller.fault == F::none, "the law, too");
   Params tested = r;
   tested.test.effort = 1;
   Stopped test(tested, M::latched, 0, 0);
   for (int k = 0; k < 16; ++k) test.stay(F::none, true, test.rig.state().challenge.word);
   check(test.rig.mode() == M::start_up, "with its test");
+}
+
+/// A stop in any order with starts, faults and resets wins: it takes back the token and restarts the delay.
+void stops() {
+  const auto challenged = [](Rig<>& rig) {
+    rig.run(20);
+    p::stop(rig.law);
+    rig.run(1);
+    return rig.back.token = rig.out.challenge;
+  };
+  for (const bool in_vain : {false, true}) {
+    Rig<> rig(held());
+    const std::uint32_t token = challenged(rig);
+    rig.run(14);
+    if (in_vain) p::stop(rig.law);
+    rig.run(1);
+    check(rig.mode() == (in_vain ? M::damped_stop : M::running), "a pending reset");
+    if (!in_vain) continue;
+    check(rig.out.challenge != token && rig.out.fault == F::stopped && p::faults_of(rig.state()) == 1, "another token");
+    rig.run(60);
+    check(p::is_stopped(rig.mode()), "the old one is no use");
+    p::stop(rig.law);
+    rig.run(1);
+    rig.back.token = rig.out.challenge;
+    for (int k = 1; k < 15; ++k) rig.run(1), check(p::is_stopped(rig.mode()), "the delay begins anew");
+    rig.run(1);
+    check(rig.mode() == M::running, "and ends");
+  }
+  // In the period of the reset, and right after it.
+  Rig<> late(held());
+  challenged(late);
+  late.run(15);
+  check(late.mode() == M::running, "reset");
+  p::stop(late.law);
+  late.run(1);
+  check(late.mode() == M::damped_stop && late.out.fault == F::stopped, "and stopped");
+  // After another fault: it is written down once, and the first one stays.
+  Rig<> faulty(held());
+  faulty.run(20);
+  faulty.in.position.value = nan;
+  faulty.step();
+  const F first = faulty.fault();
+  faulty.back.token = faulty.out.challenge;
+  for (int k = 0; k < 50; ++k) p::stop(faulty.law), faulty.run(1);
+  check(faulty.fault() == first && p::faults_of(faulty.state()) == 2 && p::logged(faulty.law.state, 0).fault == F::stopped, "once");
+  check(p::logged(faulty.law.state, 1).fault == first, "after the first");
+  // Before a start, between two, and where the numbers of a start make no sense.
+  for (const bool senseless : {false, true}) {
+    p::Supervised<Law> early;
+    p::stop(early);
+    Params bad = held();
+    bad.reset_delay = -1;
+    if (senseless) check(!p::configure(early, law_params(), bad) && p::fault_of(early.state) == F::configuration, "no sense");
+    check(p::configure(early, law_params(), held()) && p::mode_of(early.state) == M::latched, "before a start");
+    check(p::fault_of(early.state) == F::stopped && p::logged(early.state, 0).fault == F::stopped, "written down");
+  }
+  Rig<> again(held());
+  again.run(20);
+  p::stop(again.law);
+  p::configure(again.law, law_params(), held());
+  check(again.mode() == M::latched && again.fault() == F::stopped, "between a period and a start");
+  again.run(1);
+  const std::uint32_t held_token = again.out.challenge;
+  p::stop(again.law);
+  p::configure(again.law, law_params(), held());
+  again.back.token = held_token;
+  again.run(60);
+  check(again.mode() == M::latched && again.out.challenge != held_token, "a start between two takes the token back, too");
+}
+
+/// Numbers that memory lost are not sealed again by a reset.
+void no_reset_over_lost_memory() {
+  Rig<> rig(held());
+  rig.run(20);
+  p::stop(rig.law);
+  rig.run(1);
+  rig.back.token = rig.out.challenge;
+  rig.run(14);
+  rig.law.controller.law.body.inertia = 7;
+  rig.run(1);
+  check(p::is_stopped(rig.mode()) && p::logged(rig.law.state, 0).fault == F::integrity, "refused, and written down");
+  rig.back.token = rig.out.challenge;
+  rig.run(500);
+  check(p::is_stopped(rig.mode()) && p::faults_of(rig.state()) <= 3, "for good, without a flood of entries");
 }
 
 /// While a joint is held: whatever puts encoder or drive in doubt ends the hold, and so does a joint that gets faster.
@@ -776,9 +874,9 @@ void doubts_in_a_hold() {
       rig.run(10);
       p::stop(rig.law);
       rig.run(1);
-      check(rig.mode() == M::damped_stop && rig.state().stopped == 1, "held");
+      check(rig.mode() == M::damped_stop && p::voted(rig.state().waited).stopped == 1, "held");
       rig.run(after - 1);
-      check(rig.mode() == M::damped_stop && rig.state().stopped == static_cast<std::uint32_t>(after), "and held");
+      check(rig.mode() == M::damped_stop && p::voted(rig.state().waited).stopped == static_cast<std::uint32_t>(after), "and held");
       rig.speed = way * velocity;
       rig.run(1);
       return rig.mode() != M::damped_stop;
@@ -786,6 +884,15 @@ void doubts_in_a_hold() {
     check(!ends(1, 40), "slow enough");
     check(!ends(3, 20) && ends(3, 21) && !ends(3, 10), "a joint that runs away, once the hold had its time");
   }
+  // A stop that is asked for in every period takes no check away from a hold.
+  Rig<> insists(r);
+  insists.run(10);
+  for (int k = 0; k < 40; ++k) p::stop(insists.law), insists.run(1);
+  check(insists.mode() == M::damped_stop && p::voted(insists.state().waited).stopped == 1, "held");
+  insists.speed = 3;
+  p::stop(insists.law);
+  insists.run(1);
+  check(insists.mode() != M::damped_stop, "a joint that runs away meanwhile");
   const auto entered = [&](auto&& wrong, const Params& rules) {
     Rig<> rig(rules);
     rig.run(10);
@@ -931,6 +1038,8 @@ int main() {
   last_effort();
   efforts();
   resets();
+  stops();
+  no_reset_over_lost_memory();
   doubts_in_a_hold();
   start_up();
   degraded();

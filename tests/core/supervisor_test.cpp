@@ -83,7 +83,7 @@ template <class S> void healthy_runs_pass() {
       moving += bare != S(0);
     }
     check(different == 0 && moving > 10000, L::name);
-    check(p::mode_of(watched.state) == M::running && watched.state.faults == 0, "no fault in a healthy run");
+    check(p::mode_of(watched.state) == M::running && p::faults_of(watched.state) == 0, "no fault in a healthy run");
   });
 }
 
@@ -348,7 +348,7 @@ template <class S> void resets() {
   check(patient.out.fault == F::stopped, "nor a healthy while before the delay");
   patient.run(120);
   check(patient.out.fault == F::none, "but after it");
-  check(rig.law.state.faults == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
+  check(p::faults_of(rig.law.state) == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
 }
 
 /// Without power a wearer carries the robot, whose weight is then no fault that keeps an operator from a reset.
@@ -365,7 +365,7 @@ template <class S> void rests_on_the_wearer() {
   check(rig.out.mode == M::latched, "and let go");
   rig.token = rig.out.challenge;
   rig.run(400);
-  check(rig.out.mode == M::running && rig.law.state.faults == 1, "and taken up again");
+  check(rig.out.mode == M::running && p::faults_of(rig.law.state) == 1, "and taken up again");
 }
 
 /// A weight of 2 N m sinks slowly, and takes no energy from the hold, whatever pulls at it.

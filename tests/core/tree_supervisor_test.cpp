@@ -143,18 +143,18 @@ void transitions() {
       const bool was = p::is_stopped(now);
       p::go(s, now, was ? p::TreeFault{F::lost, 2} : p::TreeFault{});
       s.steps = 77;
-      s.stopped = s.healthy = 5;
+      p::put(s.waited, p::ResetProgress{5, 5, 5});
       for (auto& one : s.joint) one.hold = {1, 1, 1}, one.drive = {4, 2, 1, 1, 1, 1, 1};
       p::enter(s, {F::jump, 1}, wanted);
       const bool same = was && wanted <= now;
-      check(p::mode_of(s) == (same ? now : wanted) && s.faults == (same ? 0u : 1u), "the harder one");
+      check(p::mode_of(s) == (same ? now : wanted) && p::faults_of(s) == (same ? 0u : 1u), "the harder one");
       check(p::fault_of(s).fault == (was ? F::lost : F::jump) && p::fault_of(s).joint == (was ? 2u : 1u), "the first fault");
       if (same) {
-        check(s.stopped == 5 && s.healthy == 5 && s.challenge.word == 0 && s.joint[1].drive.due == 1, "nothing else");
+        check(p::voted(s.waited).stopped == 5 && p::voted(s.waited).healthy == 5 && s.challenge.word == 0 && s.joint[1].drive.due == 1, "nothing else");
         continue;
       }
       check(p::logged(s, 0).fault.fault == F::jump && p::logged(s, 0).fault.joint == 1 && p::logged(s, 0).step == 77, "log");
-      check(p::logged(s, 0).mode == wanted && s.stopped == 0 && s.healthy == 0, "begins anew");
+      check(p::logged(s, 0).mode == wanted && p::voted(s.waited).stopped == 0 && p::voted(s.waited).healthy == 0, "begins anew");
       for (const auto& one : s.joint) {
         check(one.hold.effort == 0 && one.hold.taken == 0 && one.drive.due == 0 && one.drive.outside == 0, "watches, too");
         check(one.drive.asked == 4 && one.drive.asked_before == 4, "but what was asked for");
@@ -180,10 +180,10 @@ void transitions() {
       const F fault = static_cast<F>(i);
       p::doubt(one, {fault, joint}, joints);
       for (std::uint32_t k = 0; k < joints; ++k)
-        check(one.joint[k].doubted == (k == joint && fault != F::none && !holdable(fault) ? 1u : 0u), "doubt");
+        check(one.joint[k].doubted.word == (k == joint && fault != F::none && !holdable(fault) ? 1u : 0u), "doubt");
       State two;
       p::doubt(two, {fault, joint}, 2);
-      check(two.joint[2].doubted == 0, "of joints that there are");
+      check(two.joint[2].doubted.word == 0, "of joints that there are");
     }
 }
 
@@ -238,7 +238,7 @@ void configured() {
   check(rig.out.fault.fault == F::stopped && rig.out.fault.joint == joints && challenge != 0, "stopped");
   p::configure(rig.law, law_params(), rules());
   check(rig.mode() == M::latched && rig.fault() == F::stopped && p::fault_of(rig.law.state).joint == joints, "stays");
-  check(rig.state().challenge.word == challenge && rig.state().steps == 101 && rig.state().faults == 1, "kept");
+  check(rig.state().challenge.word == challenge && rig.state().steps == 101 && p::faults_of(rig.state()) == 1, "kept");
   check(p::logged(rig.law.state, 0).fault.fault == F::stopped, "with its log");
   Rig other;
   Rules bad = rules();
@@ -260,15 +260,14 @@ void configured() {
   lost.run(20);
   lost.law.supervisor.valid = 0;
   lost.run(1);
-  check(lost.out.command.effort[0] == 0 && lost.out.fault.fault == F::configuration && !lost.out.enable[0], "at once");
+  check(lost.out.command.effort[0] == 0 && lost.out.fault.fault == F::integrity && !lost.out.enable[0], "at once");
   check(lost.out.mode == M::latched && lost.out.challenge == 0, "and latched");
   Rig past;
   p::stop(past.law);
   past.run(1);
   past.state().alive.twin ^= 1u;
   p::configure(past.law, law_params(), rules());
-  check(past.mode() == M::running && past.state().faults == 0 && past.state().steps == 0, "no past");
-  past.run(5);
+  check(past.mode() == M::latched && past.fault() == F::stopped && p::faults_of(past.state()) == 1, "a lost bit forgets nothing");
   p::put(past.state().alive, 5);
   p::configure(past.law, law_params(), rules());
   check(past.state().steps == 0, "nor where it is another's");
@@ -293,7 +292,7 @@ void memory() {
     if (what == 4) p::put(rig.state().doing, 6u);
     rig.run(1);
     check(rig.out.fault.fault == F::integrity && rig.out.fault.joint == joints && !rig.out.enable[1], "lost");
-    check(p::is_whole(rig.state().alive) && rig.state().faults == 1, "written down");
+    check(p::is_whole(rig.state().alive) && p::faults_of(rig.state()) == 1, "written down");
   }
   // By turns: the law's numbers in every fourth period, the supervisor's in another.
   Rig turns;
@@ -325,7 +324,7 @@ void memory() {
     for (const bool on : rig.out.enable) check(!on, "no power");
   }
   remembers.run(9000);
-  check(remembers.mode() == M::running && remembers.state().faults == 0, "no alarm of its own");
+  check(remembers.mode() == M::running && p::faults_of(remembers.state()) == 0, "no alarm of its own");
   // Who may change it does, and hides nothing that was lost before.
   Rig changed;
   changed.run(20);
@@ -376,7 +375,7 @@ void encoders_and_drives() {
       check(rig.seen(0).fault == F::none, "at the limit");
       rig.speed[k] = way * (4 + more);
       auto found = rig.seen(0);
-      check(found.fault == F::overspeed && found.joint == k && rig.state().joint[k].doubted == 0, "too fast");
+      check(found.fault == F::overspeed && found.joint == k && rig.state().joint[k].doubted.word == 0, "too fast");
       rig.speed[k] = 0;
       rig.in.position[k].value = 0;
       r = rules();
@@ -385,8 +384,8 @@ void encoders_and_drives() {
       out.settles();
       out.place[k] = way;
       found = out.seen(0);
-      check(found.fault == F::range && found.joint == k && out.state().joint[k].doubted == 1, "out of range is in doubt");
-      check(out.state().joint[(k + 1) % joints].doubted == 0, "that joint alone");
+      check(found.fault == F::range && found.joint == k && out.state().joint[k].doubted.word == 1, "out of range is in doubt");
+      check(out.state().joint[(k + 1) % joints].doubted.word == 0, "that joint alone");
       // A drive that measures, and one that does not.
       r = rules();
       r.joint[k].drive.expected = 1;
@@ -404,7 +403,7 @@ void encoders_and_drives() {
           said = p::observe(one.law, one.in, one.back);
         }
         check(said.fault == (j == k ? F::drive_stuck : F::none) && (j != k || said.joint == k), "a drive");
-        check(one.state().joint[j].doubted == (j == k ? 1u : 0u), "in doubt");
+        check(one.state().joint[j].doubted.word == (j == k ? 1u : 0u), "in doubt");
         one = drive;
         for (int i = 0; i < 2; ++i) {
           one.read();
@@ -420,7 +419,7 @@ void encoders_and_drives() {
   Rig both(r);
   both.settles();
   both.place[1] = both.place[2] = 1;
-  check(both.seen(0).joint == 1 && both.state().joint[1].doubted == 1 && both.state().joint[2].doubted == 1, "both");
+  check(both.seen(0).joint == 1 && both.state().joint[1].doubted.word == 1 && both.state().joint[2].doubted.word == 1, "both");
 }
 
 /// A drive's surplus is of its motor's own way: motors that turn with several joints go by T v.
@@ -475,7 +474,7 @@ void slow_watches() {
       push.state().output[k] = 3.25 + way * (2 + more);
       check(push.seen(0).fault == F::none && push.seen(2).fault == F::none, "not looked at");
       const auto found = push.seen(1);
-      check(found.fault == F::push && found.joint == k && push.state().joint[k].doubted == 0, "beyond");
+      check(found.fault == F::push && found.joint == k && push.state().joint[k].doubted.word == 0, "beyond");
       r = rules();
       r.joint[k].budget.store = 1;
       Rig energy(r);
@@ -507,7 +506,7 @@ void slow_watches() {
         check(outside.seen(1).fault == F::none, "at the limit beyond friction");
         outside.law.controller.state.observer.residual[k] = way * (2.75 + more);
         check(outside.seen(0).fault == F::none && outside.seen(1).fault == F::unexplained, "beyond");
-        check(outside.state().joint[k].doubted == 1, "its drive is in doubt");
+        check(outside.state().joint[k].doubted.word == 1, "its drive is in doubt");
       }
       // The budget's friction: what is known at rest under the load, or what is there at this velocity.
       r = rules();
@@ -547,7 +546,7 @@ void second_encoders() {
       check(reads(0.25).fault == F::none, "wherever it begins");
       check(reads(0.25 + way * 0.5).fault == F::none, "at the tolerance");
       const auto found = reads(0.25 + way * (0.5 + more));
-      check(found.fault == F::disagreement && found.joint == k && rig.state().joint[k].doubted == 1, "beyond");
+      check(found.fault == F::disagreement && found.joint == k && rig.state().joint[k].doubted.word == 1, "beyond");
       check(reads(0.25).fault == F::none && rig.state().joint[k].joint_silent == 0, "together again");
       for (std::uint32_t i = 0; i < 4; ++i) check(reads(0, false).fault == F::none, "silent for a while");
       check(reads(0, false).fault == F::disagreement, "and for longer");
@@ -633,7 +632,7 @@ void contradictions() {
         one.judge(4000);
         check(one.mode() == (who == 3 ? M::degraded : M::damped_stop), "left out only where the motion is trusted");
         check(one.fault().fault == F::force_sensor && one.fault().joint == k, "by its name");
-        check(one.rig.state().joint[k].doubted == 0, "its drive is not in doubt");
+        check(one.rig.state().joint[k].doubted.word == 0, "its drive is not in doubt");
         law.felt[k] = way * 0.99;
         Judged within(r);
         within.rig.law.controller.state.sensed[k] = true;
@@ -647,7 +646,7 @@ void contradictions() {
         if (who == 3) p::go(lasts.rig.state(), M::degraded, {F::lost, 0});
         lasts.judge(6000);
         check(lasts.fault().fault == F::unexplained && lasts.fault().joint == k, "what lasts");
-        check(lasts.rig.state().joint[k].doubted == 1 && lasts.mode() == M::damped_stop, "in doubt");
+        check(lasts.rig.state().joint[k].doubted.word == 1 && lasts.mode() == M::damped_stop, "in doubt");
       }
   // Loudness is summed over joints.
   Rules r = rules();
@@ -780,7 +779,7 @@ void degraded() {
   check(rig.out.enable[0] && rig.out.enable[1] && rig.out.enable[2], "with power");
   runs(60, 1);
   check(rig.out.mode == M::degraded && std::fabs(rig.out.command.effort[1]) < 0.05, "and goes on without");
-  check(!rig.law.controller.state.sensed[1] && rig.state().faults == 1, "nothing more is found of it");
+  check(!rig.law.controller.state.sensed[1] && p::faults_of(rig.state()) == 1, "nothing more is found of it");
 }
 
 /// The wave of one joint after the other: polarity and gain, by work.
@@ -866,9 +865,9 @@ void counts() {
     check(rig.out.fault.fault == F::integrity && rig.out.mode == M::latched, what);
     for (std::size_t k = 0; k < joints; ++k)
       check(rig.out.command.drive[k] == 0 && rig.out.command.effort[k] == 0 && !rig.out.enable[k], what);
-    check(rig.state().faults == 1 && rig.out.challenge != 0, "written down");
+    check(p::faults_of(rig.state()) == 1 && rig.out.challenge != 0, "written down");
     rig.run(50);
-    check(rig.out.mode == M::latched && rig.state().faults == 1, "and stays");
+    check(rig.out.mode == M::latched && p::faults_of(rig.state()) == 1, "and stays");
   };
   for (std::size_t bit = 0; bit < 64; ++bit) {
     lost([bit](auto& law) { law.gate.joints ^= std::size_t(1) << bit; }, "joints");
@@ -985,7 +984,7 @@ void efforts() {
     first.stay();
     check(first.rig.mode() == M::zero, "or the first");
     Stopped holds(M::damped_stop, way * 2, way * 4);
-    holds.rig.state().joint[1].doubted = 1;
+    p::put(holds.rig.state().joint[1].doubted, 1u);
     holds.stay();
     check(holds.rig.state().output[0] == way * 1.5 && holds.rig.state().output[2] == way * 5.5, "towards the hold");
     check(std::fabs(holds.rig.state().output[1]) < 4, "a joint in doubt fades");
@@ -1044,14 +1043,45 @@ void resets() {
   again.rig.state().steps = 7;
   again.rig.law.controller.fault = {F::stale, 1};
   for (auto& one : again.rig.law.controller.state.gate.output) one = 3;
-  for (auto& one : again.rig.state().joint) one.doubted = 1, one.budget.spent = 9;
+  for (auto& one : again.rig.state().joint) p::put(one.doubted, 1u), one.budget.spent = 9;
   const std::uint32_t challenge = again.rig.state().challenge.word;
   for (int k = 0; k < 16; ++k) again.stay(true, challenge);
   const State& s = again.rig.state();
-  check(s.stopped == 0 && s.healthy == 0 && s.steps == 7 && s.faults == 1, "begun again, and kept");
+  check(p::voted(s.waited).stopped == 0 && p::voted(s.waited).healthy == 0 && s.steps == 7 && p::faults_of(s) == 1, "begun again, and kept");
   check(again.rig.law.controller.fault.fault == F::none && again.rig.fault() == F::none, "without a fault");
   for (std::size_t k = 0; k < joints; ++k)
-    check(s.joint[k].doubted == 0 && s.joint[k].budget.spent == 0 && again.rig.law.controller.state.gate.output[k] == 0, "joints");
+    check(s.joint[k].doubted.word == 0 && s.joint[k].budget.spent == 0 && again.rig.law.controller.state.gate.output[k] == 0, "joints");
+}
+
+/// A stop in any order with starts, faults and resets wins: it takes back the token and restarts the delay.
+void stops() {
+  for (const bool again : {false, true}) {
+    Rig rig;
+    rig.run(20);
+    p::stop(rig.law);
+    rig.run(1);
+    const std::uint32_t token = rig.back.token = rig.out.challenge;
+    rig.run(14);
+    if (again) p::stop(rig.law);
+    rig.run(1);
+    check(rig.mode() == (again ? M::damped_stop : M::running), "a pending reset");
+    if (!again) continue;
+    check(rig.out.challenge != token && p::faults_of(rig.state()) == 1, "another token");
+    rig.run(60);
+    check(p::is_stopped(rig.mode()), "the old one is no use");
+    rig.back.token = rig.out.challenge;
+    rig.run(1);
+    check(rig.mode() == M::running, "the new one is");
+  }
+  Supervised early;
+  p::stop(early);
+  p::configure(early, law_params(), rules());
+  check(p::mode_of(early.state) == M::latched && p::fault_of(early.state).fault == F::stopped, "before a start");
+  Rig between;
+  between.run(20);
+  p::stop(between.law);
+  p::configure(between.law, law_params(), rules());
+  check(between.mode() == M::latched && between.fault() == F::stopped, "between a period and a start");
 }
 
 /// While joints are held: what is in doubt of the whole, or a joint that runs away, ends the hold of all.
@@ -1065,7 +1095,7 @@ void doubts_in_a_hold() {
         rig.run(10);
         p::stop(rig.law);
         rig.run(after);
-        check(rig.mode() == M::damped_stop && rig.state().stopped == static_cast<std::uint32_t>(after), "held");
+        check(rig.mode() == M::damped_stop && p::voted(rig.state().waited).stopped == static_cast<std::uint32_t>(after), "held");
         check(rig.out.enable[0] && rig.out.enable[1] && rig.out.enable[2] && rig.out.challenge != 0, "with power");
         rig.speed[joint] = way * velocity;
         rig.run(1);
@@ -1090,9 +1120,9 @@ void doubts_in_a_hold() {
   lost.in.position[1].value = nan;
   lost.step();
   check(lost.mode() == M::damped_stop && lost.out.enable[0] && !lost.out.enable[1] && lost.out.enable[2], "lost on the way");
-  check(lost.out.fault.fault == F::stopped && lost.state().healthy == 0, "the first fault stays, and it is not well");
+  check(lost.out.fault.fault == F::stopped && p::voted(lost.state().waited).healthy == 0, "the first fault stays, and it is not well");
   lost.run(1);
-  check(lost.law.controller.fault.fault == F::none && lost.state().healthy == 1, "and goes on from there");
+  check(lost.law.controller.fault.fault == F::none && p::voted(lost.state().waited).healthy == 1, "and goes on from there");
   Rig two(r);
   two.run(10);
   two.read();
@@ -1146,7 +1176,7 @@ void fronts() {
   p::stop(off.law);
   off.run(9);
   check(off.mode() == M::latched && !off.out.enable[0] && off.out.command.effort[0] == 0, "nothing to hold with");
-  check(off.out.fault.fault == F::stopped && off.state().faults == 1, "latched by its own fault");
+  check(off.out.fault.fault == F::stopped && p::faults_of(off.state()) == 1, "latched by its own fault");
   // An effort that ramps to 0 goes to the drives, of which one in doubt gets none of a hold.
   Rig ramps;
   ramps.run(4);
@@ -1186,6 +1216,7 @@ int main() {
   end_point();
   efforts();
   resets();
+  stops();
   doubts_in_a_hold();
   fronts();
   return failures();

@@ -111,7 +111,7 @@ def write_estimator_folder(
     refuse_other_makefile(out)
     card.build(period)  # raises an error if the estimator cannot be stepped
     arrays, raw = card.arrays(period), card.chain != "none"
-    headers = needed_headers("emg_estimator.hpp")
+    headers = sorted({*needed_headers("emg_estimator.hpp"), *needed_headers("integrity.hpp")})
     files = {
         f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
     }
