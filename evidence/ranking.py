@@ -32,15 +32,17 @@ from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import simulate_session
 from pellucid.lab.safety.fault_table import draw_worn_robot
+from pellucid.lab.safety.worn_knee import IDENTIFIED_ACTUATOR
 from pellucid.lab.safety.worn_robot import WornRobot
 from pellucid.ranking.arm import ArmInUse, arm_pair, draw_arm_in_use
 from pellucid.ranking.foreign_elbow import elbow_law_of
-from pellucid.ranking.foreign_law import ForeignController, ForeignLaw, ForeignProcess, stopped_words
+from pellucid.ranking.foreign_law import ForeignLaw, ForeignLaws, ForeignProcess, stopped_words
 from pellucid.ranking.knee import knee_pair
 from pellucid.ranking.law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
 from pellucid.ranking.strategies import SWING_TASK
 from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
 from pellucid.ranking.tried import ControllerTrial
+from pellucid.ranking.watched_knee import IdentifiedDrive, WatchedController
 from pellucid.studies.results import ResultRow
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
@@ -181,12 +183,11 @@ def hostile_rows() -> Iterator[ResultRow]:
 def _commands(law: ForeignLaw) -> tuple[np.ndarray, str]:
     rig = knee_orthosis()
     subject = next(iter(rig.subjects.values()))
-    controller = ForeignController(law, rig)
-    try:
+    drive = IdentifiedDrive(IDENTIFIED_ACTUATOR["actuator_coulomb"], IDENTIFIED_ACTUATOR["actuator_inertia"])
+    with ForeignLaws(law) as build:
+        controller = WatchedController(build(), rig, drive)
         trial = swing_trial(rig, "swing", subject, duration=TRIAL_S)
         readings = run_trial(rig, trial, rng=np.random.default_rng(SEED), controller=controller)
-    finally:
-        controller.close()
     return readings.command, controller.fault
 
 

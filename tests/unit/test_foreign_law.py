@@ -13,6 +13,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.control.instruments import Instruments
 from pellucid.control.tree_laws import carried, with_force_sensor
+from pellucid.control.worn import WornCompensator
 from pellucid.deployment.microcontroller import missing_tools
 from pellucid.lab.arm.card_law import card_of
 from pellucid.lab.arm.human_motion import generated_motion
@@ -20,7 +21,10 @@ from pellucid.lab.arm.rig import able_arm
 from pellucid.lab.arm.wearer import drawn_people
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.knee.drawn import drawn_rig
+from pellucid.lab.knee.gait import walking
+from pellucid.lab.knee.protocol import walking_trial
 from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.pointing.conditions import identify_cards
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
@@ -35,8 +39,8 @@ from pellucid.ranking.foreign_cost import count_instructions
 from pellucid.ranking.foreign_elbow import elbow_law_of
 from pellucid.ranking.foreign_law import (
     STOPPED_WORDS,
-    ForeignController,
     ForeignLaw,
+    ForeignLaws,
     ForeignProcess,
     stopped_words,
     why_stopped,
@@ -46,9 +50,13 @@ from pellucid.ranking.rank import rank, rank_task, rows_of
 from pellucid.ranking.ranking_page import write_ranking
 from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
 from pellucid.ranking.tried import ControllerTrial
+from pellucid.ranking.watched_knee import IdentifiedDrive, WatchedController
 
 RIG = knee_orthosis()
 """Orthosis whose supervisor watches the laws."""
+
+DRIVE = IdentifiedDrive(*(worn_knee.IDENTIFIED_ACTUATOR[f"actuator_{name}"] for name in ("coulomb", "inertia")))
+"""Drive of the orthosis as it is identified."""
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
 
@@ -61,16 +69,14 @@ HOSTILE = {
 
 
 def answers(law, count=60):
-    controller, given = ForeignController(law, RIG), [0.0]
-    stiffness = RIG.constants.spring.stiffness
-    try:
+    given, stiffness = [0.0], RIG.constants.spring.stiffness
+    with ForeignLaws(law) as build:
+        controller = WatchedController(build(), RIG, DRIVE)
         for k in range(count):
             # The spring follows the law; its twist is what both encoders differ by.
             angle, torque = 0.3 * np.sin(0.02 * k), given[-1]
             motor = angle + torque / stiffness
             given.append(controller.step(0.002 * k, angle, torque + 0.05 * np.cos(0.03 * k), motor_position=motor))
-    finally:
-        controller.close()
     return np.array(given[1:]), controller.fault
 
 
@@ -115,21 +121,60 @@ def test_a_hostile_law_is_stopped_and_told(why, tmp_path, monkeypatch):
     assert given[-1] == 0.0
 
 
-def test_the_supervisor_of_an_export_watches_a_foreign_law(tmp_path):
+class Pushes:
+    """A controller of the toolkit's kind that asks for a constant torque."""
+
+    def step(self, time, position, torque, emg=()):
+        return 9.0
+
+
+def test_the_supervisor_of_an_export_watches_own_and_foreign_laws_alike(tmp_path):
     path = tmp_path / "pushes.py"
     path.write_text("class Law:\n    def reset(self): ...\n    def step(self, *sample): return 9.0\n", encoding="utf-8")
-    controller = ForeignController(ForeignLaw.from_file(path), RIG)
-    try:
+
+    def efforts(law):
+        controller, given = WatchedController(law, RIG, DRIVE), []
         # The spring pulls the other way than the law asks for, which the gate alone does not see.
         for k in range(400):
             angle = 0.3 * np.sin(0.02 * k)
             motor = angle - 9.0 / RIG.constants.spring.stiffness
-            effort = controller.step(0.002 * k, angle, -9.0, motor_position=motor)
-    finally:
-        controller.close()
-    assert controller.fault == "drive_stuck"
-    assert effort == 0.0
+            given.append(controller.step(0.002 * k, angle, -9.0, motor_position=motor))
+        assert controller.fault == "drive_stuck"
+        return given
+
+    with ForeignLaws(ForeignLaw.from_file(path)) as build:
+        foreign = efforts(build())
+    assert foreign == efforts(Pushes())
+    assert max(foreign) > 5.0
+    assert foreign[-1] == 0.0
     assert stopped_words("drive_stuck") == "the supervisor found: drive stuck"
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_nobody_is_stopped_by_what_the_torque_loop_leaves_of_the_motor_while_walking(seed):
+    """A supervisor that was told the whole inertia of the motor stopped each of these foreign laws, and no own one."""
+    knee = worn_knee.draw_worn_knee(seed)
+    rig, drive = knee.rig, IdentifiedDrive.from_coupling(knee.known.coupling)
+    (subject,) = rig.subjects.values()
+    path, _ = walking(1.0 / rig.period, 6.0, np.random.default_rng([seed, 3]))
+
+    def walk(law, drive):
+        controller = WatchedController(law, rig, drive)
+        trial = walking_trial(rig, "walking", subject, path)
+        readings = run_trial(rig, trial, rng=np.random.default_rng(seed), controller=controller)
+        return controller.fault, readings.command
+
+    own, (wears, command) = WornCompensator(knee.known), walk(WornCompensator(knee.known), drive)
+    assert wears == "none"
+    with ForeignLaws(ForeignLaw.from_file(EXAMPLES / "spring_to_zero.py")) as build:
+        assert walk(build(), drive)[0] == "none"
+        motor = rig.constants.actuator
+        told = IdentifiedDrive(max(motor.coulomb_positive, motor.coulomb_negative), motor.inertia)
+        assert walk(build(), told)[0] == "drive_effort"
+    # Supervised, a healthy law gives the same efforts to the bit.
+    trial = walking_trial(rig, "walking", subject, path)
+    alone = run_trial(rig, trial, rng=np.random.default_rng(seed), controller=own)
+    assert alone.command.tobytes() == command.tobytes()
 
 
 @pytest.fixture(scope="module")
@@ -231,17 +276,17 @@ def test_a_single_fault_at_the_knee_costs_joules_under_own_and_foreign_laws(monk
     worn = knee_in_use(drawn_rig(RIG, 403), 1)
     path = tmp_path / "rests.py"
     path.write_text("class Law:\n    def reset(self): ...\n    def step(self, *sample): return 0.0\n", encoding="utf-8")
-    foreign = worst_foreign_knee_fault(worn, ForeignLaw.from_file(path))
+    foreign = worst_foreign_knee_fault(worn, ForeignLaw.from_file(path), DRIVE)
 
     class Rests:
         def step(self, time, position, torque, emg=()):
             return 0.0
 
     # A law that asks for nothing is the same law, whoever wrote it.
-    assert worst_knee_fault(worn, "rests", Rests) == foreign > 0.0
-    assert worst_knee_fault(worn, "zero_impedance", lambda: None) is None
+    assert worst_knee_fault(worn, "rests", Rests, DRIVE) == foreign > 0.0
+    assert worst_knee_fault(worn, "zero_impedance", lambda: None, DRIVE) is None
     path.write_text(path.read_text(encoding="utf-8").replace("0.0", "float('nan')"), encoding="utf-8")
-    assert worst_foreign_knee_fault(worn, ForeignLaw.from_file(path)) is None  # stopped before any fault
+    assert worst_foreign_knee_fault(worn, ForeignLaw.from_file(path), DRIVE) is None  # stopped before any fault
 
 
 def test_what_holds_no_law_is_told(tmp_path):

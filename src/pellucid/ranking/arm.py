@@ -170,23 +170,22 @@ def arm_pair(
             if process.fault == NO_FAULT and "arm" not in process.robots:
                 continue
             law = in_use.commanded(process)
-            tried = _trial(foreign.name, index, in_use.wear(law), law.said)
-            fault = process.fault if process.fault != NO_FAULT else tried.fault
+            worn = in_use.wear(law)
+            fault = process.fault if process.fault != NO_FAULT else law.said
+            tried = _trial(foreign.name, index, worn, fault)
             if fault == NO_FAULT:
                 tried = replace(tried, fault_energy=_worst_fault(in_use, lambda *f, p=process: in_use.commanded(p, *f)))
-            else:
-                tried = replace(tried, torque=float("nan"), fault=fault)
             made.append(tried)
     return made
 
 
 def _trial(name: str, index: int, trial: WornTrial, fault: str = NO_FAULT) -> ControllerTrial:
-    """Return what a trial without a fault says of a law."""
+    """Return what a trial says of a law; one that was stopped has no torque."""
     power = np.sum(trial.on_limb * trial.limb_velocity, axis=1)[trial.counted]
     off = float(np.sqrt(np.mean(trial.error**2)))
     return ControllerTrial(
-        REACHING_TASK, name, index, trial.interaction_rms, *given_and_taken_power(power, trial.rate), deviation=off,
-        fault=fault,
+        REACHING_TASK, name, index, trial.interaction_rms if fault == NO_FAULT else float("nan"),
+        *given_and_taken_power(power, trial.rate), deviation=off, fault=fault,
     )  # fmt: skip
 
 

@@ -64,7 +64,8 @@ def try_elbow(
 ) -> list[ControllerTrial]:  # fmt: skip
     """Try the controllers of `RANKED_STRATEGIES` that `only` names, and foreign `laws`, on one robot and one person.
 
-    Single faults are tried, and steps timed, if `faults`.
+    Single faults are tried, and steps timed, if `faults`. Every law, own and foreign, is under the same supervisor; one
+    that it stops has no torque.
     """
     parts = 1 + len(only) + len(laws)
     with job_part(0, parts):
@@ -75,13 +76,14 @@ def try_elbow(
     made = []
 
     def wear(name: str, law: RobotLaw) -> ControllerTrial:
-        session = point(rig, person, law, [seed, index])
+        under = worn.watched(law, start_up=False) if isinstance(law, ControlLaw) else law
+        session = point(rig, person, under, [seed, index])
         power = -session.signals["interaction"] * session.signals["link"]
         return ControllerTrial(
             POINTING_TASK,
             name,
             index,
-            interaction_rms(session),
+            interaction_rms(session) if session.fault == NO_FAULT else float("nan"),
             *given_and_taken_power(power, session.fs),
             **_changes(session_indices(session), free),
             fault=session.fault,
@@ -104,9 +106,7 @@ def try_elbow(
             if fault == NO_FAULT and faults:
                 supervised_law = elbow_law_of(process, worn, start_up=True)
                 tried = replace(tried, fault_energy=_worst_fault_energy(worn, index, foreign.name, supervised_law))
-            elif fault != NO_FAULT:
-                tried = replace(tried, torque=float("nan"), fault=fault)
-            made.append(tried)
+            made.append(replace(tried, fault=fault))
     return made
 
 

@@ -1,10 +1,9 @@
 """Anybody's control law in the ranking: a C file, a shared library or a Python class, in a process of its own.
 
 The law gets what every law of the knee orthosis gets (time, the joint's position, the spring's torque) and answers the
-torque that the spring is to have. What it answers passes the supervisor that `export` puts around a law of this
-orthosis, with the instruments that the rig states: both encoders, the spring as the drive's measurement, limits of
-effort, rate, speed and angle, and every watch. A law that does not answer in time, ends, takes too much memory or
-answers no number is stopped: the torque ramps to 0, and the ranking lists why.
+torque that the spring is to have. What it answers passes the supervisor that every ranked controller has there
+(`watched_knee`). A law that does not answer in time, ends, takes too much memory or answers no number is stopped: the
+torque ramps to 0, and the ranking lists why.
 """
 
 from __future__ import annotations
@@ -21,12 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError
-from ..control.commanded import CommandedLaw, commanded_law
-from ..control.limits import Limits
-from ..control.supervised import SupervisedLaw
 from ..control.supervisor_faults import NO_FAULT
-from ..control.worn import watched_worn
-from ..lab.knee.machine import KneeMachine
 from ..studies.study_place import checksum
 from . import foreign_worker
 
@@ -243,45 +237,15 @@ def stopped_words(fault: str) -> str:
     return STOPPED_WORDS.get(fault, f"the supervisor found: {fault.replace('_', ' ')}")
 
 
-def watched_command(rig: KneeMachine, limits: Limits | None = None) -> SupervisedLaw:
-    """Return a law of commanded effort at the knee under the supervisor that an exported law has there."""
-    return watched_worn(
-        commanded_law(limits or Limits(), rig.period), rig.instruments, actuator=identified_drive(rig)
-    )  # fmt: skip
-
-
-def identified_drive(rig: KneeMachine) -> dict[str, float]:
-    """Return what of the orthosis's drive the supervisor of a law without these numbers is told, SI."""
-    actuator = rig.constants.actuator
-    return {
-        "actuator_coulomb": max(actuator.coulomb_positive, actuator.coulomb_negative),
-        "actuator_inertia": actuator.inertia,
-    }
-
-
 def why_stopped(faults: Iterable[str]) -> tuple[str, ...]:
     """Return in words, once each, why a law was stopped in trials that ended with these faults."""
     return tuple(dict.fromkeys(stopped_words(fault) for fault in faults if fault != NO_FAULT))
 
 
-class ForeignController:
-    """A foreign law as a controller of the knee orthosis, supervised as an exported law; `fault` says why it stopped.
+class ForeignKneeLaw:
+    """A foreign law as a controller of the knee orthosis, without a supervisor; `fault` says why it stopped."""
 
-    Parameters
-    ----------
-    law : ForeignLaw
-    rig : KneeMachine
-        Orthosis; its instruments and its drive are what the supervisor knows.
-    limits : Limits, optional
-        Limits of the law; those of an exported law by default.
-    """
-
-    reads_motor_encoder = True
-
-    def __init__(self, law: ForeignLaw, rig: KneeMachine, limits: Limits | None = None) -> None:
-        instruments = rig.instruments
-        self._supervised = CommandedLaw(watched_command(rig, limits))
-        self._drive_is_measured = instruments.drive
+    def __init__(self, law: ForeignLaw) -> None:
         self._process = ForeignProcess(law)
 
     @property
@@ -294,37 +258,33 @@ class ForeignController:
         """Robots for which the law has a function."""
         return self._process.robots
 
-    def step(
-        self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = (), *,
-        motor_position: float | None = None,
-    ) -> float:  # fmt: skip
-        """Return the torque for the spring [N m]; `time` [s], `position`, `motor_position` [rad], `torque` [N m]."""
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+        """Return the torque that the law asks for [N m], 0 once it was stopped.
+
+        `time` [s], `position` [rad], `torque` [N m]. The law gets no EMG.
+        """
         command = self._process.effort("knee", time, position, torque)
-        drive = torque if self._drive_is_measured else None
-        effort = self._supervised.step(time, position, command, drive=drive, joint=motor_position)
-        if self.fault == NO_FAULT and self._supervised.fault != NO_FAULT:
-            self._process.stop(self._supervised.fault)
-        return effort
+        return command if math.isfinite(command) else 0.0
 
     def close(self) -> None:
-        """End the law's process."""
+        """End the law's process and remove what was compiled."""
         self._process.close()
 
 
-class ForeignControllers:
+class ForeignLaws:
     """Makes controllers of one foreign law, each with a process of its own, and ends them all: a context manager."""
 
-    def __init__(self, law: ForeignLaw, rig: KneeMachine) -> None:
-        self._law, self._rig = law, rig
-        self._made: list[ForeignController] = []
+    def __init__(self, law: ForeignLaw) -> None:
+        self._law = law
+        self._made: list[ForeignKneeLaw] = []
 
-    def __enter__(self) -> Callable[[], ForeignController]:
+    def __enter__(self) -> Callable[[], ForeignKneeLaw]:
         return self._build
 
     def __exit__(self, *_: object) -> None:
         for one in self._made:
             one.close()
 
-    def _build(self) -> ForeignController:
-        self._made.append(ForeignController(self._law, self._rig))
+    def _build(self) -> ForeignKneeLaw:
+        self._made.append(ForeignKneeLaw(self._law))
         return self._made[-1]

@@ -13,18 +13,17 @@ from ..control.worn_design import design_worn_law, other_straps
 from ..lab.knee.chosen_constants import ChosenConstants, chosen
 from ..lab.knee.gait import walking
 from ..lab.knee.identified_wearer import WearerCard
-from ..lab.knee.instruments import Mounting
 from ..lab.knee.protocol import swing_trial, walking_trial
 from ..lab.knee.rig import KneeRig, knee_orthosis
-from ..lab.knee.subject import KneeSubject
 from ..lab.knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
-from .foreign_law import ForeignControllers, ForeignLaw
+from .foreign_law import ForeignLaw, ForeignLaws
 from .knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power
+from .watched_knee import IdentifiedDrive, WatchedController
 
 TRIAL_DURATION_S = 12.0
 """Duration of the swings and of the walk [s]; the first `swings.SETTLING_TIME_S` of them are not scored."""
@@ -62,7 +61,8 @@ def knee_pair(
 ) -> list[ControllerTrial]:
     """Identify wearer `index` in an orthosis of their own, and try every controller in swings and in walking.
 
-    Foreign `laws` are tried on the same wearer with the same noise, each trial in a new process.
+    Foreign `laws` are tried on the same wearer with the same noise, each trial in a new process. Every controller, of
+    the toolkit and foreign, is under the same supervisor (`watched_knee`); one that it stops has no torque.
 
     With `sway`, controllers without linear margins are also tested for their margins in simulation, which takes most of
     the time. Single faults are tried in swings.
@@ -71,11 +71,27 @@ def knee_pair(
     with job_part(0, parts):
         identified = identify_by_name(knee_orthosis(), f"D{FIRST_WEARER + WEARERS_PER_SEED * (seed - 1) + index}")
     rig, name, constants, session = identified.rig, identified.name, chosen(), session_of(identified)
-    built = ranked_controllers(identified.card(constants.emg), rig, constants, only)
+    card = identified.card(constants.emg)
+    built, drive = ranked_controllers(card, rig, constants, only), IdentifiedDrive.from_coupling(card.coupling)
     plain = without_control(rig, name) if sway else None
     path, _ = walking(1.0 / rig.period, TRIAL_DURATION_S, np.random.default_rng([seed, index, 3]))
     worn = knee_in_use(rig, WEARERS_PER_SEED * seed + index)
     made = []
+
+    def attempt(task: str, kind: str, controller: Controller | None, where: KneeRig) -> ControllerTrial:
+        subject = rig.subjects[name]
+        trial = (
+            swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
+            if task == SWING_TASK
+            else walking_trial(rig, "walking", subject, path)
+        )
+        rng = np.random.default_rng([seed, index, 7])
+        readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
+        fault = getattr(controller, "fault", NO_FAULT)
+        torque = rms_mismatch_and_torque(readings)[1] if fault == NO_FAULT else float("nan")
+        given = given_and_taken_power(_power(readings), 1.0 / rig.period)
+        return ControllerTrial(task, kind, index, torque, *given, fault=fault)
+
     for part, kind in enumerate(only, 1):
         with job_part(part, parts):
             one, where = built[kind], without_power(rig) if kind == "no_control" else rig
@@ -84,53 +100,25 @@ def knee_pair(
             if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
                 held = holds_margins(rig, name, one.build, plain)
             safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
-            safety["fault_energy"] = worst_knee_fault(worn, kind, one.build)
+            safety["fault_energy"] = worst_knee_fault(worn, kind, one.build, drive)
             for task in (SWING_TASK, WALKING_TASK):
-                controller: Controller | None = one.build()
-                subject = rig.subjects[name]
-                trial = (
-                    swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
-                    if task == SWING_TASK
-                    else walking_trial(rig, "walking", subject, path)
-                )
-                rng = np.random.default_rng([seed, index, 7])
-                readings = run_trial(where, trial, rng=rng, controller=controller, mounting=session)
-                given = given_and_taken_power(_power(readings), 1.0 / rig.period)
-                fault = getattr(controller, "fault", "none")
-                torque = rms_mismatch_and_torque(readings)[1]
-                made.append(ControllerTrial(task, kind, index, torque, *given, **safety, fault=fault))
+                controller = one.build()
+                under = None if controller is None else WatchedController(controller, rig, drive)
+                made.append(replace(attempt(task, kind, under, where), **safety))
     for part, law in enumerate(laws, 1 + len(only)):
         with job_part(part, parts):
             held = None
-            with ForeignControllers(law, rig) as build:
+            with ForeignLaws(law) as build:
                 first = build()
                 if first.fault == NO_FAULT and "knee" not in first.robots:
                     continue
                 if plain is not None and first.fault == NO_FAULT:
                     held = holds_margins(rig, name, build, plain)
-            joules = worst_foreign_knee_fault(worn, law)
-            for task in (SWING_TASK, WALKING_TASK):
-                tried = _try_foreign(law, task, index, seed, rig, rig.subjects[name], path, session)
-                made.append(replace(tried, holds=held, fault_energy=joules))
+                joules = worst_foreign_knee_fault(worn, law, drive)
+                for task in (SWING_TASK, WALKING_TASK):
+                    tried = attempt(task, law.name, WatchedController(build(), rig, drive), rig)
+                    made.append(replace(tried, holds=held, fault_energy=joules))
     return made
-
-
-def _try_foreign(
-    law: ForeignLaw, task: str, index: int, seed: int, rig: KneeRig, subject: KneeSubject, path: np.ndarray,
-    session: Mounting,
-) -> ControllerTrial:  # fmt: skip
-    """Try one foreign law; with one that was stopped the torque is NaN, so that it comes last."""
-    trial = (
-        swing_trial(rig, "swing", subject, duration=TRIAL_DURATION_S)
-        if task == SWING_TASK
-        else walking_trial(rig, "walking", subject, path)
-    )
-    with ForeignControllers(law, rig) as build:
-        controller, rng = build(), np.random.default_rng([seed, index, 7])
-        readings = run_trial(rig, trial, rng=rng, controller=controller, mounting=session)
-    given = given_and_taken_power(_power(readings), 1.0 / rig.period)
-    torque = rms_mismatch_and_torque(readings)[1] if controller.fault == NO_FAULT else float("nan")
-    return ControllerTrial(task, law.name, index, torque, *given, fault=controller.fault)
 
 
 def _power(readings: KneeReadings) -> np.ndarray:

@@ -15,13 +15,14 @@ import numpy as np
 from .._processes import tell_job_share
 from ..control.supervised import SupervisedLaw
 from ..control.supervisor_faults import NO_FAULT
-from ..control.worn import WornCompensator, watched_worn
+from ..control.worn import WornCompensator
 from ..lab.knee.rig import KneeRig
 from ..lab.knee.trial import Controller
 from ..lab.safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS
 from ..lab.safety.worn_knee import KNOWLEDGE_LOG_SD, KneeInUse, LawCommand, try_worn_law
 from ..papers.knee.body_laws import BodyLaw
-from .foreign_law import ForeignLaw, ForeignProcess, identified_drive, watched_command
+from .foreign_law import ForeignLaw, ForeignProcess
+from .watched_knee import IdentifiedDrive, watched, watched_command
 
 
 def knee_in_use(rig: KneeRig, seed: int) -> KneeInUse:
@@ -30,7 +31,9 @@ def knee_in_use(rig: KneeRig, seed: int) -> KneeInUse:
     return KneeInUse(rig=rig, emg_gain=float(np.exp(error)), seed=seed)
 
 
-def worst_knee_fault(worn: KneeInUse, name: str, build: Callable[[], Controller | None]) -> float | None:
+def worst_knee_fault(
+    worn: KneeInUse, name: str, build: Callable[[], Controller | None], drive: IdentifiedDrive
+) -> float | None:
     """Return the most energy that a single fault gives the wearer under a controller until the robot is safe [J].
 
     None without a controller, with one that learns while it is worn, which no law of the core is, and with one that the
@@ -40,17 +43,17 @@ def worst_knee_fault(worn: KneeInUse, name: str, build: Callable[[], Controller 
     if one is None or (isinstance(one, WornCompensator) and one.learns):
         return None
     if isinstance(one, (WornCompensator, BodyLaw)):
-        law = watched_worn(one.law, worn.rig.instruments, actuator=identified_drive(worn.rig))
-        return _worst_energy(worn, name, law, listens=isinstance(one, WornCompensator) and one.listens)
-    return _worst_energy(worn, name, watched_command(worn.rig), command=_command_of(build))
+        listens = isinstance(one, WornCompensator) and one.listens
+        return _worst_energy(worn, name, watched(one.law, worn.rig, drive), listens=listens)
+    return _worst_energy(worn, name, watched_command(worn.rig, drive), command=_command_of(build))
 
 
-def worst_foreign_knee_fault(worn: KneeInUse, law: ForeignLaw) -> float | None:
+def worst_foreign_knee_fault(worn: KneeInUse, law: ForeignLaw, drive: IdentifiedDrive) -> float | None:
     """Return the same of a foreign law; None if it was stopped for what it answers."""
     with closing(ForeignProcess(law)) as process:
         if process.fault != NO_FAULT or "knee" not in process.robots:
             return None
-        return _worst_energy(worn, law.name, watched_command(worn.rig), command=process.command_of("knee"))
+        return _worst_energy(worn, law.name, watched_command(worn.rig, drive), command=process.command_of("knee"))
 
 
 def _command_of(build: Callable[[], Controller | None]) -> LawCommand:
