@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -204,3 +205,33 @@ def test_drawn_logs_with_sealed_faults_are_found_and_sound_ones_are_left_alone()
     assert sum(score.faulty.values()) >= 4
     assert sum(score.found.values()) == sum(score.faulty.values()), score.said
     assert (score.false_alarms, score.misplaced) == (0, 0), score.said
+
+
+def wide_table(folder, channels, rows=400):
+    """Write torques of which one is a copy and one the sum of two others; the rest have nothing in common."""
+    rng = np.random.default_rng(8)
+    table = np.cumsum(rng.standard_normal((rows, channels)), axis=0)
+    table[:, 3] = table[:, channels - 1]
+    table[:, 5] = np.clip(table[:, channels // 2] + table[:, 1], *np.quantile(table[:, 1], (0.1, 0.9)))
+    names = ["t [s]", *(f"torque{i} [N*m]" for i in range(channels))]
+    path = folder / f"wide{channels}.csv"
+    rows = np.column_stack([0.01 * np.arange(rows), table])
+    np.savetxt(path, rows, "%.7g", ",", header=",".join(names), comments="")
+    return path
+
+
+def test_sums_and_copies_are_found_among_hundreds_of_channels(tmp_path):
+    found = {v.channel: str(v.sentences) for v in pl.audit(wide_table(tmp_path, 900)).verdicts if v.sentences}
+    assert "equals torque899" in found["torque3 [N*m]"]
+    assert "equals torque1 [N*m] plus torque450" in found["torque5 [N*m]"]
+    assert len([text for text in found.values() if "equals" in text]) == 2
+
+
+def test_a_wide_log_takes_time_in_proportion_to_its_channels(tmp_path):
+    began = process_time()
+    pl.audit(wide_table(tmp_path, 150))
+    narrow = process_time() - began
+    began = process_time()
+    pl.audit(wide_table(tmp_path, 1500))
+    # Pairs of 1,500 channels are 100 times those of 150.
+    assert process_time() - began < 30.0 * narrow

@@ -244,12 +244,18 @@ def _verdicts(files: Sequence[AuditedFile]) -> list[ChannelVerdict]:
             unit = f" [{unit_text(quantity.unit)}]" if quantity.unit else ""
             kind = "time" if channel.name == clock else quantity.kind
             holds.setdefault(channel.name, f"{kind}{role}{unit}" if kind else "")
-    order = sorted(holders, key=lambda name: name not in {f.log.time or "time" for f in files if f.log})
-    return [_verdict_on(name, holders[name], holds.get(name, "")) for name in order]
+    clocks = {f.log.time or "time" for f in files if f.log}
+    order = sorted(holders, key=lambda name: name not in clocks)
+    findings: dict[str, list[tuple[AuditedFile, LogFinding]]] = {}
+    for file in files:
+        for finding in file.findings:
+            findings.setdefault(finding.channel, []).append((file, finding))
+    return [_verdict_on(name, holders[name], holds.get(name, ""), findings.get(name, ())) for name in order]
 
 
-def _verdict_on(channel: str, files: Sequence[AuditedFile], holds: str) -> ChannelVerdict:
-    found = [(file, finding) for file in files for finding in file.findings if finding.channel == channel]
+def _verdict_on(
+    channel: str, files: Sequence[AuditedFile], holds: str, found: Sequence[tuple[AuditedFile, LogFinding]]
+) -> ChannelVerdict:
     kinds = sorted(
         {f.kind for _, f in found}, key=lambda kind: (_level(found, kind) != ALARM_LEVEL, _VERDICT_ORDER[kind])
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,15 @@ MIN_VELOCITY_CORRELATION = 0.9
 
 WILD_RATIO = 1e4
 """A value this many times as large as nearly all others of its channel is impossible in any unit."""
+
+MAX_COMPARED_CHANNELS = 64
+"""A silent stretch is compared with at most this many other channels, spread over the file."""
+
+MAX_COMPARED_COMMANDS = 16
+"""A measurement is compared with at most this many commands, those of its own joint first."""
+
+MAX_ECHO_SAMPLES = 100e6
+"""Commands are compared in about this many samples of a file, which takes half a minute, and with one at least."""
 
 SETTING_QUANTITIES = ("", "switch", "stiffness", "damping")
 """Quantities that nobody measures, and columns of which nothing is known."""
@@ -168,6 +178,21 @@ class LogChannel:
     def unit(self) -> str:
         """Unit of the samples for a sentence, with a blank before it; "" without one."""
         return f" {self.quantity.unit}" if self.quantity.unit not in ("", "1") else ""
+
+    @cached_property
+    def levels(self) -> np.ndarray | None:
+        """The few values that the channel takes; None if it takes more."""
+        return constant.few_levels([self.samples])
+
+    @cached_property
+    def spread(self) -> float:
+        """Width that holds 98 % of the values."""
+        return _spread(self.samples)
+
+    @cached_property
+    def joint(self) -> str:
+        """What the name holds beside words for quantities, roles and units: the channel's joint."""
+        return joint_words(self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,7 +399,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         many = f"{gone} of {len(x)} samples are missing, in {runs} stretch{'es' if runs > 1 else ''}"
         level = ALARM_LEVEL if gone > MAX_MISSING_SHARE * len(x) else NOTE_LEVEL
         yield LogFinding(missing.KIND, name, many, level, first)
-    levels = constant.few_levels([x])
+    levels = channel.levels
     measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
     if levels is not None and levels.size <= 1:
         value = float(levels[0]) if levels.size else 0.0
@@ -423,10 +448,7 @@ def _spread(x: np.ndarray) -> float:
 
 
 def _something_moves(channel: LogChannel, others: Mapping[str, LogChannel]) -> bool:
-    return any(
-        c.quantity.kind not in ("", "time") and c is not channel and constant.few_levels([c.samples]) is None
-        for c in others.values()
-    )
+    return any(c.quantity.kind not in ("", "time") and c is not channel and c.levels is None for c in others.values())
 
 
 def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], first: int, last: int) -> bool:
@@ -437,14 +459,17 @@ def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], fi
     noise, and never rests as long as anything moves.
     """
     contradicting = {"position": ("velocity",), "velocity": ("position",)}.get(channel.quantity.kind)
-    for other in others.values():
-        if other is channel or len(other.samples) != len(channel.samples) or other.quantity.role == "command":
-            continue
-        if contradicting and other.quantity.kind not in contradicting:
-            continue
-        if constant.few_levels([other.samples]) is not None:
-            continue
-        whole, inside = _spread(other.samples), _spread(other.samples[first : last + 1])
+    telling = [
+        c
+        for c in others.values()
+        if c is not channel
+        and len(c.samples) == len(channel.samples)
+        and c.quantity.role != "command"
+        and (not contradicting or c.quantity.kind in contradicting)
+        and c.levels is None
+    ]
+    for other in telling[:: -(-len(telling) // MAX_COMPARED_CHANNELS) or 1]:
+        whole, inside = other.spread, _spread(other.samples[first : last + 1])
         if inside > 0.1 * whole and (not contradicting or _moves_with(channel, other, first, last)):
             return False
     return True
@@ -464,27 +489,24 @@ def _moves_with(channel: LogChannel, other: LogChannel, first: int, last: int) -
 def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
     """Yield positions that repeat one value while their joint must have moved, by the effort of the same joint."""
     positions = [c for c in channels.values() if c.quantity.kind == "position" and c.quantity.role in ("", "measured")]
-    efforts = [c for c in channels.values() if c.quantity.kind in EFFORT_QUANTITIES]
+    efforts: dict[tuple[str, int], LogChannel] = {}
+    commands: dict[str, LogChannel] = {}
+    for c in channels.values():
+        if c.quantity.kind in EFFORT_QUANTITIES:
+            efforts.setdefault((c.joint, len(c.samples)), c)
+        if c.quantity.kind == "position" and c.quantity.role == "command":
+            commands.setdefault(c.joint, c)
     for position in positions:
-        own = [e for e in efforts if _joint_of(e) == _joint_of(position) and len(e.samples) == len(position.samples)]
-        if not own or constant.few_levels([position.samples]) is not None:
+        own = efforts.get((position.joint, len(position.samples)))
+        if own is None or position.levels is not None:
             continue
-        asked = [
-            c.samples
-            for c in channels.values()
-            if c.quantity.kind == "position" and c.quantity.role == "command" and _joint_of(c) == _joint_of(position)
-        ]
-        reference = asked[0] if asked and len(asked[0]) == len(position.samples) else None
-        rests = list(frozen.frozen_rests(position.samples, own[0].samples, reference, constant.MIN_SILENT_SAMPLES))
+        asked = commands.get(position.joint)
+        reference = asked.samples if asked and len(asked.samples) == len(position.samples) else None
+        rests = list(frozen.frozen_rests(position.samples, own.samples, reference, constant.MIN_SILENT_SAMPLES))
         if rests:
             first, last, why = max(rests, key=lambda rest: rest[1] - rest[0])
             text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
             yield LogFinding(constant.KIND, position.name, text, ALARM_LEVEL, first, last)
-
-
-def _joint_of(channel: LogChannel) -> str:
-    """Return what a name holds beside words for quantities, roles and units: its joint."""
-    return joint_words(channel.name)
 
 
 def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
@@ -553,29 +575,13 @@ def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
 
 def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> Iterator[LogFinding]:
     """Yield channels that repeat or are computed from others, and efforts that nobody measured."""
-    live = [c for c in channels.values() if c.name not in dead and constant.few_levels([c.samples]) is None]
-    told: dict[str, str] = {}
-    for channel in live:
-        alike = [c for c in live if c is not channel and _is_alike(c, channel)]
-        if not alike or channel.name in told.values():
-            continue
-        computed = echoed.find_computed(channel.samples, [c.samples for c in alike])
-        if computed is not None:
-            names = [alike[i].name for i in computed.sources]
-            told[channel.name] = names[0]
-            text = f"it equals {' plus '.join(names)} in every row that is not at a limit: computed, not measured"
-            level = ALARM_LEVEL if channel.quantity.role == "measured" else NOTE_LEVEL
-            yield LogFinding(echoed.KIND if level == ALARM_LEVEL else "computed", channel.name, text, level)
-            continue
-        if channel.quantity.role in ("command", "computed"):
-            continue
-        for command in (c for c in alike if c.quantity.role == "command"):
-            echo = echoed.find_echo(channel.samples, command.samples)
-            if echo is not None and (channel.quantity.kind in EFFORT_QUANTITIES or echo.correlation > 0.999999):
-                told[channel.name] = command.name
-                text = f"it is {command.name}, {echo.delay} rows late (r = {echo.correlation:.5f}): no measurement"
-                yield LogFinding(echoed.KIND, channel.name, text, size=echo.correlation)
-                break
+    groups: dict[tuple[str, str, int], list[LogChannel]] = {}
+    for channel in channels.values():
+        if channel.name not in dead and channel.quantity.kind and channel.levels is None:
+            key = (channel.quantity.kind, channel.quantity.unit, len(channel.samples))
+            groups.setdefault(key, []).append(channel)
+    found = {f.channel: f for group in groups.values() for f in _computed_findings(group)}
+    yield from (found[name] for name in channels if name in found)
     for kind in EFFORT_QUANTITIES:
         of_kind = [c for c in channels.values() if c.quantity.kind == kind]
         asked = [c for c in of_kind if c.quantity.role in ("command", "computed")]
@@ -585,11 +591,30 @@ def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> It
             yield LogFinding("not_measured", asked[0].name, text, NOTE_LEVEL)
 
 
-def _is_alike(one: LogChannel, other: LogChannel) -> bool:
-    """Whether two channels hold the same quantity, so that one may repeat the other."""
-    return (
-        bool(one.quantity.kind)
-        and one.quantity.kind == other.quantity.kind
-        and one.quantity.unit == other.quantity.unit
-        and len(one.samples) == len(other.samples)
-    )
+def _computed_findings(alike: Sequence[LogChannel]) -> Iterator[LogFinding]:
+    """Yield channels that repeat or are computed from others, of channels of one quantity, unit and length."""
+    table = np.stack([c.samples for c in alike])
+    commands = [c for c in alike if c.quantity.role == "command"]
+    most = int(np.clip(MAX_ECHO_SAMPLES / table.size, 1, MAX_COMPARED_COMMANDS))
+    told: set[str] = set()
+    for i, channel in enumerate(alike):
+        if channel.name in told:
+            continue
+        computed = echoed.find_computed(table, i)
+        if computed is not None:
+            names = [alike[k].name for k in computed.sources]
+            told.add(names[0])
+            text = f"it equals {' plus '.join(names)} in every row that is not at a limit: computed, not measured"
+            level = ALARM_LEVEL if channel.quantity.role == "measured" else NOTE_LEVEL
+            yield LogFinding(echoed.KIND if level == ALARM_LEVEL else "computed", channel.name, text, level)
+            continue
+        if channel.quantity.role in ("command", "computed"):
+            continue
+        own = sorted(commands, key=lambda c: c.joint != channel.joint)
+        for command in own[:most]:
+            echo = echoed.find_echo(channel.samples, command.samples)
+            if echo is not None and (channel.quantity.kind in EFFORT_QUANTITIES or echo.correlation > 0.999999):
+                told.add(command.name)
+                text = f"it is {command.name}, {echo.delay} rows late (r = {echo.correlation:.5f}): no measurement"
+                yield LogFinding(echoed.KIND, channel.name, text, size=echo.correlation)
+                break
