@@ -23,7 +23,6 @@ from benchmarks._size import sized
 from pellucid import audit, init
 from pellucid.procedures.audit_page import write_audit_page
 from pellucid.procedures.run import report, run
-from pellucid.proposals.init_from_files import init_from_files
 from pellucid.studies.results import ResultRow, read_rows
 
 from ._page_looks import Looks, chromium, look_at
@@ -113,8 +112,8 @@ def _file_pages(place: Path, recordings: Path) -> list[Made]:
     """Return the pages of an audit and of a proposal for files that were never described."""
     files = sorted(recordings.rglob("*.csv"))[:2]
     audited = write_audit_page(audit(files), place / "audit")
-    proposed = init_from_files(place / "proposed", files)
-    return [Made("audit", audited, ()), Made("proposal", proposed.page, ())]
+    init(place / "proposed", files=files)
+    return [Made("audit", audited, ()), Made("proposal", place / "proposed" / "proposal" / "index.html", ())]
 
 
 def _contradictions(made: list[Made], looks: list[Looks]) -> list[str]:

@@ -118,7 +118,8 @@ def init(
     from .start_study import init as run
 
     if from_:
-        _init_from(folder, [*from_, *(files or [])], yes=yes, answer=answer or [])
+        others = {"dataset": dataset, "rig": rig, "session": session, "urdf": urdf}
+        _init_from(folder, [*from_, *(files or [])], others, yes=yes, answer=answer or [])
         return
     if files or yes or answer:
         raise PellucidError("init: found files or answers without --from, expected init DIR --from FILES")
@@ -141,11 +142,13 @@ def init(
     print_line(out, f"study.toml says what they mean. Next: pellucid check {folder}")
 
 
-def _init_from(folder: Path, files: list[Path], *, yes: bool, answer: list[str]) -> None:
-    """Propose a study for files, ask what they cannot tell unless `yes`, and check it."""
-    from .proposals.init_from_files import init_from_files
+def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: bool, answer: list[str]) -> None:
+    """Propose a study for files, ask what they cannot tell unless `yes`, and print what `check` found in it."""
+    from .procedures.registry import open_study
+    from .proposals.init_from_files import ProposedStudy
     from .proposals.print_proposal import proposal_lines
     from .proposals.questions import Question
+    from .start_study import init as run
 
     out = make_console()
 
@@ -163,46 +166,34 @@ def _init_from(folder: Path, files: list[Path], *, yes: bool, answer: list[str])
         answers[key.strip()] = value.strip()
     with show_progress() as tell:
         tell("reading files", 0.1)
-        made = init_from_files(folder, files, answers=answers, ask=None if yes or not sys.stdin.isatty() else ask)
+        asking = None if yes or not sys.stdin.isatty() else ask
+        made = cast("ProposedStudy", run(folder, files=files, answers=answers, ask=asking, **others))
     *lines, last = proposal_lines(made)
     print_lines(out, lines, MAX_PROPOSAL_LINES, "further line")
     print_line(out, last)
-    _check_proposed(folder)
-
-
-def _check_proposed(folder: Path) -> None:
-    """Check a study that was proposed; its faults are told, and do not end the command."""
-    from .procedures.registry import open_study
-
-    try:
-        _check(open_study(folder), folder, max_lines=MAX_PROPOSAL_CHECK_LINES)
-    except typer.Exit:
-        print_line(
-            make_console(), f"Correct {folder / 'study.toml'}, or leave files out, and run pellucid check {folder}."
-        )
-    except PellucidError as error:
-        print_line(make_console(), f"check: {error}")
+    _print_check(open_study(folder), folder, made.faults, MAX_PROPOSAL_CHECK_LINES)
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
 def check(folder: Folder, json: Json = False, allow_outside: Outside = False) -> None:
     """Check recordings before identification; status 1 if unfit."""
     from .procedures.registry import open_study
-
-    _check(open_study(folder, allow_outside=allow_outside), folder, json=json)
-
-
-def _check(study: Study, folder: Path, *, json: bool = False, max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE) -> None:
-    """Check a study, and print what was found in at most `max_lines` lines unless ``-v`` asks for all."""
-    from .procedures.registry import asked
     from .procedures.run import check as run
-    from .recordings.fault import grouped_messages
 
+    study = open_study(folder, allow_outside=allow_outside)
     with show_progress() as tell:
         faults = run(study, on_progress=tell)
     if json:
         _print_faults(faults)
         return
+    _print_check(study, folder, faults, MAX_ITEM_LINES_UNLESS_VERBOSE)
+
+
+def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines: int) -> None:
+    """Print what was found in a study in at most `max_lines` lines unless ``-v`` asks for all."""
+    from .procedures.registry import asked
+    from .recordings.fault import grouped_messages
+
     out = make_console()
     refused = [f for f in faults if f.severity == "refuse"]
     warned = [f for f in faults if f.severity == "warn"]

@@ -18,6 +18,7 @@ from ._plugins import Plugin, load_plugins, require_attributes
 if TYPE_CHECKING:
     from .proposals.init_from_files import ProposedStudy
     from .proposals.questions import Question
+    from .recordings.fault import Fault
     from .studies.study import Study
 
 
@@ -47,10 +48,11 @@ def init(
         Show a progress bar while downloading.
     urdf : path-like, optional
         File of a robot; it is copied, and a study.toml written that has its joints and their limits, and says what to
-        fill in.
+        fill in. With `files` it gives the joints of the recordings.
     files : iterable of path-like, optional
         Recordings of one's own, and folders of them. They are copied; what their columns are is inferred from names,
-        units and numbers, and study.toml marks what these do not decide. A robot's file among them gives its joints.
+        units and numbers, and study.toml marks what these do not decide. A robot's file among them gives its joints. A
+        study that `check` refuses is not written.
     answers : mapping of str to str, optional
         With `files`: answers to questions that files cannot answer, by the questions' keys; a question without one
         takes
@@ -70,8 +72,9 @@ def init(
     Raises
     ------
     PellucidError
-        If not exactly one of them is named, there is none of that name, the folder is not empty, or files cannot be
-        had, or cannot be a robot's. A rig needs the distribution `pellucid-lab`.
+        If not exactly one of them is named (a robot's file may stand beside `files`), there is none of that name, the
+        folder is not empty, files cannot be had or cannot be a robot's, or `check` refuses the study of `files`. A rig
+        needs the distribution `pellucid-lab`.
 
     Examples
     --------
@@ -92,7 +95,8 @@ def init(
     >>> [question.key for question in made.questions]
     ['worn', 'angle_zero']
     """
-    if sum(given is not None for given in (dataset, rig, urdf, files, session)) != 1:
+    robot = None if files is not None else urdf
+    if sum(given is not None for given in (dataset, rig, robot, files, session)) != 1:
         from .session.new_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
@@ -105,7 +109,7 @@ def init(
     if files is not None:
         from .proposals.init_from_files import init_from_files
 
-        return init_from_files(folder, files, answers=answers, ask=ask)
+        return init_from_files(folder, files, check=_check_folder, answers=answers, ask=ask, urdf=urdf)
     if session is not None:
         from .session.new_session import start_session_study
 
@@ -119,6 +123,13 @@ def init(
         return _start_robot_study(folder, Path(urdf))
     assert dataset is not None  # one of the three is given
     return datasets.init(folder, dataset=dataset, progress=progress)
+
+
+def _check_folder(folder: Path) -> list[Fault]:
+    from .procedures.registry import open_study
+    from .procedures.run import check
+
+    return check(open_study(folder))
 
 
 def _rig_source() -> Plugin | None:

@@ -1,5 +1,6 @@
 """`init --from`: own files become a study, with a mark for each guess and at most five questions."""
 
+import re
 import tomllib
 
 import made_layouts
@@ -8,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import pellucid as pl
+from pellucid._errors import UnfitRecordingError
 from pellucid.cli import app
 from pellucid.inference.angle_units import find_angle_unit, find_unsigned_bits
 from pellucid.inference.assign_roles import TableHints, assign_roles
@@ -31,6 +33,22 @@ def proposed(layout):
     proposal = propose_study(read_given(layout.files), "made")
     tables = [t for r in proposal.recordings for t in (r.table, *r.streams.values())]
     return proposal, study_text(proposal, {id(table): f"recordings/{table.path.name}" for table in tables})
+
+
+def written_urdf(path, joints):
+    """Write a chain of links that turn."""
+    links = "".join(
+        f'<link name="l{i}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for i in range(joints + 1)
+    )
+    hinges = "".join(
+        f'<joint name="hinge_{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        '<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>'
+        for i in range(joints)
+    )
+    path.write_text(f'<robot name="arm">{links}{hinges}</robot>')
+    return path
 
 
 def channels_of(table, prefix=""):
@@ -68,13 +86,17 @@ def test_flat_files_are_read_as_the_columns_that_they_hold(tmp_path):
     given = tmp_path / "given"
     given.mkdir()
     layout = made_layouts.flat_files(given)
-    made = pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"})
+    with pytest.raises(pl.PellucidError, match=r"found 3 joints .* and no URDF file"):
+        pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"})
+    robot = written_urdf(tmp_path / "arm.urdf", 3)
+    made = pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"}, urdf=robot)
     assert "interleaved = [2, 3]" in made.study_file.read_text()
+    assert (made.folder / "recordings" / "arm.urdf").is_file()
     (first, _) = pl.open(made.folder).recordings()
     truth = made_layouts.swing(12)
     n = len(first)
-    assert first["position.joint_2"] == pytest.approx(truth["q"][:n], abs=1e-6)
-    assert first["torque.joint_2"] == pytest.approx(truth["tau"][:n], abs=1e-5)
+    assert first["position.hinge_2"] == pytest.approx(truth["q"][:n], abs=1e-6)
+    assert first["torque.hinge_2"] == pytest.approx(truth["tau"][:n], abs=1e-5)
 
 
 def test_the_command_proposes_writes_a_page_and_checks(tmp_path, monkeypatch):
@@ -212,3 +234,103 @@ def test_a_unit_that_nothing_tells_is_never_silent(tmp_path):
     for name in ("position", "torque"):
         line = next(line for line in text.splitlines() if line.startswith(f"{name} = "))
         assert "GUESS" in line or "ASKED" in line
+
+
+T, Q, DQ, TAU = (made_layouts.swing(5)[key] for key in ("t", "q", "dq", "tau"))
+
+
+def table(path, **columns):
+    """Write columns, whose names stand for those of a file."""
+    names = [name.replace("__", " [").replace("_per_", "/") + "]" * ("__" in name) for name in columns]
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(names), comments="")
+    return path
+
+
+UNFIT = {
+    "no effort": ({"time__s": T, "q__rad": Q}, "no effort was recorded"),
+    "goal alone": ({"time__s": T, "goal position__rad": Q, "present position__rad": Q}, "no effort was recorded"),
+    "percent": ({"time__s": T, "q__rad": Q, "torque__%": 10.0 * TAU}, r'"torque \[%\]".*expected N\*m'),
+    "current in percent": ({"time__s": T, "q__rad": Q, "current__%": 10.0 * TAU}, r'"current \[%\]".*expected A'),
+    "two joints": ({"t__s": T, "q1__rad": Q, "q2__rad": DQ, "tau1__N*m": TAU, "tau2__N*m": Q}, "2 joints .* URDF file"),
+    "no position": ({"time__s": T, "torque__N*m": TAU}, "expected a channel position"),
+    "duty": ({"time__s": T, "q__rad": Q, "pwm": np.round(300.0 * TAU)}, "pwm.*supply voltage"),
+    "accelerations": ({"time__s": T, "acc_x__g": Q, "acc_y__g": DQ, "acc_z__g": TAU}, "no effort was recorded"),
+}
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_a_study_that_check_refuses_is_not_made(tmp_path, case):
+    columns, expected = UNFIT[case]
+    path, folder = table(tmp_path / "log.csv", **columns), tmp_path / "study"
+    done = CliRunner().invoke(app, ["init", str(folder), "--from", str(path), "--yes"])
+    assert isinstance(done.exception, UnfitRecordingError), done.output
+    said = str(done.exception)
+    assert re.fullmatch(f".*no study was made: .*{expected}.*", said), said
+    assert ".draft" not in said
+    assert not folder.exists()
+
+
+def test_a_folder_that_existed_stays_empty(tmp_path):
+    path, folder = table(tmp_path / "log.csv", **UNFIT["no effort"][0]), tmp_path / "study"
+    folder.mkdir()
+    with pytest.raises(pl.PellucidError, match="no effort was recorded"):
+        pl.init(folder, files=[path])
+    assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize("columns", [{"speed__rpm": DQ * 30.0 / np.pi}, {"velocity__rad_per_s": DQ}, {"q__rad": Q}])
+def test_what_init_makes_check_accepts(tmp_path, columns):
+    path, folder = table(tmp_path / "log.csv", time__s=T, **columns, torque__Nm=TAU), tmp_path / "study"
+    assert CliRunner().invoke(app, ["init", str(folder), "--from", str(path), "--yes"]).exit_code == 0
+    assert CliRunner().invoke(app, ["check", str(folder)]).exit_code == 0
+    assert sorted(p.name for p in folder.iterdir()) == ["proposal", "recordings", "study.toml"]
+
+
+def test_the_supply_voltage_of_a_duty_is_asked(tmp_path):
+    path = table(tmp_path / "log.csv", **UNFIT["duty"][0])
+    proposal = propose_study(read_given([path]), "made")
+    assert {q.key: q.default for q in (*proposal.asked, *proposal.marked)}["supply_voltage"] == "unknown"
+    made = pl.init(tmp_path / "study", files=[path], answers={"supply_voltage": "12 V"})
+    assert 'supply = "12 V"  # said by the lab\n' in made.study_file.read_text()
+    assert not [fault for fault in pl.check(pl.open(made.folder)) if fault.severity == "refuse"]
+    # A column with the voltage answers it.
+    supplied = table(tmp_path / "supplied.csv", **UNFIT["duty"][0], battery__V=12.0 + 0.01 * Q)
+    proposal = propose_study(read_given([supplied]), "made")
+    assert "supply_voltage" not in {q.key for q in (*proposal.asked, *proposal.marked)}
+
+
+def test_a_robots_file_beside_recordings_is_read(tmp_path):
+    path = table(tmp_path / "log.csv", time__s=T, q__rad=Q, torque__Nm=TAU)
+    command = ["init", str(tmp_path / "study"), "--from", str(path), "--yes"]
+    done = CliRunner().invoke(app, [*command, "--urdf", str(tmp_path / "gone.urdf")])
+    assert "gone.urdf: not readable: no such file" in str(done.exception)
+    assert not (tmp_path / "study").exists()
+    done = CliRunner().invoke(app, [*command, "--urdf", str(path)])
+    assert "log.csv: not readable as XML" in str(done.exception)
+    done = CliRunner().invoke(app, [*command, "--dataset", "emps"])
+    assert "one of them" in str(done.exception)
+    made = pl.init(tmp_path / "study", files=[path], urdf=written_urdf(tmp_path / "one.urdf", 1))
+    assert any("one.urdf: not used" in remark for remark in made.proposal.remarks)
+
+
+def test_a_file_with_two_rates_gives_a_table_for_each(tmp_path):
+    ezc3d = pytest.importorskip("ezc3d")
+    content = ezc3d.c3d()
+    n = 400
+    points = np.ones((4, 2, n))
+    points[:3] = np.random.default_rng(0).standard_normal((3, 2, n))
+    content["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    content["parameters"]["POINT"]["LABELS"]["value"] = ["wrist", "elbow"]
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["data"]["points"] = points
+    swing = made_layouts.swing(6, n=10 * n, fs=1000.0)
+    content["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
+    content["parameters"]["ANALOG"]["LABELS"]["value"] = ["position", "torque"]
+    content["parameters"]["ANALOG"]["UNITS"]["value"] = ["rad", "Nm"]
+    content["data"]["analogs"] = np.stack([swing["q"], swing["tau"]])[None]
+    content.write(str(tmp_path / "two.c3d"))
+    tables = read_given([tmp_path / "two.c3d"]).tables
+    assert [{len(x) for x in t.columns.values()} for t in tables] == [{10 * n}, {n}]
+    made = pl.init(tmp_path / "study", files=[tmp_path / "two.c3d"])
+    assert {r.column for r in made.proposal.main.channels} >= {"position", "torque"}
+    assert made.proposal.rate == pytest.approx(1000.0)

@@ -15,6 +15,7 @@ from ..inference.flat_arrays import FlatShape, common_rows, find_flat_shape
 from ..inference.name_evidence import words_of
 from ..recordings.personal_fields import PersonalField
 from ..recordings.readers import read_columns
+from ..recordings.readers.urdf import read_urdf
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""
@@ -98,6 +99,12 @@ class GivenFiles:
     models: tuple[Path, ...]  # other models, such as OpenSim's
     unread: tuple[tuple[Path, str], ...]  # files that are not read, with the reason
 
+    def with_robot(self, path: Path) -> GivenFiles:
+        """Return the files with the robot's file that was named before others; raise an error if it is none."""
+        read_urdf(path)
+        others = (robot for robot in self.robots if robot.absolute() != path.absolute())
+        return replace(self, robots=(path, *others))
+
 
 def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
     """Read files, and all files in folders; raise a StudyError if none of them is a table of numbers."""
@@ -177,7 +184,8 @@ def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple
     children = {key: tuple(name.rpartition(".")[2] for name in part) for key, part in groups.items()}
     alike: dict[tuple[str, ...], list[str]] = {}
     for key, names in children.items():
-        if key:
+        # The clocks of a file with several rates have one name, and are no tables.
+        if key and not (len(names) == 1 and _is_rising(next(iter(groups[key].values())))):
             alike.setdefault(names, []).append(key)
     repeated = max(alike.values(), key=len, default=[])
     lengths = {key: {len(x) for x in groups[key].values()} for key in repeated}
@@ -185,10 +193,9 @@ def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple
     unnamed = all(name.rpartition(".")[2].isdigit() for key in repeated for name in groups[key])
     # Sheets without headers are tables of their own; matrices of a MAT file are columns of one.
     if len(repeated) >= 2 and (apart or (has_sheets and unnamed)):
-        return [(key, groups[key]) for key in groups if key in repeated or len(groups) <= 12]
-    by_length: dict[int, dict[str, np.ndarray]] = {}
-    for name, x in columns.items():
-        by_length.setdefault(len(x), {})[name] = x
+        kept = [key for key in groups if key in repeated or len(groups) <= 12]
+        return [(key, part) for key in kept for part in _by_length(groups[key]).values()]
+    by_length = _by_length(columns)
     # The table is the one with the most numbers; short arrays beside it are results and settings.
     best = max(by_length.items(), key=lambda item: item[0] * min(len(item[1]), 6))
     others = [
@@ -196,6 +203,14 @@ def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple
         if n != best[0] and n > 0.05 * best[0] and len(part) >= 2 and any(_is_rising(x) for x in part.values())
     ]  # fmt: skip
     return [("", best[1]), *(("", part) for part in others)]
+
+
+def _by_length(columns: Mapping[str, np.ndarray]) -> dict[int, dict[str, np.ndarray]]:
+    """Return the columns of each length."""
+    found: dict[int, dict[str, np.ndarray]] = {}
+    for name, x in columns.items():
+        found.setdefault(len(x), {})[name] = x
+    return found
 
 
 def _is_rising(values: np.ndarray) -> bool:

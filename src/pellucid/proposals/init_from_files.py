@@ -5,16 +5,20 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from .._atomic import write_text_atomically
-from .._errors import StudyError
+from .._errors import PellucidError, StudyError, UnfitRecordingError
 from .._given import require_empty_folder
 from ..pages.page import write_page
+from ..recordings.fault import Fault, grouped_messages
 from ..studies.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
+from .missing_parts import missing_part
 from .proposal_page import proposal_page
 from .propose_study import Proposal, propose_study
 from .questions import Question
@@ -41,12 +45,15 @@ class ProposedStudy:
         Page with every channel drawn beside its proposed role.
     proposal : Proposal
         Roles of all columns with their reasons, recordings, questions and answers.
+    faults : tuple of Fault
+        What `check` finds in the study; it refuses nothing.
     """
 
     folder: Path
     study_file: Path
     page: Path
     proposal: Proposal
+    faults: tuple[Fault, ...] = ()
 
     @property
     def questions(self) -> tuple[Question, ...]:
@@ -58,10 +65,12 @@ def init_from_files(
     folder: str | os.PathLike,
     files: Iterable[str | os.PathLike],
     *,
+    check: Callable[[Path], Sequence[Fault]],
     answers: Mapping[str, str] | None = None,
     ask: Callable[[Question], str] | None = None,
+    urdf: str | os.PathLike | None = None,
 ) -> ProposedStudy:
-    """Make a folder with copies of files and a study.toml that is proposed for them.
+    """Make a folder with copies of files and a study.toml that is proposed for them, if `check` accepts the study.
 
     Parameters
     ----------
@@ -69,20 +78,28 @@ def init_from_files(
         Folder to make; it may exist if it is empty.
     files : iterable of path-like
         Recordings, and folders of them.
+    check : callable
+        Returns the faults of the study in a folder, as the command of that name does.
     answers : mapping of str to str, optional
         Answers by the questions' keys; a question without an answer takes its default.
     ask : callable, optional
         Called with each question that has no answer; it returns one.
+    urdf : path-like, optional
+        Robot's file, which gives the joints.
 
     Raises
     ------
     StudyError
         If the folder is not empty, no file holds a table of numbers, or an answer cannot be.
+    UnfitRecordingError
+        If `check` refuses the study; nothing is written.
     """
     folder = Path(folder)
     require_empty_folder(folder)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.absolute().name).strip("_-") or "study"
     given = read_given(files)
+    if urdf is not None:
+        given = given.with_robot(Path(urdf))
     proposal = propose_study(given, name, answers)
     if ask is not None:
         said = dict(answers or {})
@@ -92,28 +109,70 @@ def init_from_files(
                 if answer and answer != question.default:
                     said[question.key] = answer
         proposal = propose_study(given, name, said) if said != dict(answers or {}) else proposal
-    return _write(folder, proposal, given)
+    with _draft_of(folder) as draft:
+        _write(draft, proposal, given)
+        faults = _require_accepted(draft, folder, proposal, check)
+        page = write_page(draft / PAGE_FOLDER, proposal_page(proposal)).relative_to(draft)
+        _move_content(draft, folder)
+    return ProposedStudy(folder, folder / STUDY_FILE, folder / page, proposal, faults)
 
 
-def _write(folder: Path, proposal: Proposal, given: GivenFiles) -> ProposedStudy:
+@contextmanager
+def _draft_of(folder: Path) -> Iterator[Path]:
+    """Make a folder in which a study is drafted; at the end nothing is left of it, nor of an empty new `folder`."""
+    existed = folder.is_dir()
+    draft = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=folder, prefix=".draft-"))
+        yield draft
+    except OSError as error:
+        raise StudyError(f"{folder}: the study could not be made: {error}") from error
+    finally:
+        if draft is not None:
+            shutil.rmtree(draft, ignore_errors=True)
+        if not existed and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _move_content(source: Path, target: Path) -> None:
+    """Move what is in a folder into another one of the same file system, study.toml last."""
+    for path in sorted(source.iterdir(), key=lambda path: path.name == STUDY_FILE):
+        os.replace(path, target / path.name)
+
+
+def _require_accepted(
+    draft: Path, folder: Path, proposal: Proposal, check: Callable[[Path], Sequence[Fault]]
+) -> tuple[Fault, ...]:
+    """Return what `check` finds in a draft; raise an UnfitRecordingError of one sentence if it refuses the draft."""
+    try:
+        faults = tuple(check(draft))
+    except PellucidError as error:
+        reasons = str(error).replace(f"{draft}{os.sep}", "").splitlines()
+    else:
+        reasons = grouped_messages([fault for fault in faults if fault.severity == "refuse"])
+    if reasons:
+        said = missing_part(proposal)
+        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 and not said else ""
+        raise UnfitRecordingError(f"{folder}: no study was made: {said or reasons[0]}{more}")
+    return faults
+
+
+def _write(folder: Path, proposal: Proposal, given: GivenFiles) -> None:
+    """Write a proposal's recordings and study.toml into a folder."""
     used = {recording.table.path for recording in proposal.recordings}
     used |= {table.path for recording in proposal.recordings for table in recording.streams.values()}
     places = _places(sorted(used))
-    try:
-        for path, place in {**places, **{robot: robot.name for robot in given.robots}}.items():
-            target = folder / RECORDINGS_FOLDER / place
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, target)
-    except OSError as error:
-        raise StudyError(f"{folder}: the study could not be made: {error}") from error
+    for path, place in {**places, **{robot: robot.name for robot in given.robots}}.items():
+        target = folder / RECORDINGS_FOLDER / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, target)
     files = {
         id(table): f"{RECORDINGS_FOLDER}/{places[table.path]}"
         for recording in proposal.recordings
         for table in (recording.table, *recording.streams.values())
     }
-    page = write_page(folder / PAGE_FOLDER, proposal_page(proposal))
-    study_file = write_text_atomically(folder / STUDY_FILE, study_text(proposal, files))
-    return ProposedStudy(folder, study_file, page, proposal)
+    write_text_atomically(folder / STUDY_FILE, study_text(proposal, files))
 
 
 def _places(paths: Iterable[Path]) -> dict[Path, str]:

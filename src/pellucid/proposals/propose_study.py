@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import StudyError
+from .._errors import PellucidError, StudyError
 from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from ..inference.clocks import UNIT_SECONDS
 from ..inference.commands import find_resting_limit
@@ -19,6 +19,9 @@ from ..inference.name_evidence import read_name, words_of
 from ..inference.processing_choice import ProcessingChoice, choose_processing
 from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from ..inference.static_postures import find_postures
+from ..recordings.readers.urdf import read_urdf
+from ..studies.study_file import channel_unit, rig_units
+from ..units import to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .questions import Question, select_questions
@@ -50,6 +53,15 @@ friction."""
 
 MIN_TIMES_COMPARED = 2
 """Recordings of one motion with another effort are looked for among at least so many."""
+
+MAX_DUTY_SHARE = 1.5
+"""A duty cycle with larger numbers is no share of 1: it counts in units of its own."""
+
+FULL_DUTIES = (255.0, 1000.0)
+"""Numbers that are usually 100 %: a byte, and tenths of a percent. The first one that no sample exceeds is guessed."""
+
+SAID_BY_LAB = "said by the lab"
+"""Source of a value that an answer gives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +120,7 @@ class Proposal:
     given: GivenFiles
     remarks: tuple[str, ...]  # what was left out and noticed
     repeated: RepeatedMotion | None = None
+    robot_joints: tuple[str, ...] = ()  # joints of the robot's file, empty if it does not have those of the recordings
 
     @property
     def rate(self) -> float | None:
@@ -133,7 +146,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
     main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
-    main, limit = _with_limit(main, drive)
+    main, limit = _with_limit(_with_full_duty(main), drive)
     if limit is not None:
         facts["limit"] = limit
     repeated = _repeated(recordings, main, drive)
@@ -146,7 +159,11 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
+    robot_joints = _robot_joints(given, main.roles.joints)
     remarks += _remarks(given, main, streams)
+    if given.robots and not robot_joints:
+        count = max(len(main.roles.joints), 1)
+        remarks.append(f"{given.robots[0].name}: not used: the recordings have {count} joints, and the file other ones")
     return Proposal(
         name=name,
         main=main,
@@ -166,7 +183,20 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         given=given,
         remarks=tuple(dict.fromkeys(remarks)),
         repeated=repeated,
+        robot_joints=robot_joints,
     )
+
+
+def _robot_joints(given: GivenFiles, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints of a robot's file if it has as many as several joints were recorded; else none."""
+    if not given.robots or len(joints) < 2:
+        return ()
+    try:
+        robot = read_urdf(given.robots[0])
+    except PellucidError:
+        return ()
+    names = tuple(joint.name for joint in robot.joints if joint.kind != "fixed" and joint.name not in robot.mimics)
+    return names if len(names) == len(joints) else ()
 
 
 def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:
@@ -210,13 +240,51 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
         # Short cells of one file show quanta and ranges only together.
         pooled = [_own_names(table, first) for table in alike[:MAX_POOLED_TABLES]]
         joined = {name: np.concatenate([own[name] for own in pooled]) for name in first.columns}
-        return Layout(tuple(alike), assign_roles(joined, hints), rate_fact=rate_fact)
+        return Layout(tuple(alike), _without_contradicted(assign_roles(joined, hints)), rate_fact=rate_fact)
     roles = assign_roles(_own_names(ranked[0], first), hints)
     for other in ranked[1:]:
         if len(other.columns) == len(first.columns):
             roles = _completed(roles, assign_roles(_own_names(other, first), hints))
     # The first table of a layout is the one whose columns the channels name.
-    return Layout((first, *(table for table in group if table is not first)), roles, rate_fact=rate_fact)
+    return Layout(
+        (first, *(table for table in group if table is not first)), _without_contradicted(roles), rate_fact=rate_fact
+    )
+
+
+def accepted_units(role: ColumnRole) -> tuple[str, ...]:
+    """Return the SI units that `check` accepts for a role's channel, of a joint that turns and of one that slides."""
+    name = f"{role.quantity}.{role.label}" if role.label else str(role.quantity)
+    rigs = ({"rig": {"motion": motion, "drive": {"kind": "torque"}}} for motion in ("rotary", "prismatic"))
+    found = [channel_unit(plain, rig_units(rig), role.unit) for rig in rigs for plain in (name, str(role.quantity))]
+    return tuple(dict.fromkeys(unit for unit in found if unit is not None))
+
+
+def has_accepted_unit(role: ColumnRole) -> bool:
+    """Whether a role's unit can be converted to one that `check` accepts for its channel."""
+    units = accepted_units(role)
+    if not units or role.unit == "counts":
+        return True
+    try:
+        to_si_factor(role.unit, units)
+    except StudyError:
+        return False
+    return True
+
+
+def _without_contradicted(roles: TableRoles) -> TableRoles:
+    """Return roles without those that only a name suggests and the column's own unit contradicts.
+
+    An effort stays, because a study without one cannot be made: its unit is told.
+    """
+
+    def kept(role: ColumnRole) -> ColumnRole:
+        if role.quantity is None or role.quantity in DRIVE_QUANTITIES or has_accepted_unit(role):
+            return role
+        return replace(
+            role, quantity=None, label="", why=f'{role.why}, and its unit "{role.unit}" is of something else'
+        )
+
+    return replace(roles, roles=tuple(map(kept, roles.roles)))
 
 
 def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
@@ -542,6 +610,17 @@ def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, 
     return found[0] if found else None
 
 
+def duty_without_supply(
+    layouts: Sequence[Layout], drive: str | None, facts: Mapping[str, FileFact]
+) -> ColumnRole | None:
+    """Return a drive's duty cycle for which neither a column nor a file states the supply voltage; None if none is."""
+    channels = [role for layout in layouts for role in layout.channels]
+    if drive != "voltage" or "supply" in facts or any(role.quantity == "voltage" for role in channels):
+        return None
+    supplied = {role.label for role in channels if role.quantity == "supply"}
+    return next((role for role in channels if role.quantity == "duty" and role.label not in supplied), None)
+
+
 def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple[str, bool, str | None]:
     """Return whether the joint turns or slides, whether that is certain, and how gravity acts on it."""
     positions = [r for r in main.channels if r.quantity in ("position", "angle", "reference")]
@@ -601,6 +680,19 @@ def _in_metres(main: Layout) -> Layout:
         for r in main.roles.roles
     )  # fmt: skip
     return replace(main, roles=replace(main.roles, roles=roles))
+
+
+def _with_full_duty(main: Layout) -> Layout:
+    """Return a layout in which each duty cycle in whole numbers has a guess of the number that is 100 %."""
+
+    def guessed(role: ColumnRole) -> ColumnRole:
+        if role.quantity != "duty" or role.unit != "1" or role.unit_is_certain or "scale" in role.keys:
+            return role
+        largest = float(np.nanmax(np.abs(_decoded(main.tables[0], role))))
+        full = next((full for full in FULL_DUTIES if largest <= full), largest)
+        return replace(role, keys={**role.keys, "scale": 1.0 / full}) if largest > MAX_DUTY_SHARE else role
+
+    return replace(main, roles=replace(main.roles, roles=tuple(map(guessed, main.roles.roles))))
 
 
 def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
@@ -729,6 +821,14 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
             f"{1.0 / next(float(str(r.keys['scale'])) for r in main.channels if r.quantity == 'duty'):.6g}",
             "the effort's scale: torques are too large or too small by as much",
         )
+    duty = duty_without_supply(layouts, drive, facts)
+    if duty is not None:
+        yield Question(
+            "supply_voltage",
+            f'Which supply voltage does the drive have, of which "{duty.column}" is a share, such as 12 V?',
+            "unknown",
+            "the drive's voltage, and with it the effort; without it no study can be made",
+        )
     emg = [r for layout in layouts for r in layout.channels if r.quantity == "emg"]
     if any(not r.unit_is_certain for r in emg):
         yield Question(
@@ -817,9 +917,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         found = _main_effort([main, *streams], drive)
         if found is not None:
             old = found[1].quantity
-            main = _with_roles(main, lambda r: r.quantity == old, quantity=quantity, unit=unit, said="said by the lab")
+            main = _with_roles(main, lambda r: r.quantity == old, quantity=quantity, unit=unit, said=SAID_BY_LAB)
             streams = [
-                _with_roles(s, lambda r: r.quantity == old, quantity=quantity, unit=unit, said="said by the lab")
+                _with_roles(s, lambda r: r.quantity == old, quantity=quantity, unit=unit, said=SAID_BY_LAB)
                 for s in streams
             ]
             drive = {"force": "torque", "duty": "voltage"}.get(quantity, quantity)
@@ -828,7 +928,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
         main = _with_roles(
-            main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said="said by the lab"
+            main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said=SAID_BY_LAB
         )
         main = _with_roles(
             main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
@@ -841,6 +941,8 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
             for r in main.roles.roles
         )
         main = replace(main, roles=replace(main.roles, roles=roles))
+    if answers.get("supply_voltage", "unknown") != "unknown":
+        facts["supply"] = FileFact(_quantity(answers["supply_voltage"], "V", "supply_voltage"), "V", SAID_BY_LAB)
     if "counts_per_turn" in answers:
         count = round(_quantity(answers["counts_per_turn"], "1", "counts_per_turn"))
         roles = tuple(
@@ -849,16 +951,15 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         )
         main = replace(main, roles=replace(main.roles, roles=roles))
     if "emg_unit" in answers:
-        main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
+        main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said=SAID_BY_LAB)
         streams = [
-            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said="said by the lab")
-            for s in streams
+            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said=SAID_BY_LAB) for s in streams
         ]
     if answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
         key = "torque_constant" if motion == "rotary" else "force_constant"
         si = expected[0] if drive == "current" else expected[1]
-        facts[key] = FileFact(_quantity(answers["drive_constant"], si, "drive_constant"), si, "said by the lab")
+        facts[key] = FileFact(_quantity(answers["drive_constant"], si, "drive_constant"), si, SAID_BY_LAB)
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts

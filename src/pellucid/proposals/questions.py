@@ -9,9 +9,8 @@ MAX_QUESTION_COUNT = 5
 """At most so many questions are asked; what else is uncertain is marked in study.toml."""
 
 QUESTION_ORDER = (
-    "rate", "effort", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "emg_unit", "worn",
-        "drive_constant", "payload",
-    "angle_zero",
+    "rate", "effort", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+    "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
 """Questions by how much hangs on their answer."""
 

@@ -7,8 +7,9 @@ import re
 from collections.abc import Mapping
 
 from ..inference.assign_roles import ColumnRole
+from .file_facts import FileFact
 from .given_files import GivenTable
-from .propose_study import Layout, Proposal, ProposedRecording
+from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording
 
 MARK_GUESS = "GUESS"
 """Word that begins the comment of a line that evidence does not decide."""
@@ -112,30 +113,14 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _tree(proposal: Proposal, files: Mapping[int, str]) -> list[str]:
-    robot = _robot_joints(proposal)
-    if robot is None:
+    if not proposal.robot_joints:
         return []
     return ["[tree]", f'urdf = "recordings/{proposal.given.robots[0].name}"  # where joints are', ""]
 
 
-def _robot_joints(proposal: Proposal) -> list[str] | None:
-    """Return the joints of a robot's file, if it has as many as the recordings have."""
-    if not proposal.given.robots or len(proposal.main.roles.joints) < 2:
-        return None
-    from .._errors import PellucidError
-    from ..recordings.readers.urdf import read_urdf
-
-    try:
-        robot = read_urdf(proposal.given.robots[0])
-    except PellucidError:
-        return None
-    names = [joint.name for joint in robot.joints if joint.kind != "fixed" and joint.name not in robot.mimics]
-    return names if len(names) == len(proposal.main.roles.joints) else None
-
-
 def _renamed(proposal: Proposal) -> dict[str, str]:
     """Return the names of joints in the robot's file by those in the recordings."""
-    robot = _robot_joints(proposal)
+    robot = proposal.robot_joints
     return dict(zip(proposal.main.roles.joints, robot, strict=True)) if robot else {}
 
 
@@ -203,21 +188,23 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
                 else fact.unit
             )
             if unit == fact.unit:
-                lines.append(_line(f'{key} = "{fact.text}"', f"{fact.label}, in the files"))
+                lines.append(_line(f'{key} = "{fact.text}"', _origin(fact)))
         else:
             example = {"current": "0.06 N*m/A", "voltage": "0.06 N*m/V"}[proposal.drive]
             lines.append(f'# {key} = "{example}"  # {MARK_ASKED}: unknown, so that results stay per {_per(proposal)}')
         if "gear_ratio" in facts and key in facts:
-            lines.append(
-                _line(f"gear_ratio = {facts['gear_ratio'].value:g}", f"{facts['gear_ratio'].label}, in the files")
-            )
+            lines.append(_line(f"gear_ratio = {facts['gear_ratio'].value:g}", _origin(facts["gear_ratio"])))
     if "limit" in facts:
         fact = facts["limit"]
         lines.append(_line(f'limit = "{fact.text}"', f"{MARK_GUESS}: {fact.label}"))
     has_duty = any(r.quantity == "duty" for r in proposal.main.channels)
     if proposal.drive == "voltage" and has_duty and "supply" in facts:
-        lines.append(_line(f'supply = "{facts["supply"].text}"', f"{facts['supply'].label}, in the files"))
+        lines.append(_line(f'supply = "{facts["supply"].text}"', _origin(facts["supply"])))
     return lines
+
+
+def _origin(fact: FileFact) -> str:
+    return fact.label if fact.label == SAID_BY_LAB else f"{fact.label}, in the files"
 
 
 def _per(proposal: Proposal) -> str:
@@ -360,7 +347,7 @@ def _processing(proposal: Proposal) -> list[str]:
 
 
 def _model(proposal: Proposal) -> list[str]:
-    if proposal.drive is None or proposal.gravity is None or proposal.motion == "prismatic" or _robot_joints(proposal):
+    if proposal.drive is None or proposal.gravity is None or proposal.motion == "prismatic" or proposal.robot_joints:
         return []
     why = {
         "none": f"{MARK_GUESS}: the sine of the angle explains nothing of the effort",
