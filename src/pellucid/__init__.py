@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from .procedures.run import report as report
     from .procedures.run import synergies as synergies
     from .recordings.raw_emg import RawEmg as RawEmg
-    from .recordings.readers import read_columns as read
+    from .recordings.readers import read as read
     from .recordings.readers.urdf import read_robot as read_robot
     from .signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
     from .signals.envelope import envelope as envelope
@@ -108,7 +108,7 @@ _PUBLIC_SOURCES = {
     "movement_indices": ("assessment.movement_indices", "movement_indices"),
     "power_curve": ("assessment.power", "power_curve"),
     "read_robot": ("recordings.readers.urdf", "read_robot"),
-    "read": ("recordings.readers", "read_columns"),
+    "read": ("recordings.readers", "read"),
 }
 
 _LAB_NAMES = frozenset({"demo", "predict", "reproduce", "simulate"})

@@ -35,6 +35,10 @@ class RecordingError(PellucidError):
     """A recording is missing, unreadable, or not fit to be used."""
 
 
+class TruncatedFileWarning(UserWarning):
+    """A file ends in the middle of a row or chunk; what is before was read."""
+
+
 class UnfitRecordingError(RecordingError):
     """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`."""
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 from ._errors import PellucidError, StudyError
 
 MAX_FILE_BYTES = 50_000_000
 """A file that is read as one text has at most this size, such as a card, a rig or a model of muscles [B]."""
+
+MAX_KEY_PARTS = 40
+"""A dotted key in TOML has at most this many parts. Python's reader takes memory and time that grow with the square of
+their number: 40 kB of parts take 2.4 GB."""
 
 NAME_PATTERN = r"^\w[\w .-]{0,99}$"
 """Pattern of a name that may be part of a file's name, a figure's id or a column's name: letters and digits of any
@@ -30,6 +35,49 @@ def read_given(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     if path.stat().st_size > most:
         raise PellucidError(f"{path}: found {path.stat().st_size} bytes, expected at most {most}")
     return path.read_bytes()
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the tables of a text in TOML, in time and memory proportional to its length; `where` begins a message."""
+    import tomllib
+
+    for number, line in enumerate(text.split("\n"), 1):
+        if line.count(".") >= MAX_KEY_PARTS and _dotted_parts(line) > MAX_KEY_PARTS:
+            raise StudyError(
+                f"{where}, line {number}: found a dotted key of more than {MAX_KEY_PARTS} parts, expected fewer"
+            )
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise StudyError(f"{where}: not valid TOML: {error}") from error
+
+
+_KEY_TOKEN = re.compile(r"[A-Za-z0-9_-]+|[ \t]+|\.|.", re.DOTALL)
+
+
+def _dotted_parts(line: str) -> int:
+    """Return how many parts a dotted key in a line has at most: bare parts in one run, and all quoted parts.
+
+    Whether a part stands in a string is not looked at, because a line alone does not tell that.
+    """
+    longest = run = quoted = 0
+    last, dotted = "", False
+    for match in _KEY_TOKEN.finditer(line):
+        token = match[0]
+        if token.isspace():
+            continue
+        if token == ".":
+            quoted += last[:1] in ("'", '"') and bool(last)
+            dotted = True
+        elif token[0].isalnum() or token[0] in "_-":
+            run = run + 1 if dotted else 1
+            longest, dotted = max(longest, run), False
+        elif token in "'\"":
+            dotted = False
+        else:
+            run, dotted = 0, False
+        last = token
+    return max(longest, quoted) + min(longest, quoted)
 
 
 def require_inside(path: Path, folder: Path, allowed: bool, where: str) -> Path:

@@ -62,7 +62,7 @@ _SI_TEXTS = (
 # Texts that Pint may parse. Pint itself would also accept comments, and powers that take endless time.
 _UNIT_PATTERN = re.compile(r"(?!.*(?:\d{3}|[\d)]\s*(?:\^|\*\*)))[\w°%^*/(). -]{1,60}")
 
-_QUANTITY_PATTERN = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
+_QUANTITY_PATTERN = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)(.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
     match = _QUANTITY_PATTERN.fullmatch(text)
     if match is None:
         raise StudyError(f'{_at(where)}found "{text}", which starts with no number, expected e.g. {_example(expected)}')
-    number, unit = float(match[1]), match[2]
+    number, unit = float(match[1]), match[2].strip()
     if not math.isfinite(number):
         raise StudyError(f'{_at(where)}found "{text}", expected a finite number such as {_example(expected)}')
     if not unit and expected != "1":

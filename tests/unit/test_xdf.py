@@ -4,10 +4,13 @@ import struct
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
-from pellucid._errors import RecordingError
+import pellucid as pl
+from pellucid._errors import RecordingError, TruncatedFileWarning
 from pellucid.procedures.registry import open_study
 from pellucid.recordings.readers.read import read_columns
+from pellucid.recordings.xdf_writer import chunks
 
 
 def chunk(tag: int, content: bytes) -> bytes:
@@ -77,22 +80,61 @@ def test_a_stream_of_text_says_so(tmp_path):
         found.column("events.marker", "target")
 
 
-def test_what_is_no_whole_file_is_refused(tmp_path):
+def test_what_is_no_file_of_streams_is_refused(tmp_path):
     (tmp_path / "a.xdf").write_bytes(b"time,angle\n0,1\n")
     with pytest.raises(RecordingError, match=r"a\.xdf: .*no header"):
         read_columns(tmp_path / "a.xdf")
-    cut, *_ = two(tmp_path / "b.xdf", end=False)
-    with pytest.raises(RecordingError, match=r'b\.xdf: the stream "amp" has no end: the file is truncated'):
-        read_columns(cut)
     whole = two(tmp_path / "c.xdf")[0].read_bytes()
-    for kept in (40, 700, len(whole) // 2, len(whole) - 10):
+    for kept in (40, 700):
         (tmp_path / "d.xdf").write_bytes(whole[:kept])
-        with pytest.raises(RecordingError, match=r"d\.xdf"):
+        with pytest.raises(RecordingError, match=rf"d\.xdf: found no stream with samples before byte .* of {kept}"):
             read_columns(tmp_path / "d.xdf")
     t = np.arange(10) / 10.0
     one = stream(1, "amp", 10, t, t[:, None], ["a"], [""])
     with pytest.raises(RecordingError, match='two streams named "amp"'):
         read_columns(write(tmp_path / "e.xdf", one, one.replace(struct.pack("<I", 1), struct.pack("<I", 2))))
+    lost = one.replace(b"<sample_count>10", b"<sample_count>12")
+    with pytest.raises(RecordingError, match='"amp" has 10 samples, and its footer counts 12'):
+        read_columns(write(tmp_path / "f.xdf", lost))
+
+
+def test_a_file_without_an_end_is_read_to_its_last_whole_chunk(tmp_path):
+    path, slow, _, emg = two(tmp_path / "b.xdf", end=False)
+    with pytest.warns(TruncatedFileWarning, match=r'b\.xdf: .* no end of the stream "amp"; everything before'):
+        found = pl.read(path)
+    assert found["amp.triceps"] == pytest.approx(emg[:, 1], abs=1e-6)
+    whole = two(tmp_path / "c.xdf")[0].read_bytes()
+    samples = [chunk.end for chunk in chunks(whole) if chunk.tag == 3]
+    for kept in range(samples[0], len(whole), 997):
+        (tmp_path / "d.xdf").write_bytes(whole[:kept])
+        found = read_columns(tmp_path / "d.xdf")
+        assert found["robot.angle"] == pytest.approx(np.sin(slow), abs=1e-6)
+        assert ("amp.biceps" in found) == (kept >= samples[1])
+        assert found.lost
+        assert f"truncated, found {found.lost}" in str(found)
+    # A power cut leaves zeros behind what was written.
+    (tmp_path / "d.xdf").write_bytes(whole[: samples[1]] + bytes(5000))
+    assert "5000 bytes of an incomplete chunk" in read_columns(tmp_path / "d.xdf").lost
+    (verdict,) = [v for v in pl.audit(tmp_path / "d.xdf").verdicts if "5000 bytes" in str(v.sentences)]
+    assert verdict.level == "note"
+
+
+def test_other_formats_that_are_cut_give_data_with_a_warning_or_an_error(tmp_path):
+    """A text table loses half a row; the others are refused."""
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],q [rad]\n" + "".join(f"{0.01 * i:.2f},{0.1 * i:.3f}\n" for i in range(40)) + "0.40,4.")
+    with pytest.warns(TruncatedFileWarning, match=r'a\.csv: .* an incomplete last row, "0\.40,4\."'):
+        assert len(pl.read(path)["q"]) == 40
+    written = {".npz": lambda path, x: np.savez(path, t=x, q=x), ".npy": lambda path, x: np.save(path, x)}
+    written[".mat"] = lambda path, x: savemat(path, {"t": x, "q": x})
+    for ending, write_file in written.items():
+        path = tmp_path / f"a{ending}"
+        write_file(path, np.arange(3000.0) / 7.0)
+        whole = path.read_bytes()
+        for share in (0.3, 0.6, 0.95):
+            path.write_bytes(whole[: int(share * len(whole))])
+            with pytest.raises(RecordingError, match=path.name):
+                pl.read(path)
 
 
 def test_one_file_is_a_recording_and_its_stream(tmp_path):

@@ -1,12 +1,15 @@
 """XDF files that are only appended to: the format's own reader takes them, wherever their writer was killed."""
 
 import logging
+import os
 
 import numpy as np
 import pytest
 import pyxdf
 
 from pellucid._errors import PellucidError
+from pellucid.live import unfinished_files
+from pellucid.live.unfinished_files import seal_unfinished
 from pellucid.recordings.readers import xdf
 from pellucid.recordings.xdf_writer import XdfWriter, chunks, scan_xdf, seal_xdf
 
@@ -56,13 +59,16 @@ def test_the_formats_own_reader_gives_back_what_was_written(tmp_path):
     assert streams["robot"]["footer"]["info"]["sample_count"] == ["20"]
 
 
-def test_pellucid_reads_a_sealed_file_and_refuses_one_without_an_end(tmp_path):
-    columns = xdf.read(write(tmp_path / "a.xdf"))
+def test_pellucid_reads_a_sealed_file_and_one_without_an_end(tmp_path):
+    path = write(tmp_path / "a.xdf")
+    columns = xdf.read(path)
+    assert xdf.lost_end(path) == ""
     assert columns["robot.position"].tolist()[:2] == [100.0, 100.1]
     assert columns.units["robot.torque <x> & y"] == "N*m"
     write(tmp_path / "b.xdf", seal=False)
-    with pytest.raises(PellucidError, match="has no end"):
-        xdf.read(tmp_path / "b.xdf")
+    assert xdf.lost_end(tmp_path / "b.xdf") == 'no end of the streams "robot", "emg", "events"'
+    unended = xdf.read(tmp_path / "b.xdf")
+    assert unended["robot.position"].tolist() == columns["robot.position"].tolist()
     assert seal_xdf(tmp_path / "b.xdf") == 0
     assert (tmp_path / "b.xdf").read_bytes() == (tmp_path / "a.xdf").read_bytes()
 
@@ -98,3 +104,47 @@ def test_a_file_that_exists_or_is_none_is_refused(tmp_path):
     (tmp_path / "b.xdf").write_bytes(b"nothing")
     with pytest.raises(PellucidError, match=r"b\.xdf: found the first bytes"):
         seal_xdf(tmp_path / "b.xdf")
+
+
+def test_the_next_start_of_a_session_seals_what_was_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(unfinished_files, "_wait_for_recorders", lambda paths: None)
+    recordings, run = tmp_path / "recordings", tmp_path / "run"
+    recordings.mkdir()
+    run.mkdir()
+    whole = write(recordings / "whole.xdf").read_bytes()
+    cut = write(recordings / "cut.xdf", seal=False).read_bytes()[:-7]
+    for path in (recordings / "cut.xdf", run / "session.xdf"):
+        path.write_bytes(cut)
+    write(run / "session_2.xdf")
+    noted = [recordings / f"{name}.about.json" for name in ("cut", "whole", "never_begun")]
+    for note in noted:
+        note.write_text("{}")
+    count = scan_xdf(recordings / "cut.xdf").streams[1].count
+    # A recorder that still writes keeps its file.
+    assert seal_unfinished(recordings, run) == []
+    assert (run / "session.xdf").read_bytes() == cut
+    for path in (*recordings.glob("*.xdf"), *run.glob("*.xdf")):
+        os.utime(path, (path.stat().st_mtime - 10.0,) * 2)
+    said = seal_unfinished(recordings, run)
+    assert [sentence.partition(":")[0] for sentence in said] == [str(recordings / "cut.xdf"), str(run / "session.xdf")]
+    for path in (recordings / "cut.xdf", run / "session.xdf"):
+        assert xdf.lost_end(path) == ""
+        assert len(load(path)["robot"]["time_stamps"]) == count
+    assert (recordings / "whole.xdf").read_bytes() == whole
+    assert [note.exists() for note in noted] == [False, False, True]
+    assert sorted(path.name for path in run.iterdir()) == ["session.xdf", "session_2.xdf"]
+    assert seal_unfinished(recordings, run) == []
+
+
+def test_a_file_that_cannot_be_sealed_stays_as_it_is(tmp_path, monkeypatch):
+    path = write(tmp_path / "a.xdf", seal=False)
+    before = path.read_bytes()
+
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        seal_xdf(path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.xdf"]

@@ -7,7 +7,6 @@ Files, studies, recordings in memory and commands are shared by all rigs.
 
 from __future__ import annotations
 
-import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +16,7 @@ from typing import Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from .._errors import StudyError
+from .._given import parse_toml
 from .constants import RigConstants
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 
@@ -225,7 +225,4 @@ class Rig(ABC):
 
 def parse_tables(text: str, where: str) -> dict:
     """The tables of a rig's file, unchecked."""
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise StudyError(f"{where}: not valid TOML: {error}") from error
+    return parse_toml(text, where)

@@ -37,6 +37,7 @@ from .shared_memory import (
     remove_region,
 )
 from .stream_ring import StreamRing
+from .unfinished_files import NOTE_ENDING
 
 ENGINE_NAME = "bin/pellucid-engine"
 """Place of the engine's program beside the compiled core."""
@@ -492,7 +493,7 @@ class LiveEngine:
         """Record into a new file from now on; `about` is kept in it (texts are split over its parts)."""
         path = Path(path).resolve()
         path.parent.mkdir(parents=True, exist_ok=True)
-        note = path.with_suffix(".about.json")
+        note = path.with_suffix(NOTE_ENDING)
         conditions = [c.name for c in self.setup.conditions]
         said = json.dumps({"conditions": conditions, **(about or {})})
         _atomic.write_bytes_atomically(note, said.encode(), private=True)
@@ -520,7 +521,7 @@ class LiveEngine:
     def recorded(self, path: str | Path) -> bool:
         """Whether a recording has its end: the recorder then has nothing more to write."""
         path = Path(path)
-        return path.exists() and not path.with_suffix(".about.json").exists()
+        return path.exists() and not path.with_suffix(NOTE_ENDING).exists()
 
     def give_up_recording(self, path: str | Path) -> None:
         """Take a recording from a recorder that does not seal its file; the file stays as it is.

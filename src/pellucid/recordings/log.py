@@ -117,6 +117,8 @@ VERDICT_WORDS = {
     "computed": "computed",
     "constant": "constant",
     "text": "text",
+    "truncated": "truncated",
+    "short": "too short",
 }
 """Words for each kind of finding, the one that decides a channel's verdict first."""
 
@@ -205,6 +207,7 @@ class Log:
     personal: tuple[PersonalField, ...] = ()  # fields that tell who was recorded
     time: str = ""  # name of the time column; "" without one
     rate: float | None = None  # rate that the user states [Hz]
+    lost: str = ""  # what the file lacks at its end; "" for a whole file
 
 
 def log_of(columns: Columns, rate: float | None = None) -> Log:
@@ -221,7 +224,7 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
     time = _time_column(channels)
     personal = find_personal_columns([*texts.items(), *((c.name, "") for c in channels)])
     personal += find_personal_lines(head_of_text(columns.path))
-    return Log(columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate)
+    return Log(columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate, columns.lost)
 
 
 def head_of_text(path: Path) -> list[str]:
@@ -268,7 +271,13 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     dead is not also called constant.
     """
     found: list[LogFinding] = []
+    if log.lost:
+        found.append(LogFinding("truncated", log.time or "time", f"the file ends with {log.lost}", NOTE_LEVEL))
     channels = {c.name: c for c in log.channels if len(c.samples) >= MIN_LOG_SAMPLES}
+    if not channels:
+        rows = max((len(c.samples) for c in log.channels), default=0)
+        text = f"{rows} rows: at least {MIN_LOG_SAMPLES} are needed to examine a log"
+        return (*found, LogFinding("short", log.time or "time", text, NOTE_LEVEL))
     longest = max((len(c.samples) for c in channels.values()), default=0)
     table = {n: c for n, c in channels.items() if len(c.samples) == longest}
     # Garbage is a matter of rows, so that only columns of one length are examined together.
@@ -327,7 +336,7 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
             text = "no column of time, and no rate is stated: nothing that needs velocities can be computed"
             yield LogFinding("no_time", "time", text)
         return
-    channel = channels[log.time]
+    channel = channels[log.time]  # the longest column
     time = channel.samples
     known = np.isfinite(time)
     steps = np.diff(time[known])

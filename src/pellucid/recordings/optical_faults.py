@@ -8,7 +8,7 @@ import numpy as np
 
 from .defects.watched import find_runs
 from .fault import Fault
-from .readers.csv import ENDINGS, cut_row
+from .readers.read import find_lost_end
 from .recording import Recording
 
 MIN_FRAMES = 200
@@ -44,15 +44,9 @@ def find_optical_faults(recording: Recording) -> list[Fault]:
         message = f"{optical.path.name} (recording {recording.name}), {what}: found {found}, expected {expected}"
         faults.append(Fault(severity, kind, optical.path.name, channel, found, expected, message))
 
-    cut = cut_row(optical.path) if optical.path.suffix.lower() in ENDINGS else None
-    if cut is not None:
-        add(
-            "cut",
-            "truncated",
-            "time",
-            found=f'an incomplete last row, "{cut.text[:40]}"',
-            expected="a whole one: it is left out",
-        )
+    lost = find_lost_end(optical.path)
+    if lost:
+        add("cut", "truncated", "time", found=lost, expected="a whole file: what is incomplete is left out")
     for marker in optical.markers:
         _check_seen(optical, marker, add)
     if _check_optical_time(optical, add):

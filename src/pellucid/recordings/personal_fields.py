@@ -53,6 +53,11 @@ _THING_WORDS = frozenset(
 )  # fmt: skip
 """Words that stand for a thing. Beside the word "name" they make a label one of a thing's name."""
 
+MAX_SEARCHED_CHARACTERS = 1000
+"""Only this many characters of a line are searched for a label and its value."""
+
+_BLANKS = re.compile(r"\s{2,}")
+
 _EMAIL_ADDRESS = re.compile(r"[\w.+-]+@[\w-]+\.[\w.-]+\w")
 
 _PERSON_NAME = re.compile(r"[^\W\d_][^\W\d_'’-]+(?:[ ,]+[^\W\d_][^\W\d_.'’-]*)+\.?")
@@ -96,15 +101,21 @@ def personal_kind(label: str, value: str = "") -> str | None:
     names_something = words_of & {"name", "names"} and not words_of & _THING_WORDS
     if names_something and (words_of & _PERSON_WORDS or _PERSON_NAME.fullmatch(value.strip())):
         return "name"
-    if _EMAIL_ADDRESS.search(value):
+    if _EMAIL_ADDRESS.search(value[:MAX_SEARCHED_CHARACTERS]):
         return "contact"
     return None
+
+
+def searched_part(line: str) -> str:
+    """Return the beginning of a line with single blanks, in which patterns are searched in bounded time."""
+    return _BLANKS.sub(lambda match: "\t" if "\t" in match[0] else " ", line[:MAX_SEARCHED_CHARACTERS])
 
 
 def find_personal_lines(lines: Iterable[str]) -> list[PersonalField]:
     """Return the personal fields among lines of text, each of a label and a value, as above a table of numbers."""
     found = []
-    for number, line in enumerate(lines, 1):
+    for number, whole in enumerate(lines, 1):
+        line = searched_part(whole)
         match = _LABEL_AND_VALUE.fullmatch(line)
         label, value = (match[1], match[2]) if match else ("", line)
         kind = personal_kind(label, value)

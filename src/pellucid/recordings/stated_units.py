@@ -41,7 +41,7 @@ _UNITS_BY_TEXT = {
 _CASE_MATTERS = {"A": "A", "a": "", "N": "N", "n": "", "V": "V", "v": "", "T": "T", "t": "", "C": "", "K": "", "W": "W"}
 """Units of one letter. In the other case the letter is a name, such as t for time."""
 
-_BRACKETED_UNIT = re.compile(r"[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
+_BRACKETED_UNIT = re.compile(r"[\[({]\s*+((?:[^\])}\s]++|\s++(?![\])}]))*+)\s*+[\])}]\s*$")
 
 _WORDS_WITH_LETTER = {
     "s": {"time", "t", "stamp", "timestamp", "clock", "elapsed"},

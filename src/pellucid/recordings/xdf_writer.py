@@ -17,7 +17,11 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from .._atomic import atomically
 from .._errors import PellucidError
+
+COPIED_BLOCK_BYTES = 1 << 20
+"""A file is copied in blocks of this size."""
 
 FIRST_BYTES = b"XDF:"
 """Every XDF file begins with these bytes."""
@@ -69,6 +73,10 @@ class XdfStream:
             f"<sample_count>{self.count}</sample_count></info>"
         )
 
+    def footer_content(self) -> bytes:
+        """Return the content of the stream's footer."""
+        return struct.pack("<I", self.identity) + self.footer().encode()
+
     def note(self, count: int, first: float, last: float) -> None:
         """Count samples that were written."""
         self.first = first if self.count == 0 else self.first
@@ -101,7 +109,7 @@ class XdfWriter:
         return writer
 
     def _write(self, tag: int, content: bytes) -> None:
-        self._append(b"\x08" + struct.pack("<QH", len(content) + 2, tag) + content)
+        self._append(_chunk_bytes(tag, content))
 
     def _append(self, data: bytes) -> None:
         """Append bytes; a disk that takes a part says why at the rest, which is then missing from the file."""
@@ -170,7 +178,7 @@ class XdfWriter:
     def seal(self) -> None:
         """Append every stream's footer, flush the file to the disk, and close it."""
         for stream in self.streams.values():
-            self._write(FOOTER_TAG, struct.pack("<I", stream.identity) + stream.footer().encode())
+            self._write(FOOTER_TAG, stream.footer_content())
         os.fsync(self._file)
         self.close()
 
@@ -179,6 +187,10 @@ class XdfWriter:
         if self._file >= 0:
             os.close(self._file)
         self._file = -1
+
+
+def _chunk_bytes(tag: int, content: bytes) -> bytes:
+    return b"\x08" + struct.pack("<QH", len(content) + 2, tag) + content
 
 
 @dataclass(frozen=True)
@@ -275,6 +287,8 @@ def scan_xdf(path: Path, *, until: int | None = None) -> WrittenXdf:
 def seal_xdf(path: str | Path) -> int:
     """Make a file of a killed recorder whole: remove half a chunk at its end, and add the footers that are missing.
 
+    The file is replaced at once by the whole one; if that cannot be written, it stays as it is.
+
     Parameters
     ----------
     path : path
@@ -296,7 +310,15 @@ def seal_xdf(path: str | Path) -> int:
         found = scan_xdf(path)
     except PellucidError as error:
         raise PellucidError(f"{path}: {error}") from None
-    missing = {identity: stream for identity, stream in found.streams.items() if identity not in found.footers}
-    writer = XdfWriter.resume(path, found.end, missing)
-    writer.seal()
+    missing = [stream for identity, stream in found.streams.items() if identity not in found.footers]
+    if not missing and found.end == size:
+        return 0
+    with path.open("rb") as source, atomically(path) as file:
+        left = found.end
+        while left > 0:
+            block = source.read(min(left, COPIED_BLOCK_BYTES))
+            file.write(block)
+            left -= len(block)
+        for stream in missing:
+            file.write(_chunk_bytes(FOOTER_TAG, stream.footer_content()))
     return size - found.end

@@ -24,7 +24,7 @@ from ..studies.session_table import RUN_FOLDER, SessionTable
 from ..studies.study import Study
 from .live_session import LiveSession
 from .page_server import PageServer
-from .recorded_trial import recorded_names
+from .recorded_trial import RECORDINGS_FOLDER, recorded_names
 from .session_engine import SessionEngine
 from .trial_plan import PlannedTrial, plan_trials
 
@@ -170,6 +170,7 @@ def choose_participant(
 def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
     """Start the engine of the device that study.toml names."""
     from ..live.engine import LiveEngine
+    from ..live.unfinished_files import seal_unfinished
 
     table = _session_of(study)
     devices = {plugin.name: plugin for plugin in load_plugins("pellucid.devices")}
@@ -189,7 +190,10 @@ def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
             f"{', '.join(known)} of {table.device}"
         )
     setup = replace(setup, stream_names=table.streams)
-    return LiveEngine.start(setup, study.folder / RUN_FOLDER / plan[0].participant)
+    run_folder = study.folder / RUN_FOLDER / plan[0].participant
+    for sentence in seal_unfinished(study.folder / RECORDINGS_FOLDER, run_folder):
+        print(sentence, file=sys.stderr, flush=True)
+    return LiveEngine.start(setup, run_folder)
 
 
 def require_limits(session: LiveSession) -> None:

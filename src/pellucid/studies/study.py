@@ -327,7 +327,7 @@ class Study:
             period=entry.period,
             cuts=(
                 *_excluded_cuts(entry, path, channels["time"].samples),
-                *_truncated_row_cut(path, channels["time"].samples, entry.window),
+                *_truncation_cut(path, channels["time"].samples, entry.window),
                 *garbage_cut,
             ),
             repeats=repeats,
@@ -435,7 +435,7 @@ class Study:
         specs = self.config.streams[stream].channels
         channels, repeats = _without_repeats(_make_channels(columns, specs, None))
         other = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
-        other = replace(other, cuts=_truncated_row_cut(path, other.time), repeats=repeats)
+        other = replace(other, cuts=_truncation_cut(path, other.time), repeats=repeats)
         processing = entry.processing or self.config.processing
         other = _correct_delays(self._without_defects(other, specs, processing, stream), specs)
         return self._without_empty_ends(other, stream)
@@ -664,18 +664,17 @@ def _excluded_cuts(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple
     return tuple(cuts)
 
 
-def _truncated_row_cut(path: Path, time: np.ndarray, window: tuple[float, float] | None = None) -> tuple[Cut, ...]:
-    """Return a cut for the incomplete last row of a text file, if its `window` [s] reaches the end; else none.
+def _truncation_cut(path: Path, time: np.ndarray, window: tuple[float, float] | None = None) -> tuple[Cut, ...]:
+    """Return a cut for the missing end of a truncated file, if its `window` [s] reaches the end; else none.
 
     The complete samples were taken at `time`, shape (n,) [s].
     """
-    from ..recordings.readers.csv import ENDINGS, cut_row
+    from ..recordings.readers.read import find_lost_end
 
-    cut = cut_row(path) if path.suffix.lower() in ENDINGS else None
-    if cut is None or (window is not None and window[1] <= time[-1]):
+    lost = find_lost_end(path)
+    if not lost or (window is not None and window[1] <= time[-1]):
         return ()
-    text = cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."
-    found = f'an incomplete last row, "{text}", where the file is truncated'
+    found = f"{lost}, where the file is truncated"
     return (Cut("truncated", "time", float(time[-1]), float(time[-1]), len(time), len(time) - 1, found),)
 
 

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from .._errors import IdentificationError, StudyError
-from .._given import read_given
+from .._given import parse_toml, read_given
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..recordings.recording import MAXIMAL_PROTOCOL
 from ..units import parse_quantity, si_text, to_si_factor
@@ -1304,18 +1304,13 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
 
 def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFile:
     """Read and check a study.toml."""
-    import tomllib
-
     try:
         text = read_given(path, MAX_FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise StudyError(f"{path}: no such file; a study is a folder with a study.toml in it") from None
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: not readable: {error}") from error
-    try:
-        raw = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise StudyError(f"{path}: not valid TOML: {error}") from error
+    raw = parse_toml(text, str(path))
     try:
         return model.model_validate(raw, context=rig_units(raw))
     except ValidationError as error:

@@ -15,7 +15,10 @@ from .study_fields import DERIVED_PREFIX
 MAX_LINE_LENGTH = 300
 """Keys are not searched in lines with more characters than this."""
 
-_HEADER_PATTERN = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+MAX_EXPLAINED_PROBLEMS = 40
+"""At most this many problems are explained; each is searched in every line of the file."""
+
+_HEADER_PATTERN = re.compile(r"\s*(\[\[?)([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY_PATTERN = re.compile(
     r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*="""
 )
@@ -23,8 +26,9 @@ _KEY_PATTERN = re.compile(
 
 def explain_errors(error: ValidationError, path: Path, text: str, root: type[BaseModel]) -> str:
     """Return one line of text per problem: file, line, table and key, what was found and expected."""
-    lines = []
-    for problem in error.errors(include_url=False):
+    lines: dict[str, None] = {}
+    problems = error.errors(include_url=False)
+    for problem in problems[:MAX_EXPLAINED_PROBLEMS]:
         where = tuple(
             part
             for part in problem["loc"]
@@ -33,8 +37,10 @@ def explain_errors(error: ValidationError, path: Path, text: str, root: type[Bas
         number = line_of(text, where)
         place = f"{path}{f', line {number}' if number else ''}: {format_place(where)}"
         message = _describe_problem(problem, where, root)
-        if message and f"{place}: {message}" not in lines:
-            lines.append(f"{place}: {message}" if format_place(where) else f"{place}{message}")
+        if message:
+            lines[f"{place}: {message}" if format_place(where) else f"{place}{message}"] = None
+    if len(problems) > MAX_EXPLAINED_PROBLEMS:
+        lines[f"{path}: {len(problems) - MAX_EXPLAINED_PROBLEMS} further problems"] = None
     return "\n".join(lines)
 
 
@@ -66,10 +72,11 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
             continue
         header = _HEADER_PATTERN.match(line)
         if header:
-            table = [part.strip().strip("\"'") for part in header[2].split(".")]
+            name = header[2].strip()
+            table = [part.strip().strip("\"'") for part in name.split(".")]
             if header[1] == "[[":
-                counts[header[2]] = counts.get(header[2], -1) + 1
-                table.append(str(counts[header[2]]))
+                counts[name] = counts.get(name, -1) + 1
+                table.append(str(counts[name]))
             else:
                 for array in (key.split(".") for key in counts):
                     if table[: len(array)] == array:

@@ -3,4 +3,5 @@
 from __future__ import annotations
 
 from ._columns import Columns as Columns
+from .read import read as read
 from .read import read_columns as read_columns

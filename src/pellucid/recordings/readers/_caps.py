@@ -11,6 +11,9 @@ from ..._errors import RecordingError
 DEFAULT_MAX_COLUMNS = 5000
 """A file has at most this many columns, unless PELLUCID_MOST_COLUMNS states another number."""
 
+MAX_NAME_LENGTH = 300
+"""A column's name has at most this many characters; dotted names of nested structures have less than half."""
+
 DEFAULT_MAX_FILE_BYTES = 4e9
 """A file has at most this many bytes, unless PELLUCID_MOST_FILE_BYTES states another number."""
 
@@ -60,6 +63,16 @@ def require_few_columns(path: Path, columns: int) -> None:
         raise RecordingError(
             f"{path.name}: found {columns} columns or more, expected at most {max_columns():g}; to read it all the "
             "same: PELLUCID_MOST_COLUMNS=NUMBER"
+        )
+
+
+def require_short_names(path: Path, names: Iterable[str]) -> None:
+    """Raise a RecordingError if a column's name is too long: what names say is searched in time that grows faster."""
+    longest = max(names, key=len, default="")
+    if len(longest) > MAX_NAME_LENGTH:
+        raise RecordingError(
+            f'{path.name}: found a column with a name of {len(longest)} characters, "{longest[:40]}...", expected at '
+            f"most {MAX_NAME_LENGTH}"
         )
 
 

@@ -40,6 +40,9 @@ class Columns:
         Values of labelled lines above a text table, such as a sampling rate, without personal ones.
     personal : tuple of PersonalField
         Fields that tell who was recorded; their values are left out.
+    lost : str
+        What the file lacks at its end because its writer was stopped, such as an incomplete last row; ``""`` for a
+        whole file. `values` hold everything before it.
     """
 
     path: Path
@@ -48,6 +51,7 @@ class Columns:
     units: Mapping[str | int, str] = field(default_factory=dict)
     facts: Mapping[str, str] = field(default_factory=dict)
     personal: tuple[PersonalField, ...] = ()
+    lost: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,7 +99,8 @@ class Columns:
             for name, x in self.values.items()
         ]
         width = max(len(name) for name, _ in contents) if contents else 0
-        return "\n".join((self.path.name, *(f"  {name.ljust(width)}  {content}" for name, content in contents)))
+        head = f"{self.path.name}{f': truncated, found {self.lost}' if self.lost else ''}"
+        return "\n".join((head, *(f"  {name.ljust(width)}  {content}" for name, content in contents)))
 
     def column(self, key: str | int, channel: str) -> np.ndarray:
         """Return a column by its name or 0-based number; a message about it names `channel`.
@@ -127,7 +132,8 @@ class Columns:
         """Return the name of the column that `key` stands for, with or without a unit; None if it is not one."""
         if key in self.values:
             return key
-        same = [name for name in self.values if _without_unit(name) == _without_unit(key)]
+        plain = _without_unit(key)
+        same = [name for name in self.values if _without_unit(name) == plain]
         return same[0] if len(same) == 1 else None
 
     def _numbers(self, name: str, channel: str) -> np.ndarray:

@@ -25,6 +25,11 @@ def read_xml(path: Path) -> ElementTree.Element:
         raise RecordingError(f"{path}: not readable: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
+    return parse_small_xml(path, content)
+
+
+def parse_small_xml(path: Path, content: bytes) -> ElementTree.Element:
+    """Return the root element of a text in XML, of a file or in one."""
     try:
         _require_plain(path, content)
         return ElementTree.fromstring(content)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ..personal_fields import find_personal_columns, find_personal_lines
+from ..personal_fields import find_personal_columns, find_personal_lines, searched_part
 from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
@@ -112,7 +112,7 @@ def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     """Return the values of the lines above a table by their labels, without what tells who was recorded."""
     facts: dict[str, str] = {}
     for line in lines:
-        match = _LABELLED_FACT.fullmatch(line)
+        match = _LABELLED_FACT.fullmatch(searched_part(line))
         if match is None or not match[2] or find_personal_lines([line]):
             continue
         label = match[1].strip()
@@ -160,6 +160,14 @@ def _read_long(path: Path) -> Columns | None:
         facts=_facts(above, names),
         personal=tuple(find_personal_lines(above)),
     )
+
+
+def lost_end(path: Path) -> str:
+    """Return the incomplete row at the end of a file whose writer was killed; "" for a whole file."""
+    cut = cut_row(path)
+    if cut is None:
+        return ""
+    return f'an incomplete last row, "{cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."}"'
 
 
 def _has_empty_row(columns: list[np.ndarray]) -> bool:

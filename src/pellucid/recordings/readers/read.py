@@ -3,23 +3,26 @@
 Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
 If several modules read one ending, those with ``recognises(path)`` are asked first; they look at the file's content.
 A module may use a library that a damaged file can crash, or that unpacks data. It names such libraries in ``APART``,
-and then runs in a process of its own; a function ``extra_libraries(path)`` may name more that one file needs. Another
+and then runs in a process of its own; a function ``extra_libraries(path)`` may name more that one file needs. A module
+that reads a truncated file to its last complete row has ``lost_end(path)``, which says what is missing. Another
 package brings such a module as an entry point of ``pellucid.readers``.
 """
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-from ..._errors import PellucidError, PluginError, RecordingError
+from ..._errors import PellucidError, PluginError, RecordingError, TruncatedFileWarning
 from ..._plugins import load_plugins, require_attributes
-from ._caps import require_few_columns, require_file_size
+from ._caps import require_few_columns, require_file_size, require_short_names
 from ._columns import Columns
 from ._unread_formats import UNREAD_FORMATS
 
@@ -81,47 +84,7 @@ def needs_process(path: Path) -> bool:
 
 
 def read_columns(path: str | os.PathLike) -> Columns:
-    """Read every numeric column of a recording, in the file's own units.
-
-    Parameters
-    ----------
-    path : path-like
-        File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), workbooks (``.xlsx``,
-        ``.xlsm``, ``.ods``), ``.mat``, ``.json``, HDF5 (``.h5``, ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``),
-        ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``), motion capture (``.c3d``, ``.trc``), amplifiers
-        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``). A text table may
-        have any other ending, or none.
-
-    Returns
-    -------
-    Columns
-        A mapping: ``columns["name"]`` is an array of shape (n,), and ``in``, ``len``, iteration and ``to_frame()`` work
-        as one expects. Streams of one file may differ in n.
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, empty, truncated, of a format that is not read, or holds no numbers. The message says
-        what to export instead, or which extra to install.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import pellucid as pl
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder, "swing.csv")
-    ...     _ = path.write_text("t [s],q\\n0.0,0.10\\n0.1,0.12\\n")
-    ...     columns = pl.read(path)
-    >>> columns.names
-    ('t [s]', 'q')
-    >>> columns["q"]
-    array([0.1 , 0.12])
-    >>> columns["t"]
-    array([0. , 0.1])
-    >>> "q" in columns, len(columns), list(columns)
-    (True, 2, ['t [s]', 'q'])
-    """
+    """Return the columns of a file, as `read` does, without a warning about a truncated one."""
     path = Path(path)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
@@ -155,6 +118,77 @@ def read_columns(path: str | os.PathLike) -> Columns:
     except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error!r}") from error
     require_few_columns(path, len(columns.values))
+    require_short_names(path, columns.values)
     if all(isinstance(value, str) for value in columns.values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
+    lost = reader.lost_end(path) if hasattr(reader, "lost_end") else ""
+    return replace(columns, lost=lost) if lost else columns
+
+
+def find_lost_end(path: Path) -> str:
+    """Return what a file lacks at its end because its writer was stopped; "" for a whole file, and for other formats.
+
+    Such a file is read to its last complete row or chunk. Readers of formats whose files can be read so have a function
+    of the name ``lost_end``.
+    """
+    of_text = readers_by_ending()[".dat"]
+    readers = [r for r in readers_by_ending().get(path.suffix.lower(), of_text) if not hasattr(r, "recognises")]
+    return next((r.lost_end(path) for r in readers if hasattr(r, "lost_end")), "")
+
+
+def read(path: str | os.PathLike) -> Columns:
+    """Read every numeric column of a recording, in the file's own units.
+
+    Parameters
+    ----------
+    path : path-like
+        File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), workbooks (``.xlsx``,
+        ``.xlsm``, ``.ods``), ``.mat``, ``.json``, HDF5 (``.h5``, ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``),
+        ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``), motion capture (``.c3d``, ``.trc``), amplifiers
+        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``). A text table may
+        have any other ending, or none.
+
+    Returns
+    -------
+    Columns
+        A mapping: ``columns["name"]`` is an array of shape (n,), and ``in``, ``len``, iteration and ``to_frame()`` work
+        as one expects. Streams of one file may differ in n.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, empty, damaged, of a format that is not read, or holds no numbers. The message says
+        what to export instead, or which extra to install.
+
+    Warns
+    -----
+    TruncatedFileWarning
+        If the writer of a text table or an XDF file was stopped. Everything up to the last complete row or chunk is
+        read, and the warning names what is missing. A truncated file of another format is an error.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pellucid as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "swing.csv")
+    ...     _ = path.write_text("t [s],q\\n0.0,0.10\\n0.1,0.12\\n")
+    ...     columns = pl.read(path)
+    >>> columns.names
+    ('t [s]', 'q')
+    >>> columns["q"]
+    array([0.1 , 0.12])
+    >>> columns["t"]
+    array([0. , 0.1])
+    >>> "q" in columns, len(columns), list(columns)
+    (True, 2, ['t [s]', 'q'])
+    """
+    columns = read_columns(path)
+    if columns.lost:
+        warnings.warn(
+            f"{Path(path).name}: the file is truncated: found {columns.lost}; everything before it was read",
+            TruncatedFileWarning,
+            stacklevel=2,
+        )
     return columns

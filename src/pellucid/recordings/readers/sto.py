@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +46,7 @@ def read(path: Path) -> Columns:
         accepted = (found - 1, found, found + 1) if key == "nrows" and miscounts else (found,)
         if key in header and header[key] not in map(str, accepted):
             raise RecordingError(
-                f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key]}, found {found}; "
+                f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key][:40]}, found {found}; "
                 "the file is truncated or was edited"
             )
     values = {label: np.ascontiguousarray(table[:, i]) for i, label in enumerate(labels)}
@@ -63,7 +62,7 @@ def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise RecordingError(f"{path.name}: found no line endheader, expected an OpenSim storage file")
-    pairs = (re.fullmatch(r"\s*(\w+)\s*=\s*(.*?)\s*", line) for line in lines[:end])
-    header = {"title": lines[0].strip().lower(), **{pair[1].lower(): pair[2].lower() for pair in pairs if pair}}
+    pairs = [[part.strip().lower() for part in line.split("=", 1)] for line in lines[:end] if "=" in line]
+    header = {"title": lines[0].strip().lower(), **dict(pairs)}
     body = [(i, line) for i, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
     return header, [line for _, line in body], body[0][0] if body else end + 1

@@ -2,12 +2,15 @@
 
 A channel C of a stream S becomes the column S.C, at the times of the column S.time. Channels without names are
 numbered from 1. As in the layer's own reader, measured offsets bring the clocks of other computers onto the recorder's,
-and the times of evenly sampled streams are smoothed. Time 0 is the first sample of the file.
+and the times of evenly sampled streams are smoothed. Time 0 is the first sample of the file. A file whose recorder was
+killed is read to its last complete chunk.
 """
 
 from __future__ import annotations
 
+import io
 import logging
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +18,25 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ._columns import Columns
+from ._xml import parse_small_xml
 
 ENDINGS = (".xdf",)
 APART = ("pyxdf",)
 
 FIRST_BYTES = b"XDF:"
 """Every XDF file begins with these bytes."""
+
+STREAM_HEADER_TAG, FOOTER_TAG = 2, 6
+"""Tags of the chunks that begin and end a stream."""
+
+MAX_CHUNK_HEAD_BYTES = 15
+"""Bytes before a chunk's content: the width of its length, its length, its tag and the identity of its stream."""
+
+MAX_STREAM_HEADER_BYTES = 4_000_000
+"""A stream's description has at most this many bytes; that of 5,000 channels with all their fields has 2 MB."""
+
+MIN_MEAN_CHUNK_BYTES = 12
+"""Chunks of a file have at least this mean size; the smallest one with content, a boundary, has 20 bytes."""
 
 UNIT_SYMBOLS = {
     "microvolts": "uV", "millivolts": "mV", "volts": "V", "degrees": "deg", "radians": "rad", "seconds": "s",
@@ -32,9 +48,13 @@ UNIT_SYMBOLS = {
 def read(path: Path) -> Columns:
     """Return columns by name, in the file's own units, each shape (n,) with the n of its stream."""
     into: dict[str, np.ndarray | str] = {}
-    streams = [stream for stream in _load_streams(path) if len(stream["time_stamps"])]
+    whole = _walk(path)
+    streams = [stream for stream in _load_streams(path, whole) if len(stream["time_stamps"])]
     if not streams:
-        raise RecordingError(f"{path.name}: found no stream with samples")
+        cut = f" before byte {whole.end} of {whole.size}, where the file is truncated" if whole.end < whole.size else ""
+        raise RecordingError(f"{path.name}: found no stream with samples{cut}")
+    for stream in streams:
+        _require_all_samples(path, stream)
     start = min(float(stream["time_stamps"][0]) for stream in streams)
     for stream in streams:
         name, labels = _name(stream), _labels(stream)
@@ -61,27 +81,96 @@ def _units(streams: list[Any]) -> dict[str | int, str]:
     return found
 
 
-def _load_streams(path: Path) -> list[Any]:
-    import pyxdf
+@dataclass
+class WholeChunks:
+    """The whole chunks at the beginning of a file."""
 
+    size: int  # of the file [B]
+    end: int = len(FIRST_BYTES)  # position after the last whole chunk [B]
+    streams: dict[int, str] = field(default_factory=dict)  # names by identity
+    ended: set[int] = field(default_factory=set)  # identities of streams with a footer
+
+
+def lost_end(path: Path) -> str:
+    """Return what a file lacks whose recorder was killed, or whose disk was full; "" for a whole file."""
+    whole = _walk(path)
+    lost = [f"{whole.size - whole.end} bytes of an incomplete chunk"] if whole.end < whole.size else []
+    endless = [f'"{name}"' for identity, name in whole.streams.items() if identity not in whole.ended]
+    if endless:
+        named = ", ".join(endless[:5]) + (f" and {len(endless) - 5} more" if len(endless) > 5 else "")
+        lost.append(f"no end of the stream{'s' if len(endless) > 1 else ''} {named}")
+    return " and ".join(lost)
+
+
+def _walk(path: Path) -> WholeChunks:
+    """Find the whole chunks of a file by their heads."""
+    whole, count = WholeChunks(path.stat().st_size), 0
     with path.open("rb") as file:
         if file.read(len(FIRST_BYTES)) != FIRST_BYTES:
             raise RecordingError(f"{path.name}: not readable as an XDF file: found no header of such a file")
+        while True:
+            file.seek(whole.end)
+            head = file.read(MAX_CHUNK_HEAD_BYTES)
+            width = head[0] if head else 0
+            length = int.from_bytes(head[1 : 1 + width], "little")
+            begin = whole.end + 1 + width
+            if width not in (1, 4, 8) or length < 2 or begin + length > whole.size:
+                return whole
+            tag, identity = (
+                int.from_bytes(head[1 + width + at : 1 + width + to], "little") for at, to in ((0, 2), (2, 6))
+            )
+            if tag == STREAM_HEADER_TAG:
+                if length > MAX_STREAM_HEADER_BYTES:
+                    raise RecordingError(
+                        f"{path.name}: found a stream's description of {length} bytes, expected at most "
+                        f"{MAX_STREAM_HEADER_BYTES}"
+                    )
+                file.seek(begin + 6)
+                root = parse_small_xml(path, file.read(length - 6))
+                whole.streams[identity] = (root.findtext("name") or "").strip() or str(identity)
+            elif tag == FOOTER_TAG:
+                whole.ended.add(identity)
+            whole.end, count = begin + length, count + 1
+            if whole.end < MIN_MEAN_CHUNK_BYTES * count - 1000:
+                raise RecordingError(
+                    f"{path.name}: found {count} chunks in {whole.end} bytes, expected larger ones: the file is damaged"
+                )
+
+
+def _load_streams(path: Path, whole: WholeChunks) -> list[Any]:
+    import pyxdf
+
+    # The library continues behind an incomplete chunk, with whatever it finds there.
+    source: Any = str(path)
+    if whole.end < whole.size:
+        with path.open("rb") as file:
+            source = io.BytesIO(file.read(whole.end))
     # The library reports a damaged file in its log, and continues with the part that it can read.
     logger = logging.getLogger("pyxdf.pyxdf")
     before, logger.disabled = logger.disabled, True
     try:
-        streams, _ = pyxdf.load_xdf(str(path))
+        streams, _ = pyxdf.load_xdf(source)
     except MemoryError:
         raise
     except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable as an XDF file, truncated or damaged: {error}") from error
     finally:
         logger.disabled = before
-    for stream in streams:
-        if not stream.get("footer"):
-            raise RecordingError(f'{path.name}: the stream "{_name(stream)}" has no end: the file is truncated')
     return streams
+
+
+def _require_all_samples(path: Path, stream: Any) -> None:
+    """Raise a RecordingError if a stream's footer counts more samples than were found: a chunk is damaged."""
+    footer = stream.get("footer")
+    said = (
+        _text(footer["info"], "sample_count") if isinstance(footer, dict) and isinstance(footer["info"], dict) else ""
+    )
+    found = len(stream["time_stamps"])
+    if said.isdigit() and int(said) > found:
+        raise RecordingError(
+            f'{path.name}: the stream "{_name(stream)}" has {found} samples, and its footer counts {said}: the file is '
+            "damaged"
+        )
 
 
 def _name(stream: Any) -> str:
