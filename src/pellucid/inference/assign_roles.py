@@ -44,6 +44,9 @@ MAX_ANALYSED_ROWS = 200_000
 MAX_WEIGHING_EFFORTS = 8
 """An angle's unit is looked for in the weight that at most so many efforts show."""
 
+MAX_COMPARED_COMMANDS = 2000
+"""Commands are looked for in at most this many pairs of columns, those of 60 columns; each takes a millisecond."""
+
 MAX_EFFORT_CANDIDATES = 40
 """Fits of efforts to motions are made for at most this many columns."""
 
@@ -147,6 +150,7 @@ class _Assignment:
         self.time = time[rows]
         self.values = {name: x[rows] for name, x in columns.items()}
         self.roles: dict[str, ColumnRole] = {}
+        self._compared = 0  # pairs of columns of which one may be the other's command
         self._angles: dict[tuple[str, int], AngleUnit] = {}
         self.pairs: list[DerivativePair] = []
         self.commands: list[FollowedCommand] = []
@@ -396,7 +400,7 @@ class _Assignment:
         # A pair in which one column follows the other is a controlled position.
         for i, a in enumerate(free):
             for b in free[i + 1 :]:
-                followed = find_command((a, self.values[a]), (b, self.values[b]))
+                followed = self._command_of(a, b)
                 if followed is not None and max(lengths[a], lengths[b]) < 0.05 and abs(followed.slope - 1.0) < 0.1:
                     why = f"{followed.why}: a controlled position"
                     self._set(followed.measured, "position", why, self.names[followed.measured], False)
@@ -450,8 +454,14 @@ class _Assignment:
                 False,
             )
 
+    def _command_of(self, name: str, other: str) -> FollowedCommand | None:
+        self._compared += 1
+        if self._compared > MAX_COMPARED_COMMANDS:
+            return None
+        return find_command((name, self.values[name]), (other, self.values[other]))
+
     def _follows(self, name: str, other: str) -> bool:
-        followed = find_command((name, self.values[name]), (other, self.values[other]))
+        followed = self._command_of(name, other)
         return followed is not None and abs(followed.slope - 1.0) < 0.3
 
     def _radians(self, name: str) -> float | None:
@@ -479,7 +489,7 @@ class _Assignment:
             evidence = self.names[name]
             for other, role in list(self.roles.items()):
                 if role.quantity in ("position", "velocity") and not role.is_command:
-                    followed = find_command((name, self.values[name]), (other, self.values[other]))
+                    followed = self._command_of(name, other)
                     if followed is not None and abs(followed.slope - 1.0) < 0.3:
                         quantity = "reference" if role.quantity == "position" else "desired_velocity"
                         unit = role.unit

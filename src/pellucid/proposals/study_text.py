@@ -248,13 +248,17 @@ def _channels(layout: Layout, proposal: Proposal, head: str) -> list[str]:
     lines = [head, _time(layout, proposal)]
     names = _renamed(proposal)
     taken: set[str] = set()
+    groups: set[str] = set()  # what stands before the dots of names that are taken
+    counts: dict[str, int] = {}
     for role in layout.channels:
         renamed = names.get(role.label, role.label)
         name = f"{role.quantity}.{renamed}" if renamed else str(role.quantity)
-        k, base = 2, name
-        while name in taken or any(name.startswith(f"{t}.") or t.startswith(f"{name}.") for t in taken):
-            name, k = f"{base}_{k}", k + 1
+        base = name
+        while name in taken or name in groups or not taken.isdisjoint(_groups_of(name)):
+            counts[base] = counts.get(base, 1) + 1
+            name = f"{base}_{counts[base]}"
         taken.add(name)
+        groups.update(_groups_of(name))
         mark = channel_mark(role, proposal)
         why = "; ".join(dict.fromkeys(text for text in (role.why, role.unit_why) if text))
         comment = f"{mark}: {why}" if mark else why
@@ -264,6 +268,11 @@ def _channels(layout: Layout, proposal: Proposal, head: str) -> list[str]:
         lines.append("# Left out:")
         lines += [f"#   {_one_line(role.column)}: {_one_line(role.why)}" for role in left[:60]]
     return lines
+
+
+def _groups_of(name: str) -> list[str]:
+    """Return the tables in which a dotted name stands: a and a.b of a.b.c."""
+    return [name[:i] for i, letter in enumerate(name) if letter == "."]
 
 
 def _key(name: str) -> str:

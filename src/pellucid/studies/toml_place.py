@@ -18,6 +18,9 @@ MAX_LINE_LENGTH = 300
 MAX_EXPLAINED_PROBLEMS = 40
 """At most this many problems are explained; each is searched in every line of the file."""
 
+MAX_MESSAGE_LENGTH = 1000
+"""What a message quotes of a file ends after this many characters."""
+
 _HEADER_PATTERN = re.compile(r"\s*(\[\[?)([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY_PATTERN = re.compile(
     r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*="""
@@ -38,7 +41,8 @@ def explain_errors(error: ValidationError, path: Path, text: str, root: type[Bas
         place = f"{path}{f', line {number}' if number else ''}: {format_place(where)}"
         message = _describe_problem(problem, where, root)
         if message:
-            lines[f"{place}: {message}" if format_place(where) else f"{place}{message}"] = None
+            line = f"{place}: {message}" if format_place(where) else f"{place}{message}"
+            lines[line if len(line) <= MAX_MESSAGE_LENGTH else f"{line[:MAX_MESSAGE_LENGTH]}..."] = None
     if len(problems) > MAX_EXPLAINED_PROBLEMS:
         lines[f"{path}: {len(problems) - MAX_EXPLAINED_PROBLEMS} further problems"] = None
     return "\n".join(lines)
