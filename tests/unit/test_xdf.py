@@ -93,6 +93,9 @@ def test_what_is_no_file_of_streams_is_refused(tmp_path):
     one = stream(1, "amp", 10, t, t[:, None], ["a"], [""])
     with pytest.raises(RecordingError, match='two streams named "amp"'):
         read_columns(write(tmp_path / "e.xdf", one, one.replace(struct.pack("<I", 1), struct.pack("<I", 2))))
+    damaged = one.replace(struct.pack("<BI", 4, 10), struct.pack("<BI", 7, 10), 1)
+    with pytest.raises(RecordingError, match=r"g\.xdf: not readable as an XDF file, damaged: .*corruption"):
+        read_columns(write(tmp_path / "g.xdf", damaged))
     lost = one.replace(b"<sample_count>10", b"<sample_count>12")
     with pytest.raises(RecordingError, match='"amp" has 10 samples, and its footer counts 12'):
         read_columns(write(tmp_path / "f.xdf", lost))

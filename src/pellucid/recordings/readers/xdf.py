@@ -146,8 +146,9 @@ def _load_streams(path: Path, whole: WholeChunks) -> list[Any]:
         with path.open("rb") as file:
             source = io.BytesIO(file.read(whole.end))
     # The library reports a damaged file in its log, and continues with the part that it can read.
-    logger = logging.getLogger("pyxdf.pyxdf")
-    before, logger.disabled = logger.disabled, True
+    logger, damage = logging.getLogger("pyxdf.pyxdf"), _FirstError()
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(damage)
     try:
         streams, _ = pyxdf.load_xdf(source)
     except MemoryError:
@@ -155,8 +156,23 @@ def _load_streams(path: Path, whole: WholeChunks) -> list[Any]:
     except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable as an XDF file, truncated or damaged: {error}") from error
     finally:
-        logger.disabled = before
+        logger.removeHandler(damage)
+        logger.propagate = before
+    if damage.said:
+        raise RecordingError(f"{path.name}: not readable as an XDF file, damaged: {damage.said}")
     return streams
+
+
+class _FirstError(logging.Handler):
+    """Keep the first error that a library reports."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.said = ""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep an error's text."""
+        self.said = self.said or record.getMessage()[:200]
 
 
 def _require_all_samples(path: Path, stream: Any) -> None:
