@@ -66,6 +66,22 @@ def test_what_is_no_c3d_file_is_refused(tmp_path):
             read_columns(tmp_path / "c.c3d")
 
 
+def test_a_long_file_that_is_cut_is_refused(tmp_path):
+    """The header of a long file does not state its frames; its parameters do."""
+    path = write(tmp_path / "a.c3d", {"m": np.ones((400, 3))}, 100.0, {"a": np.ones(4000)}, 1000.0)
+    content = ezc3d.c3d(str(path))
+    for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", 400)):
+        content.add_parameter("TRIAL", name, [frame, 0])
+    content.write(str(path))
+    whole = bytearray(path.read_bytes())
+    whole[8:10] = b"\xff\xff"
+    path.write_bytes(whole)
+    assert len(read_columns(path)["a"]) == 4000
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    with pytest.raises(RecordingError, match="as its header says: it is truncated"):
+        read_columns(path)
+
+
 def test_two_channels_of_one_name_are_refused(tmp_path):
     path = write(tmp_path / "a.c3d", {"m": np.ones((10, 3))}, 100.0, {"m_x": np.zeros(10)}, 100.0)
     with pytest.raises(RecordingError, match='two channels named "m_x"'):

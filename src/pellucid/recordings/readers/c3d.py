@@ -140,13 +140,35 @@ def _require_whole(path: Path) -> None:
     # A negative scale means that samples are floats. The position of its sign bit depends on the processor.
     floats = head[{MIPS_PROCESSOR: 12, DEC_PROCESSOR: 13}.get(section[3], 15)] & 0x80
     frame = (4 * points + analogs) * (4 if floats else 2)
-    frames = last - first + 1 if last < UNKNOWN_LAST_FRAME else 1
-    expected = BLOCK_BYTES * (start - 1) + frames * frame
+    head_bytes = BLOCK_BYTES * (start - 1)
+    frames = last - first + 1 if last < UNKNOWN_LAST_FRAME else _long_frame_count(path, order, head_bytes)
+    expected = head_bytes + frames * frame
     if path.stat().st_size < expected:
         raise RecordingError(
             f"{path.name}: not readable as a C3D file: found {path.stat().st_size} bytes, expected {expected} as its "
             "header says: it is truncated"
         )
+
+
+def _long_frame_count(path: Path, order: str, length: int) -> int:
+    """Return how many frames the parameters of a long file state, in its first `length` bytes; 1 if they do not.
+
+    TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD are two words each, the low one first; some programs write the words
+    as floats.
+    """
+    with path.open("rb") as file:
+        parameters = file.read(length)
+    fields = []
+    for name in (b"ACTUAL_START_FIELD", b"ACTUAL_END_FIELD"):
+        at = parameters.find(name) + len(name) + 2  # behind the name and the position of the next parameter
+        kind = {b"\x02\x01\x02": "2H", b"\x04\x01\x02": "2f"}.get(parameters[at : at + 3])
+        if name not in parameters or kind is None or len(parameters) < at + 11:
+            return 1
+        low, high = struct.unpack_from(f"{order}{kind}", parameters, at + 3)
+        if not (0 <= low < 65536 and 0 <= high < 65536):
+            return 1
+        fields.append(int(low) + 65536 * int(high))
+    return max(fields[1] - fields[0] + 1, 1)
 
 
 def _texts(content: Any, group: str, name: str) -> list[str]:
