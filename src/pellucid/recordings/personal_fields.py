@@ -56,7 +56,7 @@ _THING_WORDS = frozenset(
 MAX_SEARCHED_CHARACTERS = 1000
 """Only this many characters of a line are searched for a label and its value."""
 
-_BLANKS = re.compile(r"\s{2,}")
+_BLANK_RUN = re.compile(r"\s{2,}")
 
 _EMAIL_ADDRESS = re.compile(r"[\w.+-]+@[\w-]+\.[\w.-]+\w")
 
@@ -108,7 +108,7 @@ def personal_kind(label: str, value: str = "") -> str | None:
 
 def searched_part(line: str) -> str:
     """Return the beginning of a line with single blanks, in which patterns are searched in bounded time."""
-    return _BLANKS.sub(lambda match: "\t" if "\t" in match[0] else " ", line[:MAX_SEARCHED_CHARACTERS])
+    return _BLANK_RUN.sub(lambda match: "\t" if "\t" in match[0] else " ", line[:MAX_SEARCHED_CHARACTERS])
 
 
 def find_personal_lines(lines: Iterable[str]) -> list[PersonalField]:

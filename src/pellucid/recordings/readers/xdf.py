@@ -26,8 +26,11 @@ APART = ("pyxdf",)
 FIRST_BYTES = b"XDF:"
 """Every XDF file begins with these bytes."""
 
-STREAM_HEADER_TAG, FOOTER_TAG = 2, 6
-"""Tags of the chunks that begin and end a stream."""
+STREAM_HEADER_TAG = 2
+"""Tag of the chunk that begins a stream."""
+
+FOOTER_TAG = 6
+"""Tag of the chunk that ends a stream."""
 
 MAX_CHUNK_HEAD_BYTES = 15
 """Bytes before a chunk's content: the width of its length, its length, its tag and the identity of its stream."""
@@ -85,7 +88,7 @@ def _units(streams: list[Any]) -> dict[str | int, str]:
 class WholeChunks:
     """The whole chunks at the beginning of a file."""
 
-    size: int  # of the file [B]
+    size: int  # size of the file [B]
     end: int = len(FIRST_BYTES)  # position after the last whole chunk [B]
     streams: dict[int, str] = field(default_factory=dict)  # names by identity
     ended: set[int] = field(default_factory=set)  # identities of streams with a footer
