@@ -45,8 +45,14 @@ ohm = volt / ampere = _ = Ohm = Ω
 henry = volt * second / ampere = H
 pascal = newton / meter ** 2 = Pa
 tesla = volt * second / meter ** 2 = T
+inch = 0.0254 * meter
+foot = 0.3048 * meter
+pound_force = 4.4482216152605 * newton = lbf
+ounce_force = 0.27801385095378125 * newton = ozf
+kilogram_force = 9.80665 * newton = kgf
 standard_gravity = 9.80665 * meter / second ** 2 = g0
 degree_Celsius = kelvin; offset: 273.15 = degC = °C = celsius
+degree_Fahrenheit = 0.5555555555555556 * kelvin; offset: 255.3722222222222 = degF = °F
 percent = 0.01 = %
 maximal_contraction = [effort] = MVC
 percent_MVC = 0.01 * maximal_contraction

@@ -32,7 +32,7 @@ ALLOWED = {
     "datasets": BASE | {"recordings", "studies", "procedures"},
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
-    "inference": BASE | {"recordings.stated_units", "signals"},  # arrays and names; proposals read files
+    "inference": BASE | {"recordings.name_evidence", "signals"},  # arrays and names; proposals read files
     "models": BASE | {"_core"},  # physics knows no data
     "fit": BASE | PHYSICS | {"drawing", "recordings.recording", "signals", "protocols"},  # arrays alone
     "control": PHYSICS,

@@ -184,7 +184,7 @@ def test_an_exosuit_s_log_comes_out_as_its_readme_says(data_folder):
         ("GoalPosition", "position", "command", ""),
         ("EMG_VL_mV", "emg", "", "V"),
         ("t [ms]", "time", "", "s"),
-        ("torque_enable", "switch", "", ""),
+        ("torque_enable", "enabled", "", ""),
         ("L1_T12_Lat_Bending", "", "", ""),
         ("0", "", "", ""),
     ],

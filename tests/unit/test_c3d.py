@@ -140,3 +140,22 @@ def test_units_that_contradict_the_file_are_refused(lab, tmp_path):
         (tmp_path / "study.toml").write_text(wrong, encoding="utf-8")
         with pytest.raises(RecordingError, match=said):
             open_study(tmp_path, allow_outside=True).recordings()
+
+
+def test_groups_of_computed_values_keep_their_own_units(tmp_path):
+    """Angles, moments and powers of a model stand among the markers, in units of their own."""
+    labels = {"knee": "mm", "RKneeAngles": "deg", "RKneeMoment": "N*mm", "RKneePower": "W", "RKneeForce": "N"}
+    content = ezc3d.c3d()
+    parameters = content["parameters"]
+    parameters["POINT"]["UNITS"]["value"] = ("mm",)
+    parameters["POINT"]["RATE"]["value"] = (100.0,)
+    parameters["POINT"]["LABELS"]["value"] = tuple(labels)
+    groups = {"ANGLE": ("RKneeAngles", "deg"), "MOMENT": ("RKneeMoment", "Nmm"), "POWER": ("RKneePower", "W")}
+    for group, (label, unit) in (groups | {"FORCE": ("RKneeForce", "N")}).items():
+        content.add_parameter("POINT", f"{group}S", [label])
+        content.add_parameter("POINT", f"{group}_UNITS", [unit])
+    content["data"]["points"] = np.ones((4, len(labels), 30))
+    path = tmp_path / "model.c3d"
+    content.write(str(path))
+    found = read_columns(path)
+    assert {label: found.units[f"{label}_x"] for label in labels} == labels

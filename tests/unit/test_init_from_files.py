@@ -18,12 +18,12 @@ from pellucid.inference.derivatives import find_derivatives
 from pellucid.inference.emg_spectrum import is_raw_emg
 from pellucid.inference.flat_arrays import find_flat_shape
 from pellucid.inference.motion_efforts import motion_samples, unit_by_weight
-from pellucid.inference.name_evidence import read_name
 from pellucid.inference.repeated_motions import find_repeated_motion
 from pellucid.proposals.given_files import read_given
 from pellucid.proposals.propose_study import propose_study
 from pellucid.proposals.questions import MAX_QUESTION_COUNT
 from pellucid.proposals.study_text import study_text
+from pellucid.recordings.name_evidence import read_name
 from pellucid.recordings.stated_units import split_unit
 from pellucid.units import to_si_factor
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..recordings.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
 from ..units import to_si_factor
 from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_rolling_bits, find_unsigned_bits
 from .clocks import FoundClock, find_clock
@@ -15,10 +16,12 @@ from .derivatives import DerivativePair, find_derivatives
 from .emg_spectrum import is_envelope, is_raw_emg, swings_fast
 from .inertial_columns import InertialColumns, find_inertial
 from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
-from .name_evidence import NameEvidence, quantity_of_unit, read_name, words_of
 
 DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
+
+ESSENTIAL_QUANTITIES = (*DRIVE_QUANTITIES, "position", "motor_position", "angle", "moment", "emg")
+"""Quantities that a study cannot do without; another one is left out if its unit is not known."""
 
 INERTIAL_QUANTITIES = {
     "acceleration": "linear_acceleration",
@@ -65,6 +68,7 @@ class ColumnRole:
     label: str = ""  # rest of the channel's name: a joint, a muscle, an IMU's axis
     is_command: bool = False  # whether it was asked for and not measured
     keys: Mapping[str, object] = field(default_factory=dict)  # further keys of the channel: signed_bits, scale, wrap
+    unknown_unit: str = ""  # text that the file states as the unit, if no such unit is known
 
     @property
     def is_guess(self) -> bool:
@@ -113,21 +117,11 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
     hints = hints or TableHints()
     n = max(map(len, columns.values()), default=0)
     names = {name: read_name(name) for name in columns}
-    clock = find_clock(columns, [_with_stated_unit(e, hints) for e in names.values()])
+    names = {name: with_stated_unit(evidence, hints.units.get(name)) for name, evidence in names.items()}
+    clock = find_clock(columns, list(names.values()))
     rate = clock.rate or hints.rate
     time = _times(columns, clock, rate, n)
     return _Assignment(columns, names, hints, clock, rate, time).run()
-
-
-def _with_stated_unit(evidence: NameEvidence, hints: TableHints) -> NameEvidence:
-    unit = hints.units.get(evidence.name)
-    if unit is None or evidence.unit is not None:
-        return evidence
-    by_unit = quantity_of_unit(unit)
-    quantity = evidence.quantity
-    if quantity is None or (quantity == "position" and by_unit not in (None, "position")):
-        quantity = by_unit or quantity
-    return replace(evidence, unit=unit, quantity=quantity)
 
 
 def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | None, n: int) -> np.ndarray:
@@ -144,7 +138,7 @@ class _Assignment:
 
     def __init__(self, columns, names, hints: TableHints, clock: FoundClock, rate, time):
         self.columns, self.hints, self.clock, self.rate = columns, hints, clock, rate
-        self.names = {name: _with_stated_unit(evidence, hints) for name, evidence in names.items()}
+        self.names = names
         self.first = clock.first_sound
         rows = slice(self.first, self.first + MAX_ANALYSED_ROWS)
         self.time = time[rows]
@@ -176,6 +170,9 @@ class _Assignment:
             self._find_anonymous_efforts()
         self._find_commands()
         self._settle_units()
+        for name, role in list(self.roles.items()):
+            if role.unknown_unit and role.quantity not in ESSENTIAL_QUANTITIES:
+                self._leave_out(name, role.unit_why)
         self._group_joints()
         order = [name for name in self.columns if name in self.roles]
         return TableRoles(
@@ -203,7 +200,7 @@ class _Assignment:
     def _leave_out_clocks_and_constants(self) -> None:
         coarse = self.clock.coarse_column
         if coarse is not None:
-            self._leave_out(coarse, f"a clock too coarse for the samples: {self.clock.why}")
+            self._leave_out(coarse, self.clock.why)
         for name in self.clock.others:
             if name != coarse:
                 self._leave_out(name, f'another clock, or a counter; time is "{self.clock.column or coarse}"')
@@ -222,6 +219,8 @@ class _Assignment:
     def _decode_counts(self) -> None:
         self.keys: dict[str, dict[str, object]] = {}
         for name in self._free():
+            if self._stated(name) not in (None, "counts", "1"):
+                continue
             x = self.values[name]
             bits = find_unsigned_bits(x)
             if bits is not None:
@@ -294,6 +293,7 @@ class _Assignment:
             name for name in self._free()
             if self.names[name].quantity in (None, "linear_acceleration", "angular_velocity", "orientation",
                 "magnetic_field")
+            and (self._stated(name) is None or self.names[name].quantity is not None)
         ]  # fmt: skip
         if len(free) < 3:
             return
@@ -302,9 +302,12 @@ class _Assignment:
         for label, found in _numbered(sensors):
             axes = "xyz" if len(found.names) == 3 else "wxyz"
             for axis, name in zip(axes, found.names, strict=True):
+                stated = self._stated(name)
+                unit, why = (stated, "the file states it") if stated else (found.unit, found.why)
                 self.roles[name] = ColumnRole(
-                    name, f"{label}.{found.kind}", found.unit, found.why, found.why, True, found.is_certain, axis
-                )
+                    name, f"{label}.{found.kind}", unit, found.why, why, True, found.is_certain or stated is not None,
+                    axis,
+                )  # fmt: skip
 
     def _find_derivatives(self) -> None:
         free = [n for n in self._free() if not _is_stepped_name(self.names[n], self.values[n])]
@@ -513,7 +516,11 @@ class _Assignment:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
             elif role.quantity in DRIVE_QUANTITIES and self.names[name].is_command:
                 measured = [
-                    n for n, r in self.roles.items() if r.quantity == role.quantity and n != name and not r.is_command
+                    n
+                    for n, r in self.roles.items()
+                    if r.quantity == role.quantity
+                    and n != name
+                    and not (r.is_command or self.names[n].is_command or self.names[n].is_computed)
                 ]
                 if measured:
                     self.roles[name] = replace(role, quantity=f"desired_{role.quantity}", is_command=True)
@@ -545,6 +552,13 @@ class _Assignment:
                 and not role.unit_is_certain
             ):
                 self.roles[name] = self._with_partner_unit(name, role)
+        for name, role in list(self.roles.items()):
+            unknown = self.names[name].unknown_unit
+            if role.quantity is not None and unknown is not None:
+                self.roles[name] = replace(
+                    role, unknown_unit=unknown, unit_is_certain=False,
+                    unit_why=f'the file states "{unknown}", which is no unit that is known',
+                )  # fmt: skip
 
     def _share_emg_unit(self) -> None:
         """Give all EMG without a stated unit the unit of most: one amplifier has one unit."""
@@ -564,7 +578,7 @@ class _Assignment:
                 )
 
     def _stated(self, name: str) -> str | None:
-        return self.names[name].unit or self.hints.units.get(name)
+        return self.names[name].unit
 
     def _position_unit(self, name: str) -> tuple[str, str, bool, AngleUnit | None]:
         stated = self._stated(name)
@@ -599,13 +613,13 @@ class _Assignment:
                 unit, why, sure = common, "as the other angles of the table", True
             if found is not None and found.wrap is not None:
                 keys["wrap"] = found.wrap
-            if not sure and unit != "counts":
+            if not sure and stated is None and unit != "counts":
                 decided = self._weighed(name)
                 if decided is not None:
                     unit, why, sure = decided[0], decided[1], True
             return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
         if stated is not None:
-            return replace(role, unit=stated, unit_why="the file states it", keys=keys)
+            return replace(role, unit=stated, unit_why="the file states it", unit_is_certain=True, keys=keys)
         if quantity == "emg":
             unit, why, sure = _emg_unit(self.values[name], self.rate)
             return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
@@ -725,12 +739,14 @@ class _Assignment:
         if len(names) < 2:
             return
 
-        def merit(name: str) -> tuple[bool, bool, bool, bool, int]:
-            role, words = self.roles[name], set(words_of(self.names[name].bare))
+        def merit(name: str) -> tuple[bool, bool, bool, bool, bool, int]:
+            role, evidence = self.roles[name], self.names[name]
             paired = any(name in (pair.of, pair.by) for pair in self.pairs)
             physical = role.unit != "counts"
-            measured = bool(words & {"applied", "measured", "actual", "meas", "real", "total", "motor"})
-            return role.is_certain, paired, measured, physical, -self.roughly_still(name)
+            measured = evidence.is_measured or bool({"real", "total", "motor"} & set(words_of(evidence.bare)))
+            return (
+                role.is_certain, paired, not evidence.is_computed, measured, physical, -self.roughly_still(name),
+            )  # fmt: skip
 
         best = max(names, key=merit)
         for name in names:
@@ -780,25 +796,28 @@ class _Assignment:
             alike = 0.5 < usual < 2.0
             for joint, name in zip(joints, block, strict=True):
                 role = replace(self.roles[name], label=joint)
+                stated = self._stated(name)
                 if k == measured and len(blocks) > 1:
-                    kind = (
-                        "current"
-                        if any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k)
-                        else quantity
-                    )
-                    role = replace(role, quantity=kind, unit=DEFAULT_UNITS[kind], is_certain=False,
-                        unit_is_certain=False,
-                                   why="an effort with noise: it is measured")  # fmt: skip
+                    larger = any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k)
+                    kind = "current" if larger and stated is None else quantity
+                    role = self._guessed(role, kind, kind, "an effort with noise: it is measured")
                 elif alike:
-                    kind = "current" if len(blocks) > 2 else quantity
-                    role = replace(role, quantity=f"desired_{kind}", unit=DEFAULT_UNITS[kind], is_command=True,
-                                   is_certain=False, unit_is_certain=False,
-                                   why="an effort without noise, as large as the measured: asked for")  # fmt: skip
+                    kind = "current" if len(blocks) > 2 and stated is None else quantity
+                    why = "an effort without noise, as large as the measured: asked for"
+                    role = replace(self._guessed(role, f"desired_{kind}", kind, why), is_command=True)
                 else:
-                    role = replace(role, quantity="desired_torque", unit="N*m", is_command=True, is_certain=False,
-                                   unit_is_certain=False,
-                                   why=f"an effort without noise, {usual:.3g} times the measured")  # fmt: skip
+                    kind = "torque" if stated is None else quantity
+                    why = f"an effort without noise, {usual:.3g} times the measured"
+                    role = replace(self._guessed(role, f"desired_{kind}", kind, why), is_command=True)
                 self.roles[name] = role
+
+    def _guessed(self, role: ColumnRole, quantity: str, kind: str, why: str) -> ColumnRole:
+        """Return a role with a quantity that is a guess; a unit that the file states stays."""
+        stated = self._stated(role.column)
+        return replace(
+            role, quantity=quantity, unit=stated or DEFAULT_UNITS[kind], is_certain=False,
+            unit_is_certain=stated is not None, why=why,
+        )  # fmt: skip
 
     def _set(self, name: str, quantity: str, why: str, evidence: NameEvidence, certain: bool) -> None:
         label = ""
@@ -825,7 +844,7 @@ def _has_own_label(role: ColumnRole) -> bool:
 
 def _named_joint(bare: str) -> str | None:
     """Return the name of a person's joint with its direction and side, as a word of study.toml."""
-    from .name_evidence import JOINT_WORDS
+    from ..recordings.name_evidence import JOINT_WORDS
 
     folded = bare.casefold()
     if not any(joint in folded for joint in JOINT_WORDS):
@@ -844,7 +863,7 @@ def _plain_label(text: str) -> str:
 
 def _is_long_name(evidence: NameEvidence) -> bool:
     """Whether a name says its quantity by a word, and not by a letter that may stand for anything."""
-    from .name_evidence import QUANTITY_WORDS, words_of
+    from ..recordings.name_evidence import QUANTITY_WORDS, words_of
 
     known = QUANTITY_WORDS.get(evidence.quantity or "", set())
     words = words_of(evidence.bare)

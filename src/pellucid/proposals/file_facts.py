@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..inference.name_evidence import words_of
+from ..recordings.name_evidence import words_of
 from ..recordings.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
 
@@ -86,10 +86,11 @@ _PERIOD_NAMES = frozenset(
 def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:
     """Return the largest rate that a sentence states: what was held or extrapolated stands at the file's own rate."""
     found = [
-        (float(match[1].replace(",", ".")), label)
+        (number, label)
         for label, text in facts.items()
         for match in _RATE_TEXT.finditer(text)
-        if not set(words_of(label)) & {"filter", "lowpass", "highpass", "bandwidth", "notch", "cutoff", "pwm"}
+        if (number := _number(match[1])) is not None
+        and not set(words_of(label)) & {"filter", "lowpass", "highpass", "bandwidth", "notch", "cutoff", "pwm"}
         and not re.search(r"filter|pass|notch", text[max(0, match.start() - 15) : match.start()], re.IGNORECASE)
     ]
     best = max(found, default=None)
@@ -122,7 +123,9 @@ def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
         elif joined in ("resistance", "windingresistance", "terminalresistance", "motorresistance"):
             _add(found, "resistance", number, unit, label, ("ohm",))
         elif joined in ("supply", "supplyvoltage", "busvoltage", "batteryvoltage", "vin", "vbus"):
-            _add(found, "supply", number, unit or "V", label, ("V",))
+            # A bare number is in volts; one with a unit that is not known is in none.
+            bare = _VALUE_WITH_UNIT.fullmatch(text)
+            _add(found, "supply", number, unit or ("" if bare and bare[2] else "V"), label, ("V",))
     return found
 
 
@@ -144,24 +147,18 @@ def _ratio(text: str, number: float) -> float:
     parts = re.match(rf"\s*({_NUMBER_TEXT})\s*[:/]\s*({_NUMBER_TEXT})", text)
     if parts is None:
         return number
-    a, b = (float(part.replace(",", ".")) for part in parts.groups())
-    return max(a, b) / min(a, b) if min(a, b) > 0.0 else number
+    a, b = (_number(part) for part in parts.groups())
+    return max(a, b) / min(a, b) if a and b and min(a, b) > 0.0 else number
 
 
 def _value(text: str) -> tuple[float, str | None] | None:
     match = _VALUE_WITH_UNIT.fullmatch(text)
     if match is None:
         return None
-    rest = (match[2] or "").strip()
-    unit = unit_from_text(rest) if rest else None
-    if rest and unit is None:
-        compact = rest.replace(" ", "")
-        unit = unit_from_text(compact) or _compound_unit(compact)
-    return float(match[1].replace(",", ".")), unit
+    number, rest = _number(match[1]), (match[2] or "").strip()
+    return None if number is None else (number, unit_from_text(rest) if rest else None)
 
 
-def _compound_unit(text: str) -> str | None:
-    """Return a unit such as mNm/A with its parts as study.toml writes them; None if a part is unknown."""
-    top, slash, bottom = text.strip("[]()").partition("/")
-    parts = [unit_from_text(part) for part in (top, bottom)]
-    return f"{parts[0]}/{parts[1]}" if slash and all(parts) else None
+def _number(text: str) -> float | None:
+    """Return a number with a decimal point or comma; None if the comma may stand between thousands, as in 1,000."""
+    return None if re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", text) else float(text.replace(",", "."))

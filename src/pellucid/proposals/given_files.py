@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import PellucidError, StudyError
+from .._errors import PellucidError, RecordingError, StudyError
 from ..inference.flat_arrays import FlatShape, common_rows, find_flat_shape
-from ..inference.name_evidence import words_of
+from ..recordings.name_evidence import read_name, words_of
 from ..recordings.personal_fields import PersonalField
 from ..recordings.readers import read_columns
+from ..recordings.readers._comma import TWO_READINGS
 from ..recordings.readers.urdf import read_urdf
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
@@ -153,6 +154,10 @@ def _expand(files: Iterable[str | os.PathLike]) -> list[Path]:
 def _tables_of(path: Path) -> list[GivenTable]:
     columns = read_columns(path)
     numeric = {name: np.asarray(x, float) for name, x in columns.values.items() if not isinstance(x, str)}
+    for name, x in columns.values.items():
+        about = read_name(name).quantity if isinstance(x, str) and TWO_READINGS in x else None
+        if about not in (None, "counter", "state"):
+            raise RecordingError(f'{path.name}: column "{name}": {x}')
     texts = tuple(name for name, x in columns.values.items() if isinstance(x, str))
     scalars = {name: f"{x[0]:.12g}" for name, x in numeric.items() if len(x) == 1}
     long = {name: x for name, x in numeric.items() if len(x) >= MIN_TABLE_ROWS}

@@ -20,7 +20,7 @@ from ..studies.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
 from .missing_parts import missing_part
 from .proposal_page import proposal_page
-from .propose_study import Proposal, propose_study
+from .propose_study import Proposal, propose_study, require_known_units
 from .questions import Question
 from .study_text import study_text
 
@@ -90,7 +90,8 @@ def init_from_files(
     Raises
     ------
     StudyError
-        If the folder is not empty, no file holds a table of numbers, or an answer cannot be.
+        If the folder is not empty, no file holds a table of numbers, a stated unit is not known, or an answer cannot
+        be.
     UnfitRecordingError
         If `check` refuses the study; nothing is written.
     """
@@ -109,6 +110,7 @@ def init_from_files(
                 if answer and answer != question.default:
                     said[question.key] = answer
         proposal = propose_study(given, name, said) if said != dict(answers or {}) else proposal
+    require_known_units(proposal)
     with _draft_of(folder) as draft:
         _write(draft, proposal, given)
         faults = _require_accepted(draft, folder, proposal, check)

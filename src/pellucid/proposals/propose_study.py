@@ -15,10 +15,10 @@ from ..inference.clocks import UNIT_SECONDS
 from ..inference.commands import find_resting_limit
 from ..inference.emg_spectrum import swings_fast
 from ..inference.motion_efforts import effort_share, motion_samples
-from ..inference.name_evidence import read_name, words_of
 from ..inference.processing_choice import ProcessingChoice, choose_processing
 from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from ..inference.static_postures import find_postures
+from ..recordings.name_evidence import read_name, with_stated_unit, words_of
 from ..recordings.readers.urdf import read_urdf
 from ..studies.study_file import channel_unit, rig_units
 from ..units import to_si_factor
@@ -156,6 +156,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
     recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
@@ -197,6 +198,42 @@ def _robot_joints(given: GivenFiles, joints: Sequence[str]) -> tuple[str, ...]:
         return ()
     names = tuple(joint.name for joint in robot.joints if joint.kind != "fixed" and joint.name not in robot.mimics)
     return names if len(names) == len(joints) else ()
+
+
+def require_known_units(proposal: Proposal) -> None:
+    """Raise a StudyError if a channel has a stated unit that is not known, and no answer that replaces it."""
+    for layout in (proposal.main, *proposal.streams):
+        table, clock = layout.tables[0], layout.roles.clock.column
+        stated = [(role.column, role.unknown_unit, _key_of_unit(role)) for role in layout.channels]
+        if clock is not None:
+            stated.append((clock, with_stated_unit(read_name(clock), table.units.get(clock)).unknown_unit or "", ""))
+        for column, unit, key in stated:
+            if not unit:
+                continue
+            answer = f"; or state it with --answer {key}=..." if key else ""
+            raise StudyError(
+                f'{table.path.name}: column "{column}": found the unknown unit "{unit}", expected one such as "N*m", '
+                f'"N*mm", "deg", "rad/s" or "mA"{answer}'
+            )
+
+
+def _key_of_unit(role: ColumnRole) -> str:
+    """Return the key of the question that says a role's unit."""
+    if role.quantity in DRIVE_QUANTITIES:
+        return "effort"
+    return {"position": "position_unit", "angle": "position_unit", "emg": "emg_unit"}.get(role.quantity or "", "")
+
+
+def _without_idle_unknowns(layout: Layout, drive: str | None) -> Layout:
+    """Return a layout without efforts that drive nothing and whose stated unit is not known."""
+    used = {"torque": ("torque", "force"), "voltage": ("voltage", "duty")}.get(drive or "", (drive,))
+    roles = tuple(
+        replace(role, quantity=None, why=role.unit_why)
+        if role.unknown_unit and role.quantity in DRIVE_QUANTITIES and role.quantity not in used
+        else role
+        for role in layout.roles.roles
+    )
+    return replace(layout, roles=replace(layout.roles, roles=roles))
 
 
 def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:
@@ -391,12 +428,7 @@ def _named_plainly(layout: Layout, main: Layout) -> Layout:
         bare = read_name(role.column).bare
         if role.quantity != "position" or role.label or not bare[:1].isalpha():
             return role
-        named = replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", bare.casefold()).strip("_"))
-        if role.unit_is_certain:
-            return named
-        # What is divided by its largest value has no unit, whatever the header says.
-        is_scaled = "exactly 1" in role.unit_why
-        return replace(named, unit="1") if is_scaled else named
+        return replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", bare.casefold()).strip("_"))
 
     return replace(layout, roles=replace(layout.roles, roles=tuple(map(plain, layout.roles.roles))))
 
@@ -917,19 +949,21 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         found = _main_effort([main, *streams], drive)
         if found is not None:
             old = found[1].quantity
-            main = _with_roles(main, lambda r: r.quantity == old, quantity=quantity, unit=unit, said=SAID_BY_LAB)
-            streams = [
-                _with_roles(s, lambda r: r.quantity == old, quantity=quantity, unit=unit, said=SAID_BY_LAB)
-                for s in streams
-            ]
+
+            def is_meant(role: ColumnRole) -> bool:
+                return role.quantity == old and (role is found[1] or role.is_guess)
+
+            main = _with_roles(main, is_meant, quantity=quantity, unit=unit, said=SAID_BY_LAB)
+            streams = [_with_roles(s, is_meant, quantity=quantity, unit=unit, said=SAID_BY_LAB) for s in streams]
             drive = {"force": "torque", "duty": "voltage"}.get(quantity, quantity)
     if "position_unit" in answers:
         unit = answers["position_unit"]
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
         main = _with_roles(
-            main, lambda r: r.quantity in ("position", "reference", "angle"), unit=unit, said=SAID_BY_LAB
-        )
+            main, lambda r: r.quantity in ("position", "reference", "angle") and not r.unit_is_certain, unit=unit,
+            said=SAID_BY_LAB,
+        )  # fmt: skip
         main = _with_roles(
             main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
             said="as the position, per second",
@@ -951,10 +985,12 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         )
         main = replace(main, roles=replace(main.roles, roles=roles))
     if "emg_unit" in answers:
-        main = _with_roles(main, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said=SAID_BY_LAB)
-        streams = [
-            _with_roles(s, lambda r: r.quantity == "emg", unit=answers["emg_unit"], said=SAID_BY_LAB) for s in streams
-        ]
+
+        def is_open(role: ColumnRole) -> bool:
+            return role.quantity == "emg" and not role.unit_is_certain
+
+        main = _with_roles(main, is_open, unit=answers["emg_unit"], said=SAID_BY_LAB)
+        streams = [_with_roles(s, is_open, unit=answers["emg_unit"], said=SAID_BY_LAB) for s in streams]
     if answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
         key = "torque_constant" if motion == "rotary" else "force_constant"
@@ -969,7 +1005,7 @@ def _with_roles(layout: Layout, chosen, *, quantity: str | None = None, unit: st
     roles = tuple(
         replace(
             r, quantity=quantity or r.quantity, unit=unit or r.unit, unit_why=said, unit_is_certain=True,
-            is_certain=r.is_certain or quantity is not None,
+            is_certain=r.is_certain or quantity is not None, unknown_unit="" if unit else r.unknown_unit,
         )
         if chosen(r)
         else r
@@ -1083,10 +1119,12 @@ def _with_paired_roles(main: Layout, paired) -> Layout:
     column = columns.get(main.tables[0].key)
     if sheet is None or column is None:
         return main
+    stated = read_name(column).unit
     role = ColumnRole(
-        column, "force", "N", f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that',
-            "nothing tells it",
-        is_certain=False, unit_is_certain=False,
+        column, "force", stated or "N",
+            f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that',
+            "the file states it" if stated else "nothing tells it",
+        is_certain=False, unit_is_certain=stated is not None,
     )  # fmt: skip
     labels = _labels_by_sheet(main)
     roles = tuple(replace(r, label=labels.get(r.column, r.label)) for r in main.roles.roles)

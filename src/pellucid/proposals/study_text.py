@@ -167,7 +167,7 @@ def _joint_name(proposal: Proposal) -> str:
         angles = [r.label for r in proposal.main.channels if r.quantity in ("angle", "moment") and r.label]
         return angles[0] if len(angles) == 1 else "leg" if any("knee" in a for a in angles) else "joint"
     named = [r for r in proposal.main.channels if r.quantity == "position"]
-    from ..inference.name_evidence import read_name
+    from ..recordings.name_evidence import read_name
 
     joint = next((read_name(r.column).joint for r in named if read_name(r.column).joint), None)
     return joint or "joint"
@@ -432,7 +432,7 @@ def _sound_window(recording: ProposedRecording, proposal: Proposal) -> tuple[flo
     import numpy as np
 
     from ..inference.clocks import UNIT_SECONDS, find_clock
-    from ..inference.name_evidence import read_name
+    from ..recordings.name_evidence import read_name
 
     clock = proposal.main.roles.clock
     if clock.column is None or clock.column not in recording.table.columns:

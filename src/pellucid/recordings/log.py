@@ -97,8 +97,17 @@ MAX_COMPARED_COMMANDS = 16
 MAX_ECHO_SAMPLES = 100e6
 """Commands are compared in about this many samples of a file, which takes half a minute, and with one at least."""
 
-SETTING_QUANTITIES = ("", "switch", "stiffness", "damping")
-"""Quantities that nobody measures, and columns of which nothing is known."""
+SETTING_QUANTITIES = (
+    "", "enabled", "state", "counter", "stiffness", "damping", "length", "moment_arm", "lengthening", "orientation",
+    "magnetic_field",
+)  # fmt: skip
+"""Quantities that no sensor of a machine measures or that may rest, and columns of which nothing is known."""
+
+STEADY_QUANTITIES = ("temperature", "supply")
+"""Quantities that a sensor may measure as one value throughout."""
+
+UNLIMITED_QUANTITIES = (*STEADY_QUANTITIES, "enabled", "state", "counter", "stiffness", "damping")
+"""Quantities whose extremes are no limits of a drive or of a sensor."""
 
 VERDICT_WORDS = {
     garbage.KIND: "garbage rows",
@@ -412,7 +421,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
     measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
     if levels is not None and levels.size <= 1:
         value = float(levels[0]) if levels.size else 0.0
-        if measures and quantity.kind != "temperature" and _something_moves(channel, others):
+        if measures and quantity.kind not in STEADY_QUANTITIES and _something_moves(channel, others):
             yield LogFinding(constant.KIND, name, f"the one value {value:.6g}{unit} in every row", size=value)
         else:
             text = f"the one value {value:.6g}{unit} in every row: a setting, or not connected"
@@ -551,7 +560,7 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
 def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
     """Yield the limits at which a channel is cut: saturated where it drives, clipped where it is measured."""
     quantity = channel.quantity
-    if quantity.kind in ("temperature", "switch", "stiffness", "damping") or len(np.unique(x)) <= MAX_SWITCH_LEVELS:
+    if quantity.kind in UNLIMITED_QUANTITIES or len(np.unique(x)) <= MAX_SWITCH_LEVELS:
         return
     if quantity.kind in INERTIAL_CHANNELS and quantity.role == "command":
         return

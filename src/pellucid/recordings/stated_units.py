@@ -1,89 +1,219 @@
-"""Read units as people write them in headers, and return them as study.toml writes them."""
+"""Read units as people write them in headers, and return them as study.toml writes them.
+
+This is the only place that knows spellings of units. A header may state its unit in brackets, after a comma, a slash or
+an underscore, or as its last word.
+"""
 
 from __future__ import annotations
 
 import re
+from functools import lru_cache
+
+from ..units import to_si_factor
 
 _UNITS_BY_TEXT = {
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "in s": "s", "ms": "ms", "msec": "ms",
-        "millis": "ms",
-    "milliseconds": "ms", "us": "us", "µs": "us", "usec": "us", "micros": "us", "microseconds": "us", "ns": "ns",
-    "nsec": "ns", "nanoseconds": "ns", "min": "min", "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg",
-    "°": "deg", "grad": "deg", "rad": "rad", "rads": "rad", "radian": "rad", "radians": "rad", "turn": "turn",
-        "turns": "turn",
-    "rev": "turn", "deg/s": "deg/s", "°/s": "deg/s", "dps": "deg/s", "deg/sec": "deg/s", "deg per s": "deg/s",
-    "degrees/s": "deg/s", "deg s": "deg/s", "rad/s": "rad/s", "rad/sec": "rad/s", "rad per s": "rad/s",
-        "rad s": "rad/s",
-    "rads/s": "rad/s", "rpm": "rpm", "rev/min": "rpm", "1/min": "rpm", "u/min": "rpm", "deg/s^2": "deg/s^2",
-        "deg/s2": "deg/s^2",
-    "rad/s^2": "rad/s^2", "rad/s2": "rad/s^2", "nm": "N*m", "n.m": "N*m", "n m": "N*m", "n*m": "N*m", "n-m": "N*m",
-    "n·m": "N*m", "newton meter": "N*m", "newton meters": "N*m", "newtonmeter": "N*m", "mnm": "mN*m", "mn.m": "mN*m",
-    "mn*m": "mN*m", "ncm": "cN*m", "n": "N", "newton": "N", "newtons": "N", "kn": "kN", "mn": "mN", "a": "A",
-        "amp": "A", "amps": "A",
-    "ampere": "A", "amperes": "A", "ma": "mA", "milliamps": "mA", "v": "V", "volt": "V", "volts": "V", "mv": "mV",
-    "millivolts": "mV", "uv": "uV", "µv": "uV", "μv": "uV", "microvolts": "uV", "nv": "nV", "m": "m", "meter": "m",
-        "meters": "m",
-    "mm": "mm", "millimeters": "mm", "cm": "cm", "m/s": "m/s", "mm/s": "mm/s", "cm/s": "cm/s", "m/sec": "m/s",
-        "m/s^2": "m/s^2",
-    "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s/s": "m/s^2", "g": "g0", "mg": "mg0", "t": "T", "ut": "uT", "µt": "uT",
-        "hz": "Hz",
-    "khz": "kHz", "%": "%", "percent": "%", "pct": "%", "%mvc": "%MVC", "mvc": "MVC", "%mvic": "%MVC",
-        "counts": "counts",
-    "count": "counts", "cts": "counts", "qc": "counts", "inc": "counts", "ticks": "counts", "degc": "degC",
-        "°c": "degC",
-    "celsius": "degC", "c": "degC", "k": "K", "w": "W", "kg": "kg", "nm/rad": "N*m/rad", "nm per rad": "N*m/rad",
-    "nm per rad per s": "N*m*s/rad", "nms/rad": "N*m*s/rad", "n*m/rad": "N*m/rad", "n/m": "N/m", "nm/a": "N*m/A",
-    "n*m/a": "N*m/A", "mnm/a": "mN*m/A", "nm/v": "N*m/V", "n/v": "N/V", "n/a": "N/A", "ohm": "ohm", "dots": "counts",
-    "px": "counts", "pixels": "counts", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1",
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "ms": "ms", "msec": "ms",
+    "msecs": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms", "us": "us", "usec": "us", "usecs": "us",
+    "micros": "us", "microsecond": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns",
+    "nanosec": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min", "h": "h", "hr": "h", "hours": "h",
+    "deg": "deg", "degs": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg",
+    "rad": "rad", "rads": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "urad": "urad",
+    "turn": "turn", "turns": "turn", "rev": "turn", "revs": "turn", "revolutions": "turn",
+    "dps": "deg/s", "degps": "deg/s", "radps": "rad/s", "rps": "turn/s", "rpm": "rpm", "u/min": "rpm",
+    "nm": "N*m", "nmm": "N*mm", "ncm": "cN*m", "mnm": "mN*m", "knm": "kN*m", "unm": "uN*m", "cnm": "cN*m",
+    "newton meter": "N*m", "newton meters": "N*m", "newton-meters": "N*m", "newton metre": "N*m",
+    "newton metres": "N*m", "newton millimeters": "N*mm", "newton millimetres": "N*mm",
+    "newtonmeter": "N*m", "newtonmeters": "N*m", "newtonmetre": "N*m", "newtonmetres": "N*m",
+    "newtonmillimeters": "N*mm", "newtonmillimetres": "N*mm", "millinewtonmeters": "mN*m",
+    "n": "N", "newton": "N", "newtons": "N", "kn": "kN", "mn": "mN", "kilonewtons": "kN", "millinewtons": "mN",
+    "lb": "lbf", "lbs": "lbf", "lbf": "lbf", "kgf": "kgf", "kp": "kgf", "oz": "ozf", "ozf": "ozf",
+    "a": "A", "amp": "A", "amps": "A", "ampere": "A", "amperes": "A", "ma": "mA", "milliamps": "mA",
+    "milliampere": "mA", "milliamperes": "mA", "ua": "uA", "ka": "kA",
+    "v": "V", "volt": "V", "volts": "V", "mv": "mV", "millivolt": "mV", "millivolts": "mV", "uv": "uV",
+    "microvolt": "uV", "microvolts": "uV", "nv": "nV", "kv": "kV",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "mm": "mm", "millimeters": "mm",
+    "millimetres": "mm", "cm": "cm", "centimeters": "cm", "centimetres": "cm", "um": "um", "km": "km",
+    "in": "inch", "inch": "inch", "inches": "inch", "ft": "foot", "feet": "foot", "foot": "foot",
+    "mps": "m/s", "mps2": "m/s^2", "g": "g0", "g0": "g0", "mg": "mg0", "t": "T", "ut": "uT", "mt": "mT",
+    "hz": "Hz", "khz": "kHz", "%": "%", "percent": "%", "pct": "%", "%mvc": "%MVC", "% mvc": "%MVC", "mvc": "MVC",
+    "%mvic": "%MVC", "percent mvc": "%MVC", "counts": "counts", "count": "counts", "cts": "counts", "qc": "counts",
+    "inc": "counts", "ticks": "counts", "tick": "counts", "lsb": "counts", "adc": "counts", "dots": "counts",
+    "px": "counts", "pixels": "counts", "degc": "degC", "°c": "degC", "celsius": "degC", "degf": "degF", "°f": "degF",
+    "fahrenheit": "degF", "k": "K", "kelvin": "K", "w": "W", "watt": "W", "watts": "W", "kw": "kW", "mw": "mW",
+    "j": "J", "joule": "J", "joules": "J", "kg": "kg", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ohm": "ohm",
+    "ohms": "ohm", "Ω": "ohm", "ω": "ohm", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1", "unitless": "1",
+    "dimensionless": "1", "n m": "N*m",
 }  # fmt: skip
-"""Units as study.toml writes them, by how headers write them in lower case."""
+"""Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case."""
 
-_CASE_MATTERS = {"A": "A", "a": "", "N": "N", "n": "", "V": "V", "v": "", "T": "T", "t": "", "C": "", "K": "", "W": "W"}
+_CASE_MATTERS = {
+    "A": "A", "a": "", "N": "N", "n": "", "V": "V", "v": "", "T": "T", "t": "", "C": "", "c": "", "K": "", "k": "",
+    "W": "W", "w": "", "J": "J", "j": "", "H": "", "h": "",
+}  # fmt: skip
 """Units of one letter. In the other case the letter is a name, such as t for time."""
 
-_BRACKETED_UNIT = re.compile(r"[\[({]\s*+((?:[^\])}\s]++|\s++(?![\])}]))*+)\s*+[\])}]\s*$")
+_BRACKETED_LETTERS = {"a": "A", "n": "N", "v": "V", "C": "degC", "c": "degC", "K": "K", "w": "W", "h": "h", "H": "h"}
+"""Units of one letter that are certain within brackets only."""
+
+_EXACT_UNITS = {"mN": "mN", "MPa": "MPa", "MHz": "MHz", "mA": "mA", "MA": "", "mV": "mV", "MV": "", "mW": "mW"}
+"""Units whose case decides their size."""
+
+_NEWTON_METRES = re.compile(r"([numckM]?)N(m|mm|cm)")
+"""Newton metres written as one word."""
+
+_FORCES_OF_MASSES = {"kg*cm": "kgf*cm", "kg*m": "kgf*m", "kg*mm": "kgf*mm", "cm*kg": "kgf*cm", "m*kg": "kgf*m"}
+"""Torques of servos that are written with the mass whose weight is meant."""
+
+_UNIT_PART = re.compile(r"([A-Za-z%°Ω]+)(?:(?:\^|\*\*)?\(?([-+]?\d)\)?)?")
+"""One unit of a compound one, with its exponent."""
+
+_UNIT_SIGN = re.compile(r"\s*(/|\bper\b|[*.-])\s*|\s+")
+"""Signs between the units of a compound one."""
+
+_PLAIN_SIGNS = str.maketrans({
+    "µ": "u", "μ": "u", "º": "°", "˚": "°", "·": "*", "⋅": "*", "∙": "*", "•": "*", "×": "*", "‐": "-", "‑": "-",
+    "–": "-", "−": "-", "⁻": "-", "¹": "1", "²": "2", "³": "3", "⁄": "/", "∕": "/", "\u00a0": " ", "\u202f": " ",
+    "\u2009": " ", "\ufeff": "",
+})  # fmt: skip
+"""Signs that programs write for the plain ones."""
+
+MAX_UNIT_PLACE = 200
+"""A unit stands within this many last characters of a name. Longer names would make searches for it slow."""
+
+_BRACKETED_TEXT = re.compile(r"\s*[\[({]\s*([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)?)\s*[\])}]\s*")
 
 _WORDS_WITH_LETTER = {
-    "s": {"time", "t", "stamp", "timestamp", "clock", "elapsed"},
+    "s": {"time", "t", "stamp", "timestamp", "clock", "elapsed", "zeit"},
     "m": {"position", "pos", "x", "y", "z", "displacement", "disp", "length", "height", "radius", "distance", "stroke",
         "travel", "q"},
     "g": {"acc", "acceleration", "accel", "ax", "ay", "az", "x", "y", "z"},
+    "N": {"force", "load", "kraft", "grf", "fx", "fy", "fz", "thrust", "cell", "loadcell", "tension", "f"},
+    "A": {"current", "cur", "curr", "i", "iq", "strom", "motor"},
+    "V": {"voltage", "volt", "spannung", "u", "vin", "bus", "battery", "supply", "emg", "vbus"},
 }  # fmt: skip
-"""Last words of names after which a single small letter is a unit; elsewhere it is part of the name."""
+"""Last words of names after which a single letter is a unit; elsewhere it is part of the name."""
 
-_UNIT_SUFFIX = re.compile(
-    r"(?<=[A-Za-z0-9])_((?:mN|N)\.?m(?:_?per_?rad)?(?:_?per_?rad)?(?:_?per_?s)?|deg(?:_?(?:per|/)?_?s(?:ec)?2?)?"
-    r"|rad(?:_?(?:per|/)?_?s(?:ec)?2?)?|rpm|ms|us|ns|sec|mA|uV|mV|mm|cm|counts|pct|Hz|kN|m_?s2|mps2?|[sVANmg])$"
+_LETTERS_AFTER_UNDERSCORE = "VAN"
+"""Capitals that are units after an underscore, whatever the word before."""
+
+_UNIT_WORDS = frozenset({
+    "deg", "degs", "degree", "degrees", "rad", "rads", "radian", "radians", "mrad", "turn", "turns", "revs", "rpm",
+    "rps", "dps", "degps", "radps", "ms", "us", "ns", "sec", "secs", "seconds", "msec", "usec", "nsec", "millis",
+    "micros", "ma", "ua", "milliamps", "amps", "uv", "mv", "nv", "kv", "microvolts", "millivolts", "volts", "mm", "cm",
+    "um", "mps", "mps2", "nm", "nmm", "ncm", "mnm", "cnm", "knm", "unm", "n.m", "n.mm", "mn.m", "kn", "mn", "newtons",
+    "newtonmeters", "lbf", "lbs", "kgf", "counts", "ticks", "pct", "percent", "hz", "khz", "degc", "degf", "celsius",
+    "watts", "kw", "mw", "mvc", "kpa",
+})  # fmt: skip
+"""Words, folded, that are a unit at the end of a name; others, such as min, count and amp, are more often the name."""
+
+_UNIT_AT_CAPITAL = re.compile(
+    r"(?<=[a-z])(mNm|kNm|Nmm|Ncm|Nm|DegPerSec|RadPerSec|Degrees|Deg|Radians|Rad|RPM|Rpm|mA|mV|uV|Ms|Millis)$"
 )
+"""Units at the end of a name without a mark before them, as in jointAngleDeg."""
+
+_COMPOUND_PARTS = frozenset(
+    {"N", "mN", "kN", "m", "mm", "cm", "s", "A", "mA", "V", "rad", "deg", "Nm", "kg", "s2", "s^2", "min", "rev", "°"}
+)
+"""Parts of compound units at the end of a name."""
 
 _SUFFIX_TEXTS = {
-    "deg_per_s": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "deg_per_sec": "deg/s", "deg_sec": "deg/s",
-        "degps": "deg/s",
-    "rad_per_s": "rad/s", "rad_s": "rad/s", "rads": "rad/s", "rad_per_sec": "rad/s", "rad_sec": "rad/s",
-        "radps": "rad/s",
-    "rad_s2": "rad/s^2", "rads2": "rad/s^2", "deg_s2": "deg/s^2", "Nm_per_rad": "N*m/rad",
-        "Nm_per_rad_per_s": "N*m*s/rad",
-    "m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "mps": "m/s",
+    "rads": "rad/s", "degs": "deg/s", "ms2": "m/s^2", "in_lb": "lbf*inch", "in_lbs": "lbf*inch", "lb_in": "lbf*inch",
+    "lbf_in": "lbf*inch", "oz_in": "ozf*inch", "ft_lb": "lbf*foot", "ft_lbs": "lbf*foot", "lb_ft": "lbf*foot",
+    "lbf_ft": "lbf*foot",
 }  # fmt: skip
+"""Units, folded, that mean something else at the end of a name, or are units only there."""
+
+_UNIT_WITHIN = re.compile(
+    r"[_ .:/-](mNm|kNm|Nmm|Ncm|Nm|NM|deg|rad|rpm|RPM|dps|mA|mV|uV)(?=\d*(?:[_ .:-]|$))"
+)
+"""Units that stand for nothing else wherever they stand behind a mark, as in torque_Nmm_filtered."""
+
+_PER_SECOND = re.compile(
+    r"(deg|degs|degrees|rad|rads|radians|m|mm|cm|rev|turn|turns|counts|ticks)_?(?:per|p)?_?s(?:ec(?:ond)?)?(_?\^?2)?",
+    re.IGNORECASE,
+)
+"""Speeds and accelerations as names end in them, where an underscore stands for the sign of division."""
+
+_MAX_SUFFIX_PARTS = 5
+"""Units at the end of a name have at most so many parts: Nm_per_rad_per_s."""
 
 
+@lru_cache(maxsize=4096)
 def unit_from_text(text: str) -> str | None:
     """Return a unit as study.toml writes it, None if the text is no unit that is known.
 
     Examples
     --------
-    >>> unit_from_text("Nm"), unit_from_text("°/s"), unit_from_text("torque")
-    ('N*m', 'deg/s', None)
+    >>> unit_from_text("Nm"), unit_from_text("N·mm"), unit_from_text("°/s"), unit_from_text("torque")
+    ('N*m', 'N*mm', 'deg/s', None)
     """
-    bare = re.sub(r"\s+", " ", text.strip().strip("[](){}").strip())
+    bare = re.sub(r"\s+", " ", text.translate(_PLAIN_SIGNS).strip().strip("[]{}").strip())
+    if bare.startswith("(") and bare.endswith(")") and bare.count("(") == 1:
+        bare = bare[1:-1].strip()
+    bare = re.sub(r"^in (?=\S)", "", bare)
     if len(bare) == 1 and bare in _CASE_MATTERS:
         return _CASE_MATTERS[bare] or None
-    if bare == "mN":
-        return "mN"
-    if bare in ("Ncm", "N cm"):
-        return "cN*m"
-    folded = bare.casefold().removeprefix("in ")
-    return _UNITS_BY_TEXT.get(folded) or _UNITS_BY_TEXT.get(folded.replace("^", "").replace("**", ""))
+    if len(bare) > 40:
+        return None
+    found = _single_unit(bare) or _compound_unit(bare)
+    if found is None:
+        return None
+    try:
+        to_si_factor(found, None)
+    except ValueError:
+        return None
+    return found
+
+
+def _single_unit(text: str) -> str | None:
+    if text in _EXACT_UNITS:
+        return _EXACT_UNITS[text] or None
+    match = _NEWTON_METRES.fullmatch(text)
+    if match is not None and match[1] != "M":
+        return "cN*m" if text == "Ncm" else f"{match[1]}N*{match[2]}"
+    return _UNITS_BY_TEXT.get(text) or _UNITS_BY_TEXT.get(text.casefold())
+
+
+def _compound_unit(text: str) -> str | None:
+    """Return a unit of several, such as mNm/A, rad s^-1 or N-mm; None if a part is unknown."""
+    # Nm/(rad/s), and Nm/rad/s, which means the same.
+    text = re.sub(r"/\s*\(([^()/]+)/([^()/]+)\)", r"*\2/\1", text)
+    text = re.sub(r"/\s*(rad|deg)\s*/\s*(s|sec)$", r"*\2/\1", text, flags=re.IGNORECASE)
+    text = re.sub(r"^1\s*/\s*", "/", text)
+    up: list[str] = []
+    down: list[str] = []
+    at, divided = 0, False
+    if text.startswith("/"):
+        at, divided = 1, True
+    while at < len(text):
+        part = _UNIT_PART.match(text, at)
+        if part is None:
+            return None
+        unit, power = _single_unit(part[1]), int(part[2] or 1)
+        # "Nms" is N*m*s; a count of letters that are no unit is a name.
+        if unit is None and part[1] in ("Nms", "nms"):
+            unit = "N*m*s"
+        if unit is None or unit == "1" or power == 0:
+            return None
+        side = down if divided ^ (power < 0) else up
+        side.append(unit if abs(power) == 1 else f"{unit}^{abs(power)}")
+        at = part.end()
+        if at == len(text):
+            break
+        sign = _UNIT_SIGN.match(text, at)
+        if sign is None or sign.end() == at:
+            return None
+        divided, at = (sign[1] or "") in ("/", "per"), sign.end()
+        if at == len(text):
+            return None
+    if not up and not down:
+        return None
+    if not up:
+        return {"min": "rpm", "s": "Hz"}.get("/".join(down))
+    made = re.sub(r"/s/s$", "/s^2", "/".join(["*".join(up), *down]))
+    if made == "turn/min":
+        return "rpm"
+    return _FORCES_OF_MASSES.get(made, made)
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
@@ -94,18 +224,83 @@ def split_unit(name: str) -> tuple[str, str | None]:
     >>> split_unit("Current [mA]"), split_unit("q_deg"), split_unit("LoadCell ()")
     (('Current', 'mA'), ('q', 'deg'), ('LoadCell', None))
     """
-    match = _BRACKETED_UNIT.search(name)
-    if match is not None:
-        bare, unit = name[: match.start()].strip(), unit_from_text(match[1])
+    before, end = name[:-MAX_UNIT_PLACE], name[-MAX_UNIT_PLACE:]
+    rest, unit = _split_end(end)
+    return f"{before}{rest}", unit
+
+
+def _split_end(name: str) -> tuple[str, str | None]:
+    """Return the end of a name without its unit, and that unit."""
+    for match in reversed(list(_BRACKETED_TEXT.finditer(name))):
+        unit = _bracketed_unit(match[1])
         if unit is not None or not match[1]:
-            return bare or name, unit
-    match = _UNIT_SUFFIX.search(name)
+            return _without(name, match.start(), match.end()), unit
+    after = re.search(r"\s*(?:,\s*|\s/\s*|\s+in\s+)([^,\s][^,]*?)\s*$", name)
+    if after is not None and after.start() > 0 and (unit := _bracketed_unit(after[1])) is not None:
+        return name[: after.start()].strip(), unit
+    return _split_suffix(name)
+
+
+def stated_unit_text(name: str) -> str | None:
+    """Return what stands in the last brackets of a name, whether it is a unit or not; None if nothing does."""
+    found = [match[1] for match in _BRACKETED_TEXT.finditer(name[-MAX_UNIT_PLACE:]) if match[1]]
+    return found[-1] if found else None
+
+
+def _without(name: str, start: int, end: int) -> str:
+    """Return a name without the characters from `start` to `end`."""
+    rest = name[end:]
+    gap = " " if name[:start].strip() and rest[:1].isalnum() else ""
+    return f"{name[:start]}{gap}{rest}".strip() or name
+
+
+def _bracketed_unit(text: str) -> str | None:
+    plain = text.strip()
+    return _BRACKETED_LETTERS.get(plain) or unit_from_text(plain)
+
+
+def _split_suffix(name: str) -> tuple[str, str | None]:
+    marks = [match.start() for match in re.finditer(r"(?<=[A-Za-z0-9)])[_ -](?=[A-Za-z%°µμ])", name)]
+    for start in sorted(marks)[-_MAX_SUFFIX_PARTS:]:
+        last = re.split(r"[\W_]+", name[:start].casefold())[-1].rstrip("0123456789")
+        unit = _suffix_unit(name[start + 1 :], last, name[start] == "_")
+        if unit is not None:
+            return name[:start].strip(), unit
+    within = list(_UNIT_WITHIN.finditer(name))
+    if within and within[-1].start() > 0:
+        return _without(name, within[-1].start(), within[-1].end()), unit_from_text(within[-1][1])
+    match = _UNIT_AT_CAPITAL.search(name)
     if match is not None:
-        unit = _SUFFIX_TEXTS.get(match[1]) or unit_from_text(match[1])
-        last = re.split(r"[\W_]+", name[: match.start()].casefold())[-1].rstrip("0123456789")
-        if unit is not None and last in _WORDS_WITH_LETTER.get(match[1], {last}):
-            return name[: match.start()], unit
+        text = {"DegPerSec": "deg/s", "RadPerSec": "rad/s"}.get(match[1], match[1])
+        return name[: match.start()], unit_from_text(text)
     return name, None
+
+
+def _suffix_unit(text: str, last: str, after_underscore: bool) -> str | None:
+    """Return the unit that the end of a name is, after the word `last`; None if it is none for certain."""
+    if len(text) == 1:
+        by_mark = last == "in" or (after_underscore and text in _LETTERS_AFTER_UNDERSCORE)
+        is_unit = by_mark or last in _WORDS_WITH_LETTER.get(text, ())
+        return unit_from_text(text) if is_unit else None
+    folded = text.casefold()
+    if folded in _SUFFIX_TEXTS:
+        return _SUFFIX_TEXTS[folded]
+    if folded in _UNIT_WORDS:
+        return unit_from_text(text)
+    if (match := _PER_SECOND.fullmatch(text)) is not None:
+        unit = unit_from_text(match[1])
+        return f"{unit}/s^2" if match[2] else f"{unit}/s"
+    if folded == "rev" and last in {"pos", "position", "angle", "q", "theta", "enc", "encoder", "estimate"}:
+        return "turn"
+    if last in ("stiffness", "k", "kp") and text in ("N_m", "Nm_rad"):
+        return {"N_m": "N/m", "Nm_rad": "N*m/rad"}[text]
+    plain = re.sub(r"_?per_?", "/", text).replace("_", "*")
+    parts = [part for part in re.split(r"[/*.·⋅\s-]+", plain) if part]
+    # Compound units are certain if no part may be a word.
+    certain = len(parts) > 1 and all(p.casefold() in _UNIT_WORDS or p in _COMPOUND_PARTS for p in parts)
+    return unit_from_text(plain) if certain else None
+
+
 
 
 def is_unit_row(fields: list[str]) -> bool:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..stated_units import unit_from_text
 from ._columns import Columns
 
 ENDINGS = (".c3d",)
@@ -27,6 +28,9 @@ POINT_TIME = "point.time"
 
 ANALOG_TIME = "analog.time"
 """Column with the times of the analog channels."""
+
+GROUPS_WITH_UNITS = ("ANGLE", "FORCE", "MOMENT", "POWER", "SCALAR")
+"""Beginnings of the names of parameters that list what a model computed, and of their units."""
 
 AXES = ("x", "y", "z")
 """Endings of a marker's columns, after an underscore."""
@@ -95,11 +99,18 @@ def read(path: Path) -> Columns:
 
 
 def _units(content: Any) -> dict[str | int, str]:
-    """Return the unit of every column for which the file states one."""
+    """Return the unit of every column for which the file states one.
+
+    Angles, forces, moments and powers that a model computed stand among the markers. The file lists them in groups,
+    each with a unit of its own.
+    """
     found: dict[str | int, str] = {}
     length = _texts(content, "POINT", "UNITS")
+    by_label = _units_of_groups(content)
     for label in _labels(content, "POINT", content["data"]["points"].shape[1]):
-        found |= {f"{label}_{axis}": length[0].strip() for axis in AXES if length and length[0].strip()}
+        unit = by_label.get(label, length[0].strip() if length else "")
+        if unit:
+            found |= dict.fromkeys((f"{label}_{axis}" for axis in AXES), _study_unit(unit))
     analogs = _labels(content, "ANALOG", content["data"]["analogs"].shape[1])
     for label, unit in zip(analogs, _texts(content, "ANALOG", "UNITS"), strict=False):
         if unit.strip():
@@ -107,9 +118,22 @@ def _units(content: Any) -> dict[str | int, str]:
     return found
 
 
+def _units_of_groups(content: Any) -> dict[str, str]:
+    """Return the unit of each label that a group lists: POINT:ANGLES in POINT:ANGLE_UNITS; "" if it states none."""
+    groups = {f"{name}S": f"{name}_UNITS" for name in GROUPS_WITH_UNITS}
+    pairs = _texts(content, "POINT", "TYPE_GROUPS")
+    groups |= dict(zip(pairs[::2], pairs[1::2], strict=False))
+    found: dict[str, str] = {}
+    for group, units in groups.items():
+        unit = next((text.strip() for text in _texts(content, "POINT", units.strip())), "")
+        for label in (*_texts(content, "POINT", group.strip()), *_texts(content, "POINT", f"{group.strip()}2")):
+            found[label.strip()] = unit
+    return found
+
+
 def _study_unit(unit: str) -> str:
-    """Return a unit of the file as study.toml says it."""
-    return unit.strip().replace("Nmm", "N*mm").replace("Nm", "N*m")
+    """Return a unit of the file as study.toml says it, if it is known."""
+    return unit_from_text(unit) or unit.strip()
 
 
 def _load(path: Path) -> Any:
@@ -173,7 +197,8 @@ def _long_frame_count(path: Path, order: str, length: int) -> int:
 
 def _texts(content: Any, group: str, name: str) -> list[str]:
     parameters = content["parameters"].get(group, {})
-    return list(parameters[name]["value"]) if name in parameters else []
+    # A parameter may hold numbers where texts are expected.
+    return [str(text) for text in parameters[name]["value"]] if name in parameters else []
 
 
 def _labels(content: Any, group: str, count: int) -> list[str]:

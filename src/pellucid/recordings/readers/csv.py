@@ -14,6 +14,7 @@ from ..personal_fields import find_personal_columns, find_personal_lines, search
 from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
+from ._comma import comma_evidence, decimal_marks, read_number, two_readings
 from ._last_row import cut_row
 from ._number_table import MIN_LONG_FILE_BYTES, number_table
 from ._wall_clock import stamp_seconds
@@ -72,17 +73,23 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
     rows = lines[first:]
     try:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
-        texts = None
+        texts, unclear = None, set[int]()
     except ValueError:
         # A last column with a name may be empty throughout; one without a name is only a surplus delimiter.
         named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
-        table, texts = _read_with_empty_cells(rows, delimiter, named) or _read_fields(path, rows, delimiter, named)
+        table, texts, unclear = _read_with_empty_cells(rows, delimiter, named) or _read_fields(
+            path, rows, delimiter, named
+        )
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
     units = _units(names, unit_texts)
     above = [*comments, *(line for _, line in lines[:first])]
     personal = find_personal_lines(above)
     for i, name in enumerate(names):
+        if i in unclear and texts is not None:
+            number, text = texts[i][0]
+            values[name] = f"line {number} {text}"
+            continue
         times = stamp_seconds([text for _, text in texts[i]]) if texts is not None and texts[i] else None
         if texts is not None and times is not None:
             # An empty cell among the stamps stays a missing sample.
@@ -101,11 +108,10 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
 
 
 def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
-    """Return the units that a row below the header states, by column."""
+    """Return the units that a row below the header states, by column; one that is not known as it is written."""
     if texts is None:
         return {}
-    stated = {name: unit_from_text(text) for name, text in zip(names, texts, strict=False) if text}
-    return {name: unit for name, unit in stated.items() if unit is not None}
+    return {name: unit_from_text(text) or text for name, text in zip(names, texts, strict=False) if text}
 
 
 def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
@@ -145,7 +151,9 @@ def _read_long(path: Path) -> Columns | None:
     if header is None and numbers and first + 1 < len(lines):
         header, at = numbers, lines[first + 1][0]
     names = _names(path, header, len(fields))
-    decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
+    decimal = _certain_mark([_split(line, delimiter) for _, line in lines[first:]])
+    if decimal is None:
+        return None
     cut = cut_row(path)
     end = cut.start if cut is not None else None
     start = sum(map(len, head[:at]))
@@ -168,6 +176,14 @@ def lost_end(path: Path) -> str:
     if cut is None:
         return ""
     return f'an incomplete last row, "{cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."}"'
+
+
+def _certain_mark(rows: list[list[str]]) -> str | None:
+    """Return the decimal mark of the first rows of a table; None if only all of its rows can tell it."""
+    evidence = comma_evidence(field for fields in rows for field in fields)
+    if evidence.decimal == "." and evidence.either:
+        return None  # commas between thousands
+    return evidence.decimal if evidence.comma or evidence.point or evidence.either else "."
 
 
 def _has_empty_row(columns: list[np.ndarray]) -> bool:
@@ -219,15 +235,8 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def _number(text: str) -> float | None:
-    folded = text.strip().casefold()
-    if folded in _MISSING_WORDS:
-        return float("nan")
-    if folded in _NUMBER_WORDS:
-        return _NUMBER_WORDS[folded]
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        return None
+    """Return a number that a field may be, NaN for a missing one; None if it is a word with any decimal mark."""
+    return next((x for mark in ".," if (x := _marked_number(text, mark)) is not None), None)
 
 
 def _is_data(fields: list[str]) -> bool:
@@ -333,7 +342,7 @@ def _read_with_empty_cells(rows, delimiter, named):
         table = np.loadtxt(filled, delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
     except ValueError:
         return None
-    return table, None
+    return table, None, set()
 
 
 def _read_fields(path, rows, delimiter, named):
@@ -344,13 +353,29 @@ def _read_fields(path, rows, delimiter, named):
         width -= 1
     table = np.full((len(split), width), np.nan)
     texts: list[list[tuple[int, str]]] = [[] for _ in range(width)]
-    for i, (number, fields) in enumerate(split):
+    for number, fields in split:
         if len(fields) != width:
             raise RecordingError(f"{path.name}: line {number} has {len(fields)} fields, expected {width}")
-        for j, text in enumerate(fields):
-            value = _number(text)
+    evidence = [comma_evidence(fields[j] for _, fields in split) for j in range(width)]
+    marks = decimal_marks(evidence)
+    for j, mark in enumerate(marks):
+        if mark is None:
+            wanted = evidence[j].either or evidence[j].comma
+            at = next(number for number, fields in split if fields[j] == wanted)
+            texts[j].append((at, two_readings(evidence[j])))
+            continue
+        for i, (number, fields) in enumerate(split):
+            value = _marked_number(fields[j], mark)
             if value is None:
-                texts[j].append((number, text))
+                texts[j].append((number, fields[j]))
             else:
                 table[i, j] = value
-    return table, texts
+    return table, texts, {j for j, mark in enumerate(marks) if mark is None}
+
+
+def _marked_number(text: str, decimal: str) -> float | None:
+    """Return the number of a field with the decimal mark of its column, NaN for a missing one; None if it is a word."""
+    folded = text.strip().casefold()
+    if folded in _MISSING_WORDS:
+        return float("nan")
+    return _NUMBER_WORDS[folded] if folded in _NUMBER_WORDS else read_number(folded, decimal)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_unpacked_size
 from ._columns import Columns
 from ._last_row import cut_row
@@ -26,7 +27,7 @@ MAX_HEADER_BYTES = 1 << 20
 
 _TIME_MARKS = ("X[s]", "X [s]", "Time Series (s)")
 _TIME_NAME_PATTERN = re.compile(r"X ?\[s\]|.*Time Series \(s\)")
-_VOLT_PATTERN = re.compile(r"[\[(]([muµ]?V)[\])]\s*$")
+_VOLT_PATTERN = re.compile(r"[\[(]([muµμ]?V)[\])]\s*$")
 _LABEL_PATTERN = re.compile(r"Label:\s*(.*?)\s+Sampling frequency:.*?\bUnit:\s*(\S*)")
 
 
@@ -63,7 +64,7 @@ def read(path: Path) -> Columns:
         # Units of other signals are spelt in ways that mean something else to others, such as G.
         unit = _VOLT_PATTERN.search(name) or _VOLT_PATTERN.search(f"[{stated.get(name, '')}]")
         if unit:
-            units[name] = unit[1].replace("µ", "u")
+            units[name] = unit_from_text(unit[1]) or unit[1]
     return Columns(path, values, units=units)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..stated_units import unit_from_text
 from ._columns import Columns
 from ._xml import parse_small_xml
 
@@ -40,12 +41,6 @@ MAX_STREAM_HEADER_BYTES = 4_000_000
 
 MIN_MEAN_CHUNK_BYTES = 12
 """Chunks of a file have at least this mean size; the smallest one with content, a boundary, has 20 bytes."""
-
-UNIT_SYMBOLS = {
-    "microvolts": "uV", "millivolts": "mV", "volts": "V", "degrees": "deg", "radians": "rad", "seconds": "s",
-    "meters": "m", "millimeters": "mm", "newtons": "N", "newtonmeters": "N*m", "amperes": "A", "celsius": "degC",
-}  # fmt: skip
-"""Symbol in study.toml of each unit that streams spell out."""
 
 
 def read(path: Path) -> Columns:
@@ -80,7 +75,7 @@ def _units(streams: list[Any]) -> dict[str | int, str]:
         for label, channel in zip(_labels(stream), _channels(stream), strict=False):
             said = _text(channel, "unit")
             if said:
-                found[f"{_name(stream)}.{label}"] = UNIT_SYMBOLS.get(said.lower(), said)
+                found[f"{_name(stream)}.{label}"] = unit_from_text(said) or said
     return found
 
 

@@ -4,10 +4,12 @@ refute it."""
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from ..recordings.stated_units import split_unit
 from ..units import to_si_factor
+from .stated_units import split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
     "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime",
@@ -46,9 +48,16 @@ QUANTITY_WORDS = {
 COMMAND_WORDS = frozenset({
     "ref", "reference", "des", "desired", "cmd", "command", "commanded", "goal", "target", "setpoint", "sp", "set",
         "soll",
-    "demand", "planned", "qr", "qref", "qdes", "nominal", "consigne", "desire", "taucmd", "icmd",
+    "demand", "demanded", "planned", "asked", "applied", "qr", "qref", "qdes", "nominal", "consigne", "desire",
+    "taucmd", "icmd",
 })  # fmt: skip
 """Words of names that tell a command from a measurement."""
+
+COMPUTED_WORDS = frozenset({"error", "err", "feedforward", "feedback", "ff", "fb", "gain", "estimated", "model"})
+"""Words of names that say that a program computed the column from others."""
+
+MEASURED_WORDS = frozenset({"measured", "meas", "actual", "act", "sensor", "present", "ist"})
+"""Words of names that say that the column was measured."""
 
 INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
 """Words of names that tell an effort between robot and person."""
@@ -101,6 +110,16 @@ JOINT_WORDS = (
 HUMAN_JOINT_SUFFIXES = ("flexion", "extension", "abduction", "adduction", "rotation", "bending", "tilt", "flex_ext")
 """Words that name a direction of a person's joint, not one of a robot's."""
 
+_REMARK_WORDS = frozenset({
+    "left", "right", "l", "r", "x", "y", "z", "w", "raw", "filtered", "filt", "filter", "lowpass", "smoothed", "mean",
+    "rms", "abs", "max", "min", "avg", "average", "motor", "joint", "link", "output", "input", "side", "id", "ch",
+    "channel", "chan", "axis", "analog", "adc", "est", "estimate", "sim", "simulated", "norm", "normalised",
+    "normalized", "relative", "corrected", "calibrated", "signed", "unsigned", "old", "new", "local", "global", "body",
+    "world", "base", "foot", "shank", "thigh", "leg", "hand", "forearm", "upper", "lower", "proximal", "distal",
+    "medial", "lateral", "anterior", "posterior", "front", "back", "utc", "gmt", "unix", "robot", "host",
+})  # fmt: skip
+"""Words in brackets that say something of a column beside its quantity."""
+
 OTHER_QUANTITY_WORDS = {
     "length": {"length", "lmt", "mtlength"},
     "moment_arm": {"momentarm", "ma", "arm"},
@@ -123,6 +142,9 @@ class NameEvidence:
     joint: str | None  # joint of a person that is named
     axis: str | None  # "x", "y", "z" or "w"
     number: int | None  # last number in the name
+    is_computed: bool = False  # whether a word says that a program computed it
+    is_measured: bool = False  # whether a word says that it was measured
+    unknown_unit: str | None = None  # text that is stated as the unit, and is none that is known
 
 
 def words_of(name: str) -> list[str]:
@@ -166,7 +188,27 @@ def read_name(name: str) -> NameEvidence:
         _joint(bare),
         _axis(words, joined),
         numbers[-1] if numbers else None,
+        bool(COMPUTED_WORDS & set(words)),
+        bool(MEASURED_WORDS & set(words)),
+        _unknown_unit(name) if unit is None else None,
     )
+
+
+def with_stated_unit(evidence: NameEvidence, text: str | None) -> NameEvidence:
+    """Return what a name says together with the `text` of the unit that the file states apart from it, if it does.
+
+    A unit in the name itself is the one that counts.
+    """
+    if text is None or not text.strip() or evidence.unit is not None:
+        return evidence
+    unit = unit_from_text(text)
+    if unit is None:
+        return replace(evidence, unknown_unit=_unknown_unit(f"[{text.strip()}]"))
+    by_unit = quantity_of_unit(unit)
+    quantity = evidence.quantity
+    if by_unit is not None and (quantity is None or not _agrees(quantity, by_unit)):
+        quantity = by_unit
+    return replace(evidence, unit=unit, quantity=quantity, unknown_unit=None)
 
 
 def quantity_of_unit(unit: str) -> str | None:
@@ -175,7 +217,7 @@ def quantity_of_unit(unit: str) -> str | None:
         ("time", "s"), ("position", "rad"), ("position", "m"), ("velocity", "rad/s"), ("velocity", "m/s"),
         ("acceleration", "rad/s^2"), ("linear_acceleration", "m/s^2"), ("torque", "N*m"), ("force", "N"),
         ("current", "A"), ("voltage", "V"), ("temperature", "K"), ("magnetic_field", "T"), ("stiffness", "N*m/rad"),
-        ("damping", "N*m*s/rad"),
+        ("damping", "N*m*s/rad"), ("stiffness", "N/m"), ("damping", "N*s/m"), ("emg", "MVC"),
     ):  # fmt: skip
         try:
             to_si_factor(unit, si)
@@ -190,12 +232,35 @@ def _agrees(quantity: str, by_unit: str) -> bool:
     alike = {
         "emg": {"voltage"}, "supply": {"voltage"}, "angular_velocity": {"velocity"}, "error": {"position"},
         "position": {"position"}, "length": {"position"}, "moment_arm": {"position"}, "duty": set(),
-        "acceleration": {"linear_acceleration", "acceleration"},
+        "acceleration": {"linear_acceleration", "acceleration"}, "lengthening": {"velocity"},
+        # A digital line is recorded in volts.
+        "state": {"voltage", "time"}, "enabled": {"voltage"}, "counter": {"voltage", "time"},
     }  # fmt: skip
     return by_unit == quantity or by_unit in alike.get(quantity, set())
 
 
+def _unknown_unit(name: str) -> str | None:
+    """Return the text in a name's brackets that is stated as a unit and is none that is known.
+
+    Numbers, phrases, and words that say something else of the column, such as (left) and [raw], are no units.
+    """
+    text = stated_unit_text(name)
+    if text is None or unit_from_text(text) is not None or not re.search(r"[^\W\d_]", text):
+        return None
+    words = words_of(text)
+    if re.search(r"[*/^·⋅²%°µμ]", text):
+        return text
+    said = {word for known in QUANTITY_WORDS.values() for word in known} | COMMAND_WORDS | COMPUTED_WORDS
+    said |= MEASURED_WORDS | INTERACTION_WORDS | set(JOINT_WORDS) | set(HUMAN_JOINT_SUFFIXES) | _REMARK_WORDS
+    is_remark = len(words) > 2 or bool(said & set(words)) or _muscle(text) is not None
+    return None if is_remark else text
+
+
 def _quantity_of_words(words: list[str], joined: str) -> str | None:
+    for first, second in pairwise(words):
+        derived = _derived(first, second)
+        if derived is not None:
+            return derived
     for quantity, known in OTHER_QUANTITY_WORDS.items():
         if words and words[0] in known and len(words) > 1:
             return quantity
@@ -212,15 +277,32 @@ def _quantity_of_words(words: list[str], joined: str) -> str | None:
     )  # fmt: skip
     # Words of three letters or more are told from the start of a name to its end; letters alone only if nothing else
     # is.
+    told = [word for i, word in enumerate(words) if word != "t" or (i == 0 and not _is_vertebra(words))]
     for long_words in (True, False):
         for quantity in order:
-            if any((len(word) >= 3) == long_words and word in QUANTITY_WORDS[quantity] for word in words):
+            if any((len(word) >= 3) == long_words and word in QUANTITY_WORDS[quantity] for word in told):
                 return quantity
     # A word may stand within another, as in "eposposition".
     for quantity in order:
         if any(len(word) >= 4 and word in joined for word in QUANTITY_WORDS[quantity]):
             return quantity
     return None
+
+
+def _derived(first: str, second: str) -> str | None:
+    """Return the derivative that two words say, as theta_dot, q_ddot and d_theta do; None if they say none."""
+    if second in ("dot", "ddot"):
+        if first in QUANTITY_WORDS["position"]:
+            return "velocity" if second == "dot" else "acceleration"
+        return "acceleration" if second == "dot" and first in QUANTITY_WORDS["velocity"] else None
+    if first in ("d", "dd") and second in ("theta", "q", "phi", "angle", "position"):
+        return "velocity" if first == "d" else "acceleration"
+    return None
+
+
+def _is_vertebra(words: Sequence[str]) -> bool:
+    """Whether a name begins with a thoracic vertebra, as T12_L1 does, and not with the letter of time."""
+    return len(words) > 2 and words[1].isdigit()
 
 
 def _muscle(bare: str) -> str | None:

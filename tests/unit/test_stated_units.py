@@ -1,0 +1,176 @@
+"""Units as headers state them: every spelling binds, and one that is not known is never taken for SI."""
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid.inference.assign_roles import TableHints, assign_roles
+from pellucid.proposals.given_files import read_given
+from pellucid.proposals.propose_study import propose_study
+from pellucid.recordings.name_evidence import read_name
+from pellucid.recordings.quantity import quantity_of
+from pellucid.recordings.stated_units import split_unit, unit_from_text
+from pellucid.units import to_si_factor
+
+
+def swing(seed=0, seconds=20.0, rate=200.0):
+    """Return time [s], angle [rad], speed [rad/s] and torque [N*m] of a hanging joint."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    q = 0.5 * np.sin(2 * np.pi * 0.31 * t) + 0.3 * np.sin(2 * np.pi * 0.73 * t + 1.0)
+    v = np.gradient(q, t)
+    tau = 0.05 * np.gradient(v, t) + 2.0 * np.sin(q) + 0.1 * v + 0.3 * np.tanh(v / 0.01)
+    return t, q, v, tau + 0.01 * rng.standard_normal(t.size)
+
+
+def write(path, heads, columns):
+    rows = "\n".join(",".join(f"{x:.6f}" for x in row) for row in zip(*columns, strict=True))
+    path.write_text(",".join(f'"{head}"' if "," in head else head for head in heads) + f"\n{rows}\n", encoding="utf-8")
+    return path
+
+
+SPELLINGS = {
+    "N*mm": ["Nmm", "N*mm", "N·mm", "N⋅mm", "N-mm", "N mm", "N.mm", "NMM", "N mm"],
+    "N*m": ["Nm", "N*m", "N·m", "N.m", "N-m", "N m", "nm", "newton meters", "Newton-metres"],
+    "mN*m": ["mNm", "mN*m", "mN·m", "mN.m", "mN-m", "mN m"],
+    "cN*m": ["Ncm", "N*cm", "N·cm"],
+    "lbf*inch": ["lbf·in", "lb-in", "in-lb", "lbf*in"],
+    "kgf*cm": ["kgf·cm", "kg·cm", "kg-cm"],
+    "deg/s": ["deg/s", "°/s", "dps", "deg s-1", "deg·s⁻¹", "deg/sec", "degrees per second"],
+    "rad/s": ["rad/s", "rad s^-1", "rad/sec", "rad·s⁻¹"],
+    "rpm": ["rpm", "RPM", "1/min", "U/min", "rev/min", "min⁻¹", "turns/min"],
+    "turn/s": ["turns/s", "rps", "rev/s"],
+    "deg": ["deg", "°", "Degrees", "º"],
+    "turn": ["turn", "turns", "rev"],
+    "rad/s^2": ["rad/s^2", "rad/s²", "rad/s2", "rad/s/s", "rad s-2"],
+    "uV": ["uV", "µV", "μV", "microvolts"],
+    "mA": ["mA", "milliamps"],
+    "ms": ["ms", "msec", "milliseconds"],
+    "degF": ["°F", "degF"],
+}
+
+
+@pytest.mark.parametrize(("unit", "text"), [(unit, text) for unit, texts in SPELLINGS.items() for text in texts])
+def test_each_spelling_of_a_unit_is_the_same_unit(unit, text):
+    found = unit_from_text(text)
+    assert found is not None
+    assert to_si_factor(found, None) == pytest.approx(to_si_factor(unit, None))
+
+
+@pytest.mark.parametrize("text", ["torque", "left", "x", "foo", "", "measured", "N*foo", "rad/fortnight", "t", "a"])
+def test_words_are_no_units(text):
+    assert unit_from_text(text) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "bare", "unit"),
+    [
+        ("tau [Nmm]", "tau", "N*mm"), ("tau (N*mm)", "tau", "N*mm"), ("tau_Nmm", "tau", "N*mm"),
+        ("tau{mNm}", "tau", "mN*m"), ("tau_N_mm", "tau", "N*mm"), ("tau-Nmm", "tau", "N*mm"),
+        ("tau Nmm", "tau", "N*mm"),
+        ("tau / Nmm", "tau", "N*mm"), ("tau in Nmm", "tau", "N*mm"), ("tau, N*mm", "tau", "N*mm"),
+        ("RT VLO, uV", "RT VLO", "uV"), ("t,s", "t", "s"), ("torqueNm", "torque", "N*m"),
+        ("kneeAngleDeg", "kneeAngle", "deg"),
+        ("tau [Nmm].2", "tau.2", "N*mm"), ("tau (Nmm) filtered", "tau filtered", "N*mm"),
+        ("tau_Nmm_filtered", "tau_filtered", "N*mm"), ("q_deg_cmd", "q_cmd", "deg"), ("vel_deg_s", "vel", "deg/s"),
+        ("omega_rad_per_s", "omega", "rad/s"), ("speed_rpm", "speed", "rpm"), ("pos_turns", "pos", "turn"),
+        ("Force N", "Force", "N"), ("Current A", "Current", "A"), ("Moment (Nm/kg)", "Moment", "N*m/kg"),
+        ("torque [%]", "torque", "%"), ("Sensor A", "Sensor A", None), ("position[0]", "position[0]", None),
+        ("Torque (measured)", "Torque (measured)", None), ("LoadCell ()", "LoadCell", None),
+        ("/joint_states/knee/position", "/joint_states/knee/position", None), ("deg", "deg", None),
+        ("sample count", "sample count", None), ("min", "min", None), ("rms", "rms", None),
+    ],
+)  # fmt: skip
+def test_a_name_states_its_unit_in_many_ways(name, bare, unit):
+    assert split_unit(name) == (bare, unit)
+
+
+@pytest.mark.parametrize(
+    "head", ["tau [Nmm]", "tau (N*mm)", "tau_Nmm", "tau (N·mm)", "tau_Nmm_meas", "torque, N-mm", "tau / N.mm", "tauNmm"]
+)
+def test_a_stated_torque_is_proposed_in_its_unit(tmp_path, head):
+    t, q, _, tau = swing()
+    path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", head], [t, q, 1e3 * tau])
+    proposal = propose_study(read_given([path]), "made")
+    (role,) = [r for r in proposal.main.channels if r.quantity == "torque"]
+    assert (role.unit, role.unit_is_certain) == ("N*mm", True)
+
+
+@pytest.mark.parametrize(
+    ("head", "scale", "quantity", "unit"),
+    [
+        ("speed (rpm)", 30 / np.pi, "velocity", "rpm"), ("omega_dps", 180 / np.pi, "velocity", "deg/s"),
+        ("vel [turns/s]", 0.5 / np.pi, "velocity", "turn/s"), ("gyro [deg/s]", 180 / np.pi, "velocity", "deg/s"),
+    ],
+)  # fmt: skip
+def test_a_stated_speed_is_proposed_in_its_unit(tmp_path, head, scale, quantity, unit):
+    t, q, v, tau = swing()
+    path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", head, "tau [Nm]"], [t, q, scale * v, tau])
+    roles = {r.column: r for r in propose_study(read_given([path]), "made").main.channels}
+    assert (roles[head].quantity, roles[head].unit) == (quantity, unit)
+
+
+def test_numbers_do_not_overrule_the_unit_of_an_accelerometer():
+    """Readings as long as gravity in m/s^2 stay in the unit that their names state."""
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 0.01)
+    angle = 0.8 * np.sin(2 * np.pi * 0.4 * t)
+    axes = [9.81 * np.sin(angle), 9.81 * np.cos(angle), 0.5 * np.sin(3 * t)]
+    noisy = [x + 0.02 * rng.standard_normal(t.size) for x in axes]
+    columns = {f"acc_{axis} [ft/s^2]": x for axis, x in zip("xyz", noisy, strict=True)}
+    found = assign_roles({"time [s]": t, **columns}, TableHints())
+    units = {r.unit for r in found.roles if r.quantity}
+    assert units == {"foot/s^2"}
+
+
+@pytest.mark.parametrize("head", ["tau [foo]", "tau (N*foo)", "torque [Newtonfoot]"])
+def test_an_unknown_unit_is_refused_and_never_taken_for_si(tmp_path, head):
+    t, q, _, tau = swing()
+    path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", head], [t, q, 1e3 * tau])
+    with pytest.raises(pl.PellucidError, match="found the unknown unit") as refused:
+        pl.init(tmp_path / "study", files=[path])
+    assert f'log.csv: column "{head}"' in str(refused.value)
+    made = pl.init(tmp_path / "answered", files=[path], answers={"effort": "torque in N*mm"})
+    assert 'unit = "N*mm"' in made.study_file.read_text()
+
+
+def test_an_unknown_unit_of_a_row_of_units_and_of_a_file_is_kept_as_unknown(tmp_path):
+    t, q, _, tau = swing()
+    path = write(tmp_path / "log.csv", ["time", "q", "tau"], [t, q, tau])
+    head, rest = path.read_text().split("\n", 1)
+    path.write_text(f"{head}\ns,rad,foo\n{rest}")
+    assert pl.read(path).units == {"time": "s", "q": "rad", "tau": "foo"}
+    with pytest.raises(pl.PellucidError, match=r'log\.csv: column "tau": found the unknown unit "foo"'):
+        pl.init(tmp_path / "study", files=[path])
+
+
+def test_a_channel_that_a_study_can_do_without_is_left_out_if_its_unit_is_unknown(tmp_path):
+    t, q, v, tau = swing()
+    path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", "velocity [foo]", "tau [Nm]"], [t, q, v, tau])
+    text = pl.init(tmp_path / "study", files=[path]).study_file.read_text()
+    assert 'velocity [foo]: the file states "foo", which is no unit that is known' in text
+
+
+def test_a_remark_in_brackets_is_no_unit():
+    for name in ("Torque (measured)", "angle [x]", "EMG (left)", "q[3]", "force (load cell 2)", "speed (filtered)"):
+        assert read_name(name).unknown_unit is None, name
+    assert read_name("Present Velocity (0.229 rev/min)").unknown_unit == "0.229 rev/min"
+
+
+ORDINARY_NAMES = {
+    "theta": "position", "theta_dot": "velocity", "thetaDot": "velocity", "theta_ddot": "acceleration", "q": "position",
+    "q_dot": "velocity", "qd": "velocity", "dq": "velocity", "ddq": "acceleration", "d_theta": "velocity",
+    "i_q": "current", "iq": "current", "i_q_measured": "current", "motor_current": "current", "tau": "torque",
+    "tau_m": "torque", "effort": "torque", "trq": "torque", "Drehmoment": "torque", "Winkel": "position",
+    "Drehzahl": "velocity", "joint_pos": "position", "joint_vel": "velocity", "omega": "velocity", "speed": "velocity",
+    "encoder": "position", "angle": "position", "load_cell": "force", "force": "force", "pwm": "duty", "duty": "duty",
+    "voltage": "voltage", "u": "voltage", "temperature": "temperature", "emg_vl": "emg", "knee_theta_dot": "velocity",
+    "torque_cmd": "torque", "pos_ref": "position", "present_position": "position", "goal_position": "position",
+    "L1_T12_Lat_Bending": "",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "quantity"), ORDINARY_NAMES.items())
+def test_init_and_audit_read_a_name_alike(name, quantity):
+    assert (read_name(name).quantity or "") == quantity
+    assert quantity_of(name).kind == quantity
