@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .name_evidence import NameEvidence
+from ..recordings.name_evidence import NameEvidence
 
-UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 """Units of time columns, in seconds."""
 
 USUAL_RATES_HZ = (5.0, 5000.0)
@@ -28,6 +28,24 @@ MAX_REPEATED_SHARE = 0.5
 """A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is
 used."""
 
+
+MAX_FALL_SHARE = 0.05
+"""A column that is named as time may fall behind its own maximum by at most this share of its span: stamps of arrival
+come out of order, and a clock that starts again is none for the whole table."""
+
+MAX_LINE_DEVIATION_STEPS = 20.0
+"""Stamps of arrival have one rate if 98 of 100 lie within this many steps of a straight line. The delays of a loaded
+bus or radio are some steps; a pause makes a kink."""
+
+MAX_OFF_STEP_SHARE = 0.02
+"""Stamps jitter if more than this share of their steps is shorter than half the usual one, and as many are longer by
+half: lost samples make long steps only, packets that came twice short ones only."""
+
+LAG_ROWS = 50
+"""The usual step of stamps that jitter is the median advance over this many rows."""
+
+NAMED_SCORE = 0.05
+"""Score of a column that only its name tells as time: any evener one comes first."""
 
 MIN_UNNAMED_SCORE = 0.7
 """A column whose name says no time has to advance so evenly: a slow movement also rises throughout."""
@@ -58,6 +76,8 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         values = columns[evidence.name]
         score = _clock_score(values)
         by_name = evidence.quantity == "time"
+        if score is None and by_name and _advances_overall(values):
+            score = NAMED_SCORE
         if score is None or (evidence.quantity not in (None, "time", "counter") and not by_name):
             continue
         if not by_name and score < MIN_UNNAMED_SCORE:
@@ -69,18 +89,40 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         return FoundClock(None, "s", None, "no column advances like a clock", False)
     _, _, score, best = max(candidates, key=lambda c: (c[0], c[1], c[2]))
     others = tuple(c[3].name for c in candidates if c[3] is not best)
-    return _clock_of(columns[best.name], best, others)
+    clocks = {best.name, *others}
+    beside = [x for name, x in columns.items() if name not in clocks and len(x) == len(columns[best.name])]
+    return _clock_of(columns[best.name], best, others, beside)
 
 
-def _clock_of(values: np.ndarray, evidence: NameEvidence, others: tuple[str, ...]) -> FoundClock:
+def _clock_of(
+    values: np.ndarray, evidence: NameEvidence, others: tuple[str, ...], beside: Sequence[np.ndarray]
+) -> FoundClock:
     known = values[np.isfinite(values)]
     first = _first_sound_row(values)
     steps = np.diff(known[first:] if np.isfinite(values).all() else known)
     positive = steps[steps > 0.0]
     repeated = float(np.mean(steps == 0.0))
-    unit, why, certain = _unit(known[len(known) // 2], float(np.median(positive)), evidence)
+    usual = float(np.median(positive))
+    shorter, longer = np.mean(positive < 0.5 * usual), np.mean(positive > 1.5 * usual)
+    jitters = bool(min(shorter, longer) > MAX_OFF_STEP_SHARE)
+    if jitters or repeated > MAX_REPEATED_SHARE:
+        usual = _usual_advance(known[first:]) or usual
+    unit, why, certain = _unit(known[len(known) // 2], usual, evidence)
+    stopped = _stops_between_samples(values, first, beside)
+    slope = _line_step(known[first:], usual) if stopped else None
+    if slope is not None and (repeated <= MAX_REPEATED_SHARE or jitters):
+        return FoundClock(
+            None,
+            "s",
+            1.0 / (slope * UNIT_SECONDS[unit]),
+            f'"{evidence.name}" is the clock, stamped on arrival: in {stopped} rows its stamps stand still or fall '
+            "although the samples go on, so that its mean rate takes their place",
+            certain,
+            coarse_column=evidence.name,
+            others=others,
+        )
     span = (known[-1] - known[first if first < len(known) else 0]) * UNIT_SECONDS[unit]
-    if repeated > MAX_REPEATED_SHARE:
+    if repeated > MAX_REPEATED_SHARE and not jitters:
         advances = np.flatnonzero(np.diff(known) > 0.0)
         whole = (known[advances[-1] + 1] - known[advances[0] + 1]) * UNIT_SECONDS[unit]
         # Between its first and its last advance a coarse clock shows whole steps.
@@ -96,7 +138,7 @@ def _clock_of(values: np.ndarray, evidence: NameEvidence, others: tuple[str, ...
             others=others,
         )
     inner = positive[positive < 1.5 * np.median(positive)]
-    step = float(np.mean(inner)) if len(inner) else float(np.median(positive))
+    step = usual if jitters or not len(inner) else float(np.mean(inner))
     return FoundClock(evidence.name, unit, 1.0 / (step * UNIT_SECONDS[unit]), why, certain, None, others, first)
 
 
@@ -123,6 +165,50 @@ def _clock_score(values: np.ndarray) -> float | None:
     return float(near) / (1.0 + spread)
 
 
+def _advances_overall(values: np.ndarray) -> bool:
+    """Whether a column that is named as time rises from its first row to its last, apart from jitter."""
+    known = values[np.isfinite(values)]
+    if len(known) < 8 or len(known) < 0.9 * len(values):
+        return False
+    # Stale packets stand at the beginning, and their times count nowhere.
+    sound = known[_first_sound_row(known) if np.isfinite(values).all() else 0 :]
+    sound = sound if len(sound) >= 0.9 * len(known) else known
+    span = float(sound[-1] - sound[0])
+    return span > 0.0 and float(np.max(np.maximum.accumulate(sound) - sound)) <= MAX_FALL_SHARE * span
+
+
+def _usual_advance(values: np.ndarray) -> float | None:
+    """Return the usual advance of stamps from row to row, by rows so far apart that jitter hardly counts; None if there
+    is none."""
+    lag = max(1, min(LAG_ROWS, len(values) // 4))
+    advance = float(np.median(values[lag:] - values[:-lag])) / lag
+    return advance if advance > 0.0 else None
+
+
+def _stops_between_samples(values: np.ndarray, first: int, beside: Sequence[np.ndarray]) -> int:
+    """Return how many stamps do not advance although a column beside them does: no packets that came twice."""
+    if not np.isfinite(values).all():
+        return 0
+    stops = np.diff(values[first:]) <= 0.0
+    if not stops.any():
+        return 0
+    moves = np.zeros(len(stops), dtype=bool)
+    for x in beside:
+        moves |= np.diff(x[first:]) != 0.0
+    return int(np.sum(stops & moves))
+
+
+def _line_step(values: np.ndarray, usual: float) -> float | None:
+    """Return the step of stamps that have one rate throughout; None if pauses or changes bend their line."""
+    rows = np.arange(len(values))
+    if len(values) < 8:
+        return None
+    slope, start = np.polyfit(rows, values - values[0], 1)
+    off = values - values[0] - start - slope * rows
+    low, high = np.quantile(off, (0.01, 0.99))
+    return float(slope) if slope > 0.0 and high - low <= 2.0 * MAX_LINE_DEVIATION_STEPS * usual else None
+
+
 def _counts_rows(values: np.ndarray) -> bool:
     """Whether a column is the number of its row: whole numbers in steps of exactly 1 from 0 or 1."""
     return bool(values[0] in (0.0, 1.0) and np.all(np.diff(values) == 1.0))
@@ -139,10 +225,10 @@ def _first_sound_row(values: np.ndarray) -> int:
 def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str, bool]:
     if evidence.quantity == "time" and evidence.unit in UNIT_SECONDS:
         rate = 1.0 / (step * UNIT_SECONDS[evidence.unit])
-        if POSSIBLE_RATES_HZ[0] / 50.0 <= rate <= 10.0 * POSSIBLE_RATES_HZ[1]:
-            return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", True
+        is_possible = POSSIBLE_RATES_HZ[0] / 50.0 <= rate <= 10.0 * POSSIBLE_RATES_HZ[1]
+        return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", is_possible
     for unit, seconds in UNIT_SECONDS.items():
-        is_wall_clock = EPOCH_RANGE_S[0] <= middle * seconds <= EPOCH_RANGE_S[1] and unit != "min"
+        is_wall_clock = EPOCH_RANGE_S[0] <= middle * seconds <= EPOCH_RANGE_S[1] and unit not in ("min", "h")
         if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
             return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
