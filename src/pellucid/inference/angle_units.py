@@ -22,6 +22,9 @@ MAX_RADIAN_RANGE = 4.0 * math.pi
 ENCODER_COUNTS = tuple(sorted({*(2**k for k in range(7, 21)), 500, 1000, 2000, 4000, 5000, 10000, 20000}))
 """Quanta of a turn that are tried, coarse ones first: powers of two, and lines of encoders."""
 
+USUAL_COUNTS = 4096
+"""Quanta of a turn that most encoders of servos have."""
+
 MAX_LATTICE_QUANTA = 1000.0
 """Values of at most so many quanta are compared; five printed digits then resolve a hundredth of a quantum."""
 

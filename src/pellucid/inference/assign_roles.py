@@ -9,13 +9,21 @@ import numpy as np
 
 from ..recordings.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
 from ..units import to_si_factor
-from .angle_units import MAX_RADIAN_RANGE, AngleUnit, find_angle_unit, find_rolling_bits, find_unsigned_bits
+from .angle_units import (
+    ENCODER_COUNTS,
+    MAX_RADIAN_RANGE,
+    USUAL_COUNTS,
+    AngleUnit,
+    find_angle_unit,
+    find_rolling_bits,
+    find_unsigned_bits,
+)
 from .clocks import FoundClock, find_clock
 from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
 from .derivatives import DerivativePair, find_derivatives
 from .emg_spectrum import is_envelope, is_raw_emg, swings_fast
 from .inertial_columns import InertialColumns, find_inertial
-from .motion_efforts import MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, unit_by_weight
+from .motion_efforts import FULL_TURNS, MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, weigh_turns
 
 DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
@@ -43,6 +51,10 @@ _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torq
 
 MAX_ANALYSED_ROWS = 200_000
 """Evidence is taken from at most this many rows of a long table."""
+
+MAX_JOINTS_RANGE = 8.0 * np.pi
+"""Joints of one table whose ranges suggest both degrees and radians are in degrees if the largest range is above this:
+no joint among several turns four times [rad]."""
 
 MAX_WEIGHING_EFFORTS = 8
 """An angle's unit is looked for in the weight that at most so many efforts show."""
@@ -146,6 +158,8 @@ class _Assignment:
         self.roles: dict[str, ColumnRole] = {}
         self._compared = 0  # pairs of columns of which one may be the other's command
         self._angles: dict[tuple[str, int], AngleUnit] = {}
+        self._weights: dict[str, tuple[str, str, bool] | None] = {}
+        self._counts: dict[str, tuple[int, bool]] = {}  # counts of a turn by gravity, and whether it decides them
         self.pairs: list[DerivativePair] = []
         self.commands: list[FollowedCommand] = []
         self.joints: tuple[str, ...] = ()
@@ -469,7 +483,7 @@ class _Assignment:
 
     def _radians(self, name: str) -> float | None:
         unit = self._position_unit(name)[0]
-        return {"deg": np.pi / 180.0, "rad": 1.0}.get(unit)
+        return 2.0 * np.pi / FULL_TURNS[unit] if unit in FULL_TURNS else None
 
     def _kind_of_effort(self, name: str) -> tuple[str, str]:
         x = self.values[name]
@@ -530,17 +544,19 @@ class _Assignment:
             self._leave_out(name, "neither its name nor its numbers tell what it is")
 
     def _settle_units(self) -> None:
-        votes = [
-            self._position_unit(name)
-            for name, role in self.roles.items()
-            if role.quantity in ("position", "reference", "angle", "motor_position") and self._stated(name) is None
-        ]
+        votes = []
+        for name in self._unstated_angles():
+            vote = self._position_unit(name)
+            decided = self._weighed(name) if not vote[2] and self.roles[name].quantity != "reference" else None
+            votes.append(vote if decided is None else (*decided, vote[3]))
         certain = {unit for unit, _, sure, _ in votes if sure and unit != "counts"}
         spans = [unit for unit, *_ in votes]
         # The joints of one table share their unit: what one of them shows for certain holds for all.
         common = certain.pop() if len(certain) == 1 else None
         if common is None and len(spans) > 1 and "deg" in spans and "rad" in spans and "counts" not in spans:
-            common = "deg"
+            known = [self.values[name][np.isfinite(self.values[name])] for name in self._unstated_angles()]
+            spread = max(float(np.ptp(x)) for x in known if len(x))
+            common = "deg" if spread > MAX_JOINTS_RANGE else None
         for name, role in list(self.roles.items()):
             if role.quantity is None or role.quantity.startswith("imu"):
                 continue
@@ -559,6 +575,13 @@ class _Assignment:
                     role, unknown_unit=unknown, unit_is_certain=False,
                     unit_why=f'the file states "{unknown}", which is no unit that is known',
                 )  # fmt: skip
+
+    def _unstated_angles(self) -> list[str]:
+        return [
+            name
+            for name, role in self.roles.items()
+            if role.quantity in ("position", "reference", "angle", "motor_position") and self._stated(name) is None
+        ]
 
     def _share_emg_unit(self) -> None:
         """Give all EMG without a stated unit the unit of most: one amplifier has one unit."""
@@ -609,14 +632,17 @@ class _Assignment:
             unit, why, sure, found = self._position_unit(name)
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
                 why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
-            if stated is None and common is not None and not sure:
+            decided = None
+            if stated is None and (not sure or unit == "counts") and quantity != "reference":
+                decided = self._weighed(name)
+            if decided is not None:
+                unit, why, sure = decided
+            elif stated is None and common is not None and not sure:
                 unit, why, sure = common, "as the other angles of the table", True
             if found is not None and found.wrap is not None:
                 keys["wrap"] = found.wrap
-            if not sure and stated is None and unit != "counts":
-                decided = self._weighed(name)
-                if decided is not None:
-                    unit, why, sure = decided[0], decided[1], True
+            if unit == "counts" and name in self._counts:
+                keys["counts_per_turn"], sure = self._counts[name]
             return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
         if stated is not None:
             return replace(role, unit=stated, unit_why="the file states it", unit_is_certain=True, keys=keys)
@@ -630,20 +656,41 @@ class _Assignment:
         unit, why, sure = _unit_by_size(quantity.removeprefix("desired_"), self.values[name])
         return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
 
-    def _weighed(self, name: str) -> tuple[str, str] | None:
-        """Return a position's unit by the weight of what it moves, with the reason; None if weight does not tell."""
+    def _weighed(self, name: str) -> tuple[str, str, bool] | None:
+        """Return a position's unit by the weight of what it moves, with the reason and True; None if weight does not
+        tell.
+
+        Each unit is fitted with inertia, friction and gravity. Whole numbers may also be counts, of each division of a
+        turn that encoders have; `_counts` then keeps the division that fits better than the usual one.
+        """
+        if name not in self._weights:
+            self._weights[name] = self._weigh(name)
+        return self._weights[name]
+
+    def _weigh(self, name: str) -> tuple[str, str, bool] | None:
         if self.rate is None or len(self.time) < 200:
             return None
-        motion = motion_samples(self.values[name], self.time)
+        x = self.values[name]
+        known = x[np.isfinite(x)]
+        is_whole = bool(np.all(known == np.round(known)))
+        divisions = {f"{count} counts": float(count) for count in ENCODER_COUNTS} if is_whole else {}
+        motion = motion_samples(x, self.time)
         efforts = [n for n, r in self.roles.items() if r.quantity in ("torque", "current", "voltage", "duty")]
         for other in efforts[:MAX_WEIGHING_EFFORTS]:
-            decided = unit_by_weight(self.values[other], motion)
-            if decided is not None:
-                unit, degrees, radians = decided
-                return unit, (
-                    f'"{other}" weighs it so: the sine explains {100 * degrees:.0f} % in degrees and '
-                    f"{100 * radians:.0f} % in radians"
-                )
+            weighed = weigh_turns(self.values[other], motion, FULL_TURNS | divisions)
+            if weighed is None:
+                continue
+            best = weighed.best
+            if not weighed.is_decided(best, FULL_TURNS):
+                continue
+            unit = "counts" if best in divisions else best
+            shares = [
+                f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in dict.fromkeys((best, *FULL_TURNS))
+            ]
+            usual = f"{USUAL_COUNTS} counts"
+            if best in divisions and (weighed.is_decided(best) or weighed.beats(best, usual)):
+                self._counts[name] = int(divisions[best]), weighed.is_decided(best)
+            return unit, f'"{other}" weighs it so: gravity and friction explain {", ".join(shares)}', True
         return None
 
     def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
@@ -681,7 +728,7 @@ class _Assignment:
             return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
         positions = [r for r in self.roles.values() if r.quantity == "position"]
         suffix = "/s^2" if role.quantity == "acceleration" else "/s"
-        if positions and positions[0].unit in ("rad", "deg", "m", "mm"):
+        if positions and positions[0].unit in ("rad", "deg", "turn", "m", "mm"):
             return replace(role, unit=positions[0].unit + suffix, unit_why="as the position, per second")
         return role
 

@@ -20,8 +20,10 @@ MIN_CORRELATION_WITHOUT_UNITS = 0.998
 
 UNIT_RATIOS = (
     ("rad", "rad/s", 1.0), ("deg", "deg/s", 1.0), ("deg", "rad/s", math.pi / 180.0), ("rad", "deg/s", 180.0 / math.pi),
-    ("rad", "rpm", 30.0 / math.pi), ("deg", "rpm", 1.0 / 6.0), ("m", "mm/s", 1000.0), ("mm", "m/s", 0.001), ("m",
-        "m/s", 1.0),
+    ("rad", "rpm", 30.0 / math.pi), ("deg", "rpm", 1.0 / 6.0), ("turn", "turn/s", 1.0), ("turn", "rpm", 60.0),
+    ("turn", "rad/s", 2.0 * math.pi), ("turn", "deg/s", 360.0), ("rad", "turn/s", 0.5 / math.pi),
+    ("deg", "turn/s", 1.0 / 360.0), ("m", "mm/s", 1000.0), ("mm", "m/s", 0.001), ("m", "m/s", 1.0),
+    ("mm", "mm/s", 1.0),
 )  # fmt: skip
 """Units of a column and of its derivative, with the ratio of the recorded to the computed derivative."""
 

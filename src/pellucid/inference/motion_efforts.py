@@ -1,7 +1,9 @@
-"""Find which column is the effort of which motion, and whether an angle is in degrees by how it is weighed."""
+"""Find which column is the effort of which motion, and in which unit an angle is by how gravity weighs the joint."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +11,22 @@ import numpy as np
 MIN_EFFORT_SHARE = 0.25
 """A column is a joint's effort if the joint's motion explains at least this share of its variance."""
 
-MIN_GRAVITY_GAIN = 0.05
-"""One unit of an angle is decided by weight if its sine explains this share of the effort more than the other
-unit's."""
+FULL_TURNS = {"deg": 360.0, "rad": 2.0 * math.pi, "turn": 1.0}
+"""One turn in each unit of an angle that gravity may decide."""
+
+MAX_LEFT_RATIO = 0.9
+"""One unit of an angle is decided against another if gravity then leaves less than this share of what it leaves in the
+other unit. Simulated joints with little weight reach 0.85."""
+
+WEIGHED_BLOCKS = 20
+"""Units are compared in so many blocks of a recording."""
+
+MIN_WON_BLOCKS = 18
+"""One unit is decided against another if it leaves less in at least so many blocks: by chance in 1 of 5,000."""
+
+MIN_WEIGHED_ANGLE = 0.5
+"""The decided unit makes the joint turn by at least this angle: less hardly bends the sine, as a spring does not
+[rad]."""
 
 MAX_ROWS = 4_000
 """Fits take at most this many rows, evenly spread."""
@@ -25,6 +40,7 @@ class MotionSamples:
     velocity: np.ndarray
     acceleration: np.ndarray
     width: int  # rows over which running means were taken
+    recorded: np.ndarray  # position as it was recorded
 
 
 def motion_samples(position: np.ndarray, time: np.ndarray) -> MotionSamples:
@@ -34,7 +50,8 @@ def motion_samples(position: np.ndarray, time: np.ndarray) -> MotionSamples:
     smooth = running_mean(position, width)
     grid = np.arange(len(smooth)) / rate
     velocity = np.gradient(smooth, grid)
-    return MotionSamples(smooth, velocity, np.gradient(velocity, grid), width)
+    recorded = np.nan_to_num(position, nan=float(np.nanmedian(position)))
+    return MotionSamples(smooth, velocity, np.gradient(velocity, grid), width, recorded)
 
 
 def running_mean(values: np.ndarray, width: int) -> np.ndarray:
@@ -54,6 +71,12 @@ def effort_share(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
 
     Inertia, both kinds of friction and a constant explain it, and gravity where `radians_per_unit` is given.
     """
+    power, residuals = _residuals(effort, motion, radians_per_unit)
+    return 1.0 - float(residuals @ residuals) / power if power > 0.0 else 0.0
+
+
+def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> tuple[float, np.ndarray]:
+    """Return the power of an effort, and what the joint's motion leaves of it in some rows, shape (k,)."""
     target = running_mean(effort, motion.width)
     columns = [
         motion.acceleration,
@@ -62,34 +85,73 @@ def effort_share(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
         np.ones(len(target)),
     ]
     if radians_per_unit is not None:
-        columns += [np.sin(motion.position * radians_per_unit), np.cos(motion.position * radians_per_unit)]
+        # The mean of the sine, and not the sine of the mean: they differ where the joint turns fast.
+        angle = motion.recorded * radians_per_unit
+        columns += [running_mean(np.sin(angle), motion.width), running_mean(np.cos(angle), motion.width)]
     rows = slice(None, None, max(1, len(target) // MAX_ROWS))
     matrix = np.column_stack(columns)[rows]
     scales = np.linalg.norm(matrix, axis=0)
     matrix, target = matrix / np.where(scales > 0.0, scales, 1.0), target[rows]
-    power = float(np.sum((target - target.mean()) ** 2))
-    if power <= 0.0:
-        return 0.0
     answer = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    return 1.0 - float(np.sum((target - matrix @ answer) ** 2)) / power
+    return float(np.sum((target - target.mean()) ** 2)), target - matrix @ answer
+
+
+@dataclass(frozen=True)
+class WeighedTurns:
+    """What gravity leaves of an effort, by candidates for the numbers that make one turn."""
+
+    span: float  # range of the numbers
+    turns: Mapping[str, float]  # numbers in one turn, by the candidates' names
+    left: Mapping[str, np.ndarray]  # left share of the effort in each block, by name; "none" is without gravity
+
+    @property
+    def best(self) -> str:
+        """Candidate that leaves the least."""
+        return min(self.turns, key=self.left_share)
+
+    def left_share(self, name: str) -> float:
+        """Return the share of the effort that a candidate leaves."""
+        return float(np.sum(self.left[name]))
+
+    def beats(self, name: str, other: str) -> bool:
+        """Whether a candidate is better than another one, in the whole and nearly everywhere."""
+        won = int(np.sum(self.left[name] < self.left[other]))
+        return self.left_share(name) < MAX_LEFT_RATIO * self.left_share(other) and won >= MIN_WON_BLOCKS
+
+    def is_decided(self, name: str, others: Mapping[str, float] | None = None) -> bool:
+        """Whether a candidate is better than all `others`, and than none, and turns the joint far enough."""
+        rivals = [other for other in (self.turns if others is None else others) if other != name]
+        angle = 2.0 * math.pi * self.span / self.turns[name]
+        explains = self.left_share(name) <= 1.0 - MIN_EFFORT_SHARE and angle >= MIN_WEIGHED_ANGLE
+        return explains and all(self.beats(name, other) for other in (*rivals, "none"))
+
+
+def weigh_turns(effort: np.ndarray, motion: MotionSamples, turns: Mapping[str, float]) -> WeighedTurns | None:
+    """Fit inertia, friction and gravity once for each candidate in `turns`; None for an effort that is constant.
+
+    `turns` are the numbers in one turn, by the candidates' names. `effort` has shape (n,).
+    """
+    factors: dict[str, float | None] = {"none": None, **{name: 2.0 * math.pi / turn for name, turn in turns.items()}}
+    left = {}
+    for name, factor in factors.items():
+        power, residuals = _residuals(effort, motion, factor)
+        if power <= 0.0:
+            return None
+        left[name] = np.array([float(part @ part) / power for part in np.array_split(residuals, WEIGHED_BLOCKS)])
+    return WeighedTurns(float(np.ptp(motion.recorded)), dict(turns), left)
 
 
 def unit_by_weight(effort: np.ndarray, motion: MotionSamples) -> tuple[str, float, float] | None:
-    """Return ``"deg"`` or ``"rad"`` by which sine of the angle weighs the joint better, and both explained shares.
+    """Return the unit of an angle by which gravity weighs the joint best, and the shares explained in it and at most in
+    the others.
 
-    None if neither is clearly better: little motion, or no gravity, cannot decide.
+    None if no unit is clearly better: little motion, or no gravity, cannot decide.
     """
-    degrees = effort_share(effort, motion, np.pi / 180.0)
-    radians = effort_share(effort, motion, 1.0)
-    span = float(np.ptp(motion.position))
-    if max(degrees, radians) < MIN_EFFORT_SHARE:
+    weighed = weigh_turns(effort, motion, FULL_TURNS)
+    if weighed is None or not weighed.is_decided(weighed.best):
         return None
-    # Degrees taken for radians turn many times, radians taken for degrees hardly bend: the better one has to be plain.
-    if degrees - radians > MIN_GRAVITY_GAIN and span > 20.0:
-        return "deg", degrees, radians
-    if radians - degrees > MIN_GRAVITY_GAIN and 0.5 < span < 15.0:
-        return "rad", degrees, radians
-    return None
+    others = min(weighed.left_share(unit) for unit in FULL_TURNS if unit != weighed.best)
+    return weighed.best, 1.0 - weighed.left_share(weighed.best), 1.0 - others
 
 
 def _usual(values: np.ndarray) -> float:

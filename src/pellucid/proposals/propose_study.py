@@ -10,16 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import PellucidError, StudyError
+from ..inference.angle_units import USUAL_COUNTS
 from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from ..inference.clocks import UNIT_SECONDS
 from ..inference.commands import find_resting_limit
+from ..inference.derivatives import UNIT_RATIOS
 from ..inference.emg_spectrum import swings_fast
-from ..inference.motion_efforts import effort_share, motion_samples
+from ..inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
 from ..inference.processing_choice import ProcessingChoice, choose_processing
 from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from ..inference.static_postures import find_postures
-from ..recordings.name_evidence import read_name, with_stated_unit, words_of
+from ..recordings.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..recordings.readers.urdf import read_urdf
+from ..recordings.stated_units import unit_from_text
 from ..studies.study_file import channel_unit, rig_units
 from ..units import to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_rate
@@ -151,7 +154,10 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         facts["limit"] = limit
     repeated = _repeated(recordings, main, drive)
     questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
-    unknown = set(answers) - {question.key for question in questions}
+    possible = {question.key for question in questions}
+    if unit_from_text(answers.get("position_unit", "")) == "counts":
+        possible.add("counts_per_turn")
+    unknown = set(answers) - possible
     if unknown:
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
@@ -688,11 +694,12 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     n = table.rows
     motion = motion_samples(table.columns[role.column][: min(n, 200_000)], np.arange(min(n, 200_000)) / main.roles.rate)
     effort = _decoded(table, found[1])[: min(n, 200_000)]
-    radians = {"deg": np.pi / 180.0, "rad": 1.0}.get(role.unit)
-    if radians is None:
+    turn = FULL_TURNS.get(role.unit)
+    weighed = weigh_turns(effort, motion, {role.unit: turn}) if turn is not None else None
+    if weighed is None:
         return "sine+cosine"
-    gain = effort_share(effort, motion, radians) - effort_share(effort, motion, None)
-    return "sine+cosine" if gain > MIN_GRAVITY_SHARE else "none"
+    gain = weighed.left_share("none") - weighed.left_share(role.unit)
+    return "sine+cosine" if gain > MIN_GRAVITY_SHARE or weighed.beats(role.unit, "none") else "none"
 
 
 def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
@@ -823,11 +830,12 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
         r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command
     ]
     unsure = [r for r in positions if not r.unit_is_certain]
-    if any(r.unit == "counts" for r in positions):
+    counted = [r for r in positions if has_open_counts(r)]
+    if counted:
         yield Question(
             "counts_per_turn",
             "How many counts does the position have for one turn of the joint, gears included?",
-            "4096",
+            str(counted[0].keys.get("counts_per_turn", USUAL_COUNTS)),
             "every angle, speed and inertia: all of them scale with it",
         )
     elif unsure:
@@ -836,7 +844,7 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
             f'In which unit is the position "{unsure[0].column}": does it turn, or slide?',
             unsure[0].unit,
             "inertia, gravity and friction, and whether efforts are torques or forces",
-            ("deg", "rad", "m", "mm"),
+            ("deg", "rad", "turn", "counts", "m", "mm"),
         )
     if any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
@@ -957,17 +965,14 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
             streams = [_with_roles(s, is_meant, quantity=quantity, unit=unit, said=SAID_BY_LAB) for s in streams]
             drive = {"force": "torque", "duty": "voltage"}.get(quantity, quantity)
     if "position_unit" in answers:
-        unit = answers["position_unit"]
+        unit = _position_answer(answers["position_unit"])
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
         main = _with_roles(
             main, lambda r: r.quantity in ("position", "reference", "angle") and not r.unit_is_certain, unit=unit,
             said=SAID_BY_LAB,
         )  # fmt: skip
-        main = _with_roles(
-            main, lambda r: r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain, unit=f"{unit}/s",
-            said="as the position, per second",
-        )  # fmt: skip
+        main = _with_speeds_of(main, unit)
     if "full_duty" in answers:
         scale = 1.0 / _quantity(answers["full_duty"], "1", "full_duty")
         roles = tuple(
@@ -999,6 +1004,36 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts
+
+
+def _position_answer(answer: str) -> str:
+    """Return the unit of a position that the lab said, as study.toml writes it."""
+    unit = unit_from_text(answer)
+    if unit is None or (unit != "counts" and quantity_of_unit(unit) != "position"):
+        raise StudyError(f'position_unit: found "{answer}", expected "deg", "rad", "turn", "counts", "m" or "mm"')
+    return unit
+
+
+def _with_speeds_of(layout: Layout, unit: str) -> Layout:
+    """Return a layout whose speeds without a certain unit follow from the position's, by the ratio of both."""
+    ratios = {(of, by): ratio for of, by, ratio in UNIT_RATIOS}
+    units = {}
+    for pair in layout.roles.pairs:
+        fitting = [by for of, by in pair.units if of == unit]
+        if fitting:
+            units[pair.by] = min(fitting, key=lambda by, found=pair.ratio: abs(abs(found) / ratios[unit, by] - 1.0))
+    roles = tuple(
+        replace(r, unit=units.get(r.column, f"{unit}/s"), unit_why="as the position, per second", unit_is_certain=True)
+        if r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain
+        else r
+        for r in layout.roles.roles
+    )
+    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+
+def has_open_counts(role: ColumnRole) -> bool:
+    """Whether a position is in counts of which nothing certain tells how many make a turn."""
+    return role.unit == "counts" and ("counts_per_turn" not in role.keys or not role.unit_is_certain)
 
 
 def _with_roles(layout: Layout, chosen, *, quantity: str | None = None, unit: str | None = None, said: str) -> Layout:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping
 
+import numpy as np
+
+from ..inference.angle_units import MAX_RADIAN_RANGE, USUAL_COUNTS
 from ..inference.assign_roles import ColumnRole
+from ..units import to_si_factor
 from .file_facts import FileFact
 from .given_files import GivenTable
-from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording
+from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
 """Word that begins the comment of a line that evidence does not decide."""
@@ -64,7 +69,7 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
     """Return ``"GUESS"``, ``"ASKED"`` or nothing: how certain a channel's line is."""
     open_keys = unsaid_defaults(proposal)
     hangs = {
-        "counts_per_turn": role.unit == "counts" and "counts_per_turn" not in role.keys,
+        "counts_per_turn": has_open_counts(role),
         "full_duty": role.quantity == "duty",
         "effort": role.quantity in ("torque", "force", "current", "voltage", "duty")
         and role.is_guess
@@ -133,6 +138,7 @@ def _rig(proposal: Proposal) -> list[str]:
             f"joint = {_text(_joint_name(proposal))}",
             _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
             *_drive(proposal, "[rig.drive]"),
+            *_limits(proposal, "", "[rig.limits]"),
         ]
     lines = ["[rig]"]
     for joint in joints:
@@ -143,6 +149,7 @@ def _rig(proposal: Proposal) -> list[str]:
             _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
             *_turns(proposal, names.get(joint, joint)),
             *_drive(proposal, "[rig.joints.drive]"),
+            *_limits(proposal, joint, "[rig.joints.limits]"),
         ]
     return lines
 
@@ -205,6 +212,47 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
 
 def _origin(fact: FileFact) -> str:
     return fact.label if fact.label == SAID_BY_LAB else f"{fact.label}, in the files"
+
+
+def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
+    """Return the range of a joint that turns further than joints do, so that `check` does not doubt its unit.
+
+    Only a unit that is certain, or was answered, makes the range a fact.
+    """
+    positions = [r for r in proposal.main.channels if r.quantity == "position" and r.label == joint]
+    if not positions or proposal.motion != "rotary" or not positions[0].unit_is_certain:
+        return []
+    role, first = positions[0], proposal.main.tables[0]
+    if role.unit == "counts":
+        per = int(str(role.keys.get("counts_per_turn", USUAL_COUNTS)))
+        factor = 2.0 * math.pi / per
+    else:
+        factor = to_si_factor(role.unit, "rad")[0]
+    at = list(first.columns).index(role.column)
+    known = []
+    for table in proposal.main.tables:
+        name = role.column if role.column in table.columns else list(table.columns)[at]
+        values = _decoded_values(table.columns[name], role)
+        known.append(values[np.isfinite(values)])
+    ends = [factor * float(end) for x in known if len(x) for end in (x.min(), x.max())]
+    if not ends or "wrap" in role.keys or max(map(abs, ends)) <= MAX_RADIAN_RANGE:
+        return []
+    margin = 0.05 * (max(ends) - min(ends))
+    why = f"{MARK_GUESS}: the joint turns on and on; this is the range of the recordings"
+    return [
+        head,
+        _line(f'position_min = "{min(ends) - margin:.4g} rad"', why),
+        f'position_max = "{max(ends) + margin:.4g} rad"',
+    ]
+
+
+def _decoded_values(values: np.ndarray, role: ColumnRole) -> np.ndarray:
+    """Return numbers without the jumps of a count that rolls over, as the study reads them."""
+    x = np.asarray(values, float)
+    bits, wrap = role.keys.get("signed_bits"), role.keys.get("wrap_bits")
+    if isinstance(bits, int):
+        x = np.where(x >= 2.0 ** (bits - 1), x - 2.0**bits, x)
+    return np.unwrap(x[np.isfinite(x)], period=2.0**wrap) if isinstance(wrap, int) else x
 
 
 def _per(proposal: Proposal) -> str:
@@ -282,9 +330,9 @@ def _key(name: str) -> str:
 
 def _entry(role: ColumnRole, table: GivenTable) -> str:
     unit, keys = role.unit, dict(role.keys)
-    if unit == "counts" and role.quantity in ("position", "reference", "angle", "velocity"):
-        per = int(str(keys.pop("counts_per_turn", 4096)))
-        unit = "rad"
+    if unit in ("counts", "counts/s") and role.quantity in ("position", "reference", "angle", "velocity"):
+        per = int(str(keys.pop("counts_per_turn", USUAL_COUNTS)))
+        unit = unit.replace("counts", "rad")
         keys["scale"] = 2.0 * 3.141592653589793 / per
     parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
     if role.column in table.flat:
@@ -339,9 +387,7 @@ def _processing(proposal: Proposal) -> list[str]:
         return []
     unit = "m/s" if proposal.motion == "prismatic" else "rad/s"
     role = next(r for r in proposal.main.channels if r.quantity in ("position", "motor_position"))
-    from ..units import to_si_factor
-
-    factor = 3.141592653589793 * 2.0 / 4096 if role.unit == "counts" else to_si_factor(role.unit, None)[0]
+    factor = 2.0 * math.pi / USUAL_COUNTS if role.unit == "counts" else to_si_factor(role.unit, None)[0]
     lines = [
         "",
         "[processing]",

@@ -1,0 +1,124 @@
+"""Units of angles that no file states: each is fitted, physics decides, and any consistent answer is accepted."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid.cli import app
+from pellucid.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.proposals.given_files import read_given
+from pellucid.proposals.propose_study import propose_study
+
+TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "turn": 1.0, "counts": 4096.0}
+
+
+def joint(amplitude, gravity=2.0, seed=0, seconds=40.0, rate=200.0):
+    """Return time [s], angle [rad] and torque [N*m] of a joint that turns by about twice `amplitude` [rad]."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    parts = [(0.5, 0.13), (0.3, 0.47), (0.15, 1.1)]
+    phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+    q = amplitude * sum(a * np.sin(2 * np.pi * f * t + p) for (a, f), p in zip(parts, phases, strict=True))
+    v = np.gradient(q, t)
+    tau = 0.05 * np.gradient(v, t) + gravity * np.sin(q) + 0.1 * v + 0.3 * np.tanh(v / 0.01)
+    return t, q, tau + 0.01 * rng.standard_normal(t.size)
+
+
+def written(folder, unit, t, q, tau, speed=None, head="velocity"):
+    numbers = q * TURNS[unit] / (2.0 * np.pi)
+    columns = [t, np.round(numbers) if unit == "counts" else numbers, tau]
+    names = ["time", "position", "torque [Nm]"]
+    if speed is not None:
+        columns.insert(2, speed)
+        names.insert(2, head)
+    path = folder / "log.csv"
+    rows = "\n".join(",".join(f"{x:.7g}" for x in row) for row in zip(*columns, strict=True))
+    path.write_text(",".join(names) + f"\n{rows}\n")
+    return path
+
+
+def proposed(path, **answers):
+    proposal = propose_study(read_given([path]), "made", answers)
+    (role,) = [r for r in proposal.main.channels if r.quantity == "position"]
+    return proposal, role
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "gravity"), [(1.0, 2.0), (5.0, 2.0), (12.0, 2.0), (30.0, 2.0), (6.0, 0.2)], ids=str
+)
+@pytest.mark.parametrize("unit", TURNS)
+def test_gravity_decides_the_unit_of_an_angle(tmp_path, unit, amplitude, gravity):
+    proposal, role = proposed(written(tmp_path, unit, *joint(amplitude, gravity)))
+    assert (role.unit, role.unit_is_certain or unit == "counts") == (unit, True)
+    assert proposal.gravity == "sine+cosine"
+    assert "position_unit" not in {question.key for question in (*proposal.asked, *proposal.marked)}
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad", "turn"])
+def test_nothing_is_decided_without_gravity(tmp_path, unit):
+    """Inertia and friction are the same in each unit."""
+    proposal, _ = proposed(written(tmp_path, unit, *joint(1.5, gravity=0.0)))
+    asked = {question.key: question for question in proposal.asked}
+    assert {"deg", "rad", "turn", "counts"} <= set(asked["position_unit"].choices)
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad", "turn"])
+def test_a_spring_decides_no_wrong_unit(tmp_path, unit):
+    """A sine that hardly bends fits a spring, whatever the unit."""
+    t, q, tau = joint(1.5, gravity=0.0)
+    _, role = proposed(written(tmp_path, unit, t, q, tau + 1.2 * q))
+    assert role.unit == unit or not role.unit_is_certain
+
+
+@pytest.mark.parametrize(
+    ("unit", "speed_unit", "ratio"),
+    [
+        ("turn", "rpm", 30.0 / np.pi), ("turn", "rad/s", 1.0), ("turn", "turns/s", 0.5 / np.pi),
+        ("turn", "deg/s", 180.0 / np.pi), ("rad", "turns/s", 0.5 / np.pi), ("rad", "rad/s", 1.0),
+        ("deg", "rad/s", 1.0), ("deg", "turns/s", 0.5 / np.pi),
+    ],
+)  # fmt: skip
+def test_a_speed_with_a_unit_decides_the_unit_of_its_angle(tmp_path, unit, speed_unit, ratio):
+    t, q, tau = joint(4.0, gravity=0.0)
+    path = written(tmp_path, unit, t, q, tau, ratio * np.gradient(q, t), f"velocity [{speed_unit}]")
+    _, role = proposed(path)
+    assert (role.unit, role.unit_is_certain) == (unit, True)
+
+
+@pytest.mark.parametrize(
+    ("unit", "amplitude"), [("rad", 6.0), ("rad", 30.0), ("turn", 30.0), ("deg", 30.0), ("counts", 30.0)]
+)
+@pytest.mark.parametrize("with_speed", [False, True])
+def test_check_accepts_an_answer_that_is_consistent(tmp_path, unit, amplitude, with_speed):
+    t, q, tau = joint(amplitude, gravity=0.0)
+    speed = np.gradient(q, t) * TURNS[unit] / (2.0 * np.pi) if with_speed else None
+    path = written(tmp_path, unit, t, q, tau, speed)
+    answers = {"counts_per_turn": "4096"} if unit == "counts" else {"position_unit": unit}
+    made = pl.init(tmp_path / "study", files=[path], answers=answers)
+    done = CliRunner().invoke(app, ["check", str(made.folder)])
+    assert done.exit_code == 0, done.output
+    study = pl.open(made.folder)
+    recorded = np.concatenate([recording["position"] for recording in study.recordings()])
+    assert np.ptp(recorded) == pytest.approx(np.ptp(q), rel=0.02)
+
+
+def test_the_answer_counts_takes_counts_of_a_turn(tmp_path):
+    path = written(tmp_path, "rad", *joint(1.0, gravity=0.0))
+    _, role = proposed(path, position_unit="counts", counts_per_turn="1000")
+    assert (role.unit, role.keys["counts_per_turn"]) == ("counts", 1000)
+    with pytest.raises(pl.PellucidError, match='position_unit: found "cubits", expected "deg", "rad"'):
+        proposed(path, position_unit="cubits")
+
+
+def test_a_speed_follows_from_the_answer_by_the_ratio_of_both(tmp_path):
+    t, q, tau = joint(1.5, gravity=0.0)
+    path = written(tmp_path, "deg", t, q, tau, np.gradient(q, t))
+    proposal, _ = proposed(path, position_unit="deg")
+    (speed,) = [r for r in proposal.main.channels if r.quantity == "velocity"]
+    assert speed.unit == "rad/s"
+
+
+def test_a_joint_that_hardly_moves_is_not_decided():
+    t, q, tau = joint(0.1)
+    assert unit_by_weight(tau, motion_samples(q, t)) is None
