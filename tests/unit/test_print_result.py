@@ -1,6 +1,7 @@
 """Tables on a terminal: what does not fit stands below, and no figure is cut."""
 
 import re
+from dataclasses import replace
 from io import StringIO
 
 import pytest
@@ -127,3 +128,49 @@ def test_a_result_without_long_tables_is_printed_whole():
     text = brief(FigureTable("When", ("Muscle", "Onset (s)"), (("soleus", 1.0),)), verdicts=verdicts)
     assert "Remark 19." in text
     assert "-v" not in text
+
+
+def families(chosen, count=5):
+    names = ("symmetric", "directional", "load", "stribeck", "combined", *(f"family {i}" for i in range(5, count)))
+    rows = tuple(
+        (name, 5 + i, 19.7 - i, 20.1 - i, 0.9, "best" if i == chosen else "") for i, name in enumerate(names[:count])
+    )
+    heads = ("family", "parameters", "fitted %", "held out %", "held-out R²", "")
+    return FigureTable("Friction families, by their errors of the effort", heads, rows, chosen_rows=(chosen,))
+
+
+@pytest.mark.parametrize("chosen", [0, 3, 4])
+@pytest.mark.parametrize("longer", [0, 9, 17])
+def test_a_shortened_table_keeps_its_chosen_row_at_every_width(chosen, longer):
+    parameters = ParameterTable("P", tuple(Parameter(f"p{i}", "1", 1.0, 0.1) for i in range(longer)))
+    errors = FigureTable("Errors by recording", ("recording", "error %"), (("a", 1.0),) * 9)
+    tables = parameters, families(chosen), errors
+    verdicts = tuple(Verdict("warning", f"Remark {i} goes on for a while and says little. " * 6) for i in range(9))
+    result = Result(study="s", headline="It is so.", tables=tables, verdicts=verdicts, rows=(), cards={}, checksums={})
+    for width in range(40, 201, 20):
+        text = StringIO()
+        print_result(Console(width=width, highlight=False, no_color=True, file=text), result, brief=True)
+        lines = text.getvalue().splitlines()
+        assert max(map(len, lines)) <= width
+        if any("Friction families" in line for line in lines):
+            assert "best" in text.getvalue().split()
+            assert tables[1].rows[chosen][0] in text.getvalue().split()
+
+
+@pytest.mark.parametrize("width", range(40, 201, 20))
+def test_a_column_without_a_head_may_lose_all_its_cells(width):
+    rows = tuple((f"trial {i}", float(i), "fitted" if i > 90 else "") for i in range(100))
+    text = StringIO()
+    result = Result(study="s", headline="", tables=(FigureTable("Errors", ("Trial", "error %", ""), rows),),
+                    verdicts=(), rows=(), cards={}, checksums={})  # fmt: skip
+    print_result(Console(width=width, highlight=False, no_color=True, file=text), result, brief=True)
+    assert "trial 3" in text.getvalue()
+    assert "further rows" in text.getvalue()
+
+
+def test_chosen_rows_stand_in_their_own_order_beside_the_first_others():
+    table = replace(families(8, count=100), chosen_rows=(8, 60), max_brief_rows=6)
+    assert re.findall(r"family \d+", brief(table)) == ["family 8", "family 60"]
+    assert {"symmetric", "directional", "load", "stribeck"} <= set(brief(table).split())
+    assert "combined" not in brief(table).split()
+    assert "-v prints 94 further rows" in " ".join(brief(table).split())

@@ -192,8 +192,9 @@ def _fitting_rows(
     most = count if table.max_brief_rows is None else min(table.max_brief_rows, count)
     if table.max_brief_rows == 0:
         return None, 0
+    least = min(max(MIN_BRIEF_ROWS, len(_chosen_rows(table))), count)
     # A row takes a line at least, so that no more rows than lines need be tried.
-    for rows in range(min(most, max(room, 0)), min(MIN_BRIEF_ROWS, count) - 1, -1):
+    for rows in range(min(most, max(room, 0)), least - 1, -1):
         short = table if rows == count else _first_rows(table, rows)
         lines = _line_count(out, *_printed_table(out, short, confidence))
         if lines <= room:
@@ -205,11 +206,20 @@ def _rows(table: ParameterTable | FigureTable) -> Sequence[object]:
     return table.rows if isinstance(table, FigureTable) else table.parameters
 
 
+def _chosen_rows(table: ParameterTable | FigureTable) -> tuple[int, ...]:
+    return table.chosen_rows if isinstance(table, FigureTable) else ()
+
+
 def _first_rows(table: ParameterTable | FigureTable, count: int) -> ParameterTable | FigureTable:
-    """Return a table with its first rows alone."""
-    if isinstance(table, FigureTable):
-        return replace(table, rows=table.rows[:count])
-    return replace(table, parameters=table.parameters[:count])
+    """Return a table with `count` of its rows: those that were chosen, and of the others the first."""
+    if not isinstance(table, FigureTable):
+        return replace(table, parameters=table.parameters[:count])
+    chosen = set(table.chosen_rows)
+    others = [i for i in range(len(table.rows)) if i not in chosen]
+    kept = sorted([*chosen, *others[: count - len(chosen)]])
+    return replace(
+        table, rows=tuple(table.rows[i] for i in kept), chosen_rows=tuple(kept.index(i) for i in table.chosen_rows)
+    )
 
 
 def _shorten_sentences(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
@@ -383,7 +393,8 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
 def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
     """Break a head into lines no wider than its column; columns of numbers are aligned to the right."""
     head = typeset_quantities(head)
-    width = max(map(len, [*head.split(), *cells]))
+    # A shortened table may have lost every cell of a column without a head.
+    width = max([1, *map(len, [*head.split(), *cells])])
     head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
     # Words may wrap in a narrow terminal; numbers must not be cut.
     return f"{head}~" if any(isinstance(row[column], str) for row in rows) else f">{head}"

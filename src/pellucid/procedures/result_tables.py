@@ -24,3 +24,4 @@ class FigureTable:
     heads: tuple[str, ...]
     rows: tuple[tuple[str | float | int | None, ...], ...]
     max_brief_rows: int | None = None  # Largest number of rows on a terminal without ``-v``; 0: no table; None: all
+    chosen_rows: tuple[int, ...] = ()  # Places of the rows that were chosen; a shortened table keeps them

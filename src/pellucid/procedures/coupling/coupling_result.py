@@ -129,7 +129,8 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
     ]
     if tried:
         heads = ("Participant", "Model of the strap", "Error of blocks held out [mrad]", "Chosen")
-        yield FigureTable("Models of the straps", heads, tuple(tried))
+        chosen = tuple(i for i, row in enumerate(tried) if row[-1])
+        yield FigureTable("Models of the straps", heads, tuple(tried), chosen_rows=chosen)
     heads = (
         "Participant", "Split", "Recording", "Strap [%]", "Spring and damper [%]", "Limb side [%]", "Published [%]",
         "Ceiling [%]",

@@ -148,7 +148,8 @@ def _tables(
         )
         for f in families.values()
     )
-    return parameters, FigureTable("Friction families, by their errors of the effort", heads, rows), *by_recording
+    title, at = "Friction families, by their errors of the effort", list(families).index(best)
+    return parameters, FigureTable(title, heads, rows, chosen_rows=(at,)), *by_recording
 
 
 def _errors_by_recording(fit: FamilyFit) -> tuple[FigureTable, ...]:

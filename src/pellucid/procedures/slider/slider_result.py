@@ -32,11 +32,12 @@ def slider_result(study: Study, fit: SliderFit) -> SliderResult:
     split = "held-out" if fit.evaluated_split == "heldout" else "fitted"
     errors = {name: fit.evaluated_error(name) for name in fit.estimates}
     rows = tuple((SLIDER_METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
+    printed = tuple(i for i, name in enumerate(errors) if name in PRINTED_METHODS)
     return SliderResult(
         study=fit.study,
         headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
         tables=(
-            FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
+            FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows, chosen_rows=printed),
             *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in PRINTED_METHODS),
             *axis_tables(fit),
         ),

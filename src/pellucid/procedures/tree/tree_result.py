@@ -35,6 +35,9 @@ MODEL_DESCRIPTIONS: Mapping[str, str] = {
 }
 """Models in words, the simplest baselines first."""
 
+HEADLINE_MODELS = ("best", "base")
+"""Models whose errors the headline compares; a shortened table keeps their rows."""
+
 ROW_KIND_DESCRIPTIONS: Mapping[str, str] = {
     "fitted": "what was fitted",
     "segments_out": "segments left out in turn",
@@ -183,7 +186,7 @@ def complete_result(study: Study, found: TreeResult) -> TreeResult:
 
 
 def _headline(found: TreeResult) -> str:
-    best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
+    best, base = (found.errors_of(name, found.judged) for name in HEADLINE_MODELS)
     wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in found.verdicts if v.kind == "wrong"))
     text = (
         f"{len(found.names)} joints; mean effort error {best.mean:.3g} % on {ROW_KIND_DESCRIPTIONS[found.judged]} "
@@ -201,7 +204,8 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
         if errors:
             heads = ("model", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
             rows = tuple((MODEL_DESCRIPTIONS[e.model], *e.each, e.mean) for e in errors)
-            yield FigureTable(f"Effort errors on {words}", heads, rows)
+            named = tuple(i for i, e in enumerate(errors) if e.model in HEADLINE_MODELS)
+            yield FigureTable(f"Effort errors on {words}", heads, rows, chosen_rows=named)
     by_recording = errors_by_recording(found)
     if len(by_recording) > 1:
         heads = ("recording", "use", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
