@@ -183,12 +183,15 @@ def test_sampling_jitter_is_told_and_resampled(make_study, rng):
     assert "irregular steps" in fault.found
     assert "of 0.005 s in 1 of 100 samples" in fault.found
     assert re.fullmatch(
-        r"an even clock; stamps smoothed over \d+ samples, over which the position is smoother: they moved by "
+        r"an even clock; stamps smoothed over \d+ samples, which fit the motion better: they moved by "
         r"0\.5\d+ ms RMS, 1\.\d+ ms at most; then interpolated to (199\.\d+|200\.?\d*) Hz",
         fault.expected,
     )
     resampled = make_study(columns, ("[processing]", '[processing]\nresample = "150 Hz"'))
-    assert one(resampled).expected.endswith("then interpolated to 150 Hz")
+    # A stated rate leaves the stamps as they were recorded, unless the study decides it.
+    assert one(resampled).expected == "an even clock; interpolated to 150 Hz"
+    both = ("[processing]", '[processing]\nresample = "150 Hz"\nsmooth_stamps = "always"')
+    assert one(make_study(columns, both)).expected.endswith("then interpolated to 150 Hz")
 
 
 def test_the_last_digit_of_a_clock_is_no_jitter(make_study):

@@ -2,15 +2,22 @@
 
 A packet that was delivered twice makes two rows with the same samples, the second stamped at the same time or a little
 later. The second row is left out. Stamps that jitter are smoothed over a window of neighbours, so that drift, pauses
-and changes of rate stay as they were stamped. The chosen window makes the positions smoothest over time.
+and changes of rate stay as they were stamped. The chosen window makes the positions agree best with the recorded
+velocities, or makes them smoothest over time if there are none.
+
+A clock that only loses samples has steps of whole periods, and its stamps stay. Positions alone cannot show that they
+are right: a filter that runs once for each packet makes them even over the packets that arrived.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+
+from .cut import MAX_EVEN_JITTER
 
 MAX_REPEAT_STEP_SHARE = 0.5
 """A row with the samples of the row before is the same packet again if it comes within this share of a usual step."""
@@ -19,8 +26,20 @@ SMOOTHING_WINDOWS = (8, 16, 32, 64, 128, 256, 512)
 """Candidate windows for smoothing stamps [samples]."""
 
 MIN_SMOOTHNESS_GAIN = 0.05
-"""Stamps are smoothed only if positions then deviate from their neighbours by this share less. Position noise alone
-makes the smoothness differ by less."""
+"""Stamps are smoothed only if positions then deviate from their neighbours, or from the integral of the recorded
+velocity, by this share less. Position noise alone makes the smoothness differ by less."""
+
+VELOCITY_SPAN = 64
+"""Number of samples over which the change of a position is compared with the integral of its velocity. It exceeds the
+memory of a filter that runs once for each packet, whose lost samples a shorter comparison would overlook."""
+
+MAX_VELOCITY_MISMATCH = 0.5
+"""A recorded velocity judges the stamps only if its integral leaves at most this share of the changes of the position
+unexplained. Another one has a fault of its own, which the check of velocities reports."""
+
+MAX_ROUNDING_STEPS = 1.0
+"""Stamps within this many usual steps of a straight line may be those of an even clock, rounded to whole steps. Lost
+samples take stamps farther from it."""
 
 ONE_SIDED_SHARE = 0.5
 """A line through the neighbours on one side replaces the line through both sides if it leaves less than this share of
@@ -75,34 +94,121 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
     return first
 
 
-def sample_clock(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice], near: np.ndarray) -> SampleClock:
-    """Estimate the clock of samples stamped at `time`, (n,) [s], by the smoothness of `positions`, (n, k).
+def loses_samples_only(time: np.ndarray, spans: Sequence[slice], near: np.ndarray, step: float) -> bool:
+    """Return whether the steps of `time`, (n,) [s], are whole numbers of the usual `step` [s] because samples are lost.
 
-    The `spans` have no break. The mask `near`, (n - 1,), marks the stamps that the next one follows without a gap.
+    The `spans` and the mask `near` are those of `sample_clock`. Stamps of an even clock that were rounded to whole
+    steps have such steps, too, but stay beside a straight line.
     """
-    recorded = _roughness(time, positions, spans, near)
-    best, clock = (1.0 - MIN_SMOOTHNESS_GAIN) * recorded, SampleClock(time)
-    for window in SMOOTHING_WINDOWS if np.isfinite(recorded) and recorded > 0.0 else ():
+    steps = np.diff(time)[near] / step
+    if not steps.size or np.quantile(np.abs(steps - np.maximum(np.round(steps), 1.0)), 0.99) > MAX_EVEN_JITTER:
+        return False
+    for span in _without_gaps(spans, near):
+        index = np.arange(span.stop - span.start)
+        line = np.polyval(np.polyfit(index, time[span], 1), index) if len(index) > 2 else time[span]
+        if np.abs(time[span] - line).max() > MAX_ROUNDING_STEPS * step:
+            return True
+    return False
+
+
+def sample_clock(
+    time: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    spans: Sequence[slice],
+    near: np.ndarray,
+    *,
+    always: bool = False,
+) -> SampleClock:
+    """Estimate the clock of samples stamped at `time`, (n,) [s], by `positions`, (n, k), and their velocities.
+
+    `velocities`, (n, k), hold NaN for a position without a recorded velocity. The `spans` have no break. The mask
+    `near`, (n - 1,), marks the stamps that the next one follows without a gap; no stamp is smoothed across a gap. With
+    `always`, the best window is used even if it makes nothing better.
+    """
+    spans = _without_gaps(spans, near)
+    trusted = _velocities_that_follow(time, positions, velocities, spans)
+
+    def mismatch(tried: np.ndarray) -> float:
+        if not trusted.any():
+            return _roughness(tried, positions, spans)
+        return float(np.mean(_velocity_mismatch(tried, positions[:, trusted], velocities[:, trusted], spans)))
+
+    recorded = mismatch(time)
+    best, clock = np.inf if always else (1.0 - MIN_SMOOTHNESS_GAIN) * recorded, SampleClock(time)
+    for window in SMOOTHING_WINDOWS if np.isfinite(recorded) and (recorded > 0.0 or always) else ():
         smoothed = np.array(time)
         for span in spans:
             smoothed[span] = _smooth_stamps(time[span], window)
-        roughness = _roughness(smoothed, positions, spans, near)
-        if roughness < best:
+        found = mismatch(smoothed)
+        if found < best:
             moved = smoothed - time
             smoothed.flags.writeable = False
-            best = roughness
+            best = found
             clock = SampleClock(
                 smoothed, window, float(np.sqrt(np.mean((moved - moved.mean()) ** 2))), float(np.abs(moved).max())
             )
     return clock
 
 
-def _roughness(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice], near: np.ndarray) -> float:
+def _without_gaps(spans: Sequence[slice], near: np.ndarray) -> list[slice]:
+    """Return the parts of `spans` between their gaps."""
+    made = []
+    for span in spans:
+        gaps = span.start + 1 + np.flatnonzero(~near[span.start : span.stop - 1])
+        ends = [span.start, *gaps.tolist(), span.stop]
+        made += [slice(first, stop) for first, stop in pairwise(ends)]
+    return made
+
+
+def _velocities_that_follow(
+    time: np.ndarray, positions: np.ndarray, velocities: np.ndarray, spans: Sequence[slice]
+) -> np.ndarray:
+    """Return a mask of the positions, (k,) bool, whose recorded velocity explains how they change."""
+    follows = np.zeros(positions.shape[1], dtype=bool)
+    for i in np.flatnonzero(np.isfinite(velocities).any(axis=0)):
+        changes = _over_spans(positions[:, i], spans)
+        spread = float(np.nanmean(np.abs(changes))) if np.isfinite(changes).any() else 0.0
+        (left,) = _velocity_mismatch(time, positions[:, [i]], velocities[:, [i]], spans)
+        follows[i] = spread > 0.0 and left <= MAX_VELOCITY_MISMATCH * spread
+    return follows
+
+
+def _velocity_mismatch(
+    time: np.ndarray, positions: np.ndarray, velocities: np.ndarray, spans: Sequence[slice]
+) -> np.ndarray:
+    """Return how far changes of positions, (n, k), are from the integral of their velocities on average, (k,).
+
+    A velocity's scale and delay are fitted, because another check reports them. A velocity without a comparison gives
+    NaN.
+    """
+    found = np.full(positions.shape[1], np.nan)
+    steps = np.diff(time)
+    for i in range(positions.shape[1]):
+        moved = 0.5 * steps * (velocities[1:, i] + velocities[:-1, i])
+        integral = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(moved), moved, 0.0))])
+        change = _over_spans(positions[:, i], spans)
+        # To first order, a delay adds the change of the velocity.
+        expected = np.column_stack([_over_spans(x, spans) for x in (integral, velocities[:, i])])
+        known = np.isfinite(change) & np.isfinite(expected).all(axis=1)
+        if known.any() and expected[known].any():
+            scale = np.linalg.lstsq(expected[known], change[known], rcond=None)[0]
+            found[i] = float(np.mean(np.abs(change[known] - expected[known] @ scale)))
+    return found
+
+
+def _over_spans(samples: np.ndarray, spans: Sequence[slice]) -> np.ndarray:
+    """Return the changes of `samples`, (n,), over `VELOCITY_SPAN` samples within each span, one after the other."""
+    parts = [samples[span][VELOCITY_SPAN:] - samples[span][:-VELOCITY_SPAN] for span in spans]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _roughness(time: np.ndarray, positions: np.ndarray, spans: Sequence[slice]) -> float:
     """Return the mean distance of positions, (n, k), from the straight line between neighbours; NaN without any."""
     inside = np.zeros(len(time), dtype=bool)
     for span in spans:
         inside[span.start + 1 : span.stop - 1] = True
-    inner = near[1:] & near[:-1] & inside[1:-1]
+    inner = inside[1:-1]
     width = time[2:] - time[:-2]
     share = np.divide(time[1:-1] - time[:-2], width, out=np.full(len(width), 0.5), where=width > 0.0)
     off = np.abs(positions[1:-1] - positions[:-2] - share[:, None] * (positions[2:] - positions[:-2]))[inner]

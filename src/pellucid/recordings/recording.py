@@ -11,8 +11,8 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
-from .clock import SampleClock, sample_clock
-from .cut import MIN_GAP_JITTER_RATIO, MIN_GAP_STEP_RATIO, Cut, sound_samples, spans_between
+from .clock import SampleClock, loses_samples_only, sample_clock
+from .cut import MAX_EVEN_JITTER, MIN_GAP_JITTER_RATIO, MIN_GAP_STEP_RATIO, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
 MAXIMAL_PROTOCOL = "mvc"
@@ -109,6 +109,8 @@ class Recording:
         Stretches with defects, and those that study.toml excludes, in order of time.
     repeats : int
         Number of rows that were left out because a packet was delivered twice.
+    smooth_stamps : str
+        Whether time stamps are smoothed: ``"automatic"``, ``"always"`` or ``"never"``.
     uncut : Recording or None
         Time and EMG of the whole file, if the recording is a window of a file with EMG. Filters need the samples around
         a window.
@@ -137,6 +139,7 @@ class Recording:
     period: int | None = None
     cuts: tuple[Cut, ...] = ()
     repeats: int = 0
+    smooth_stamps: str = "automatic"
     uncut: Recording | None = field(default=None, repr=False)
 
     def __post_init__(self):
@@ -290,18 +293,40 @@ class Recording:
         return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
 
     @cached_property
+    def loses_samples(self) -> bool:
+        """Whether steps of the time are whole numbers of the usual step, because samples are lost now and then."""
+        if len(self) < 3 or not self.advances or not np.isfinite(self.time).all():
+            return False
+        near = np.diff(self.time) <= self.longest_step
+        return loses_samples_only(self.time, self.spans, near, 1.0 / self.fs)
+
+    @cached_property
     def clock(self) -> SampleClock:
-        """Estimated times of the samples. Stamps are smoothed only if this makes the positions smoother, which shows
-        that a stamp records the arrival of a sample."""
+        """Estimated times of the samples.
+
+        Unless `smooth_stamps` decides it, stamps are smoothed only if they jitter, are not those of a clock that loses
+        samples, and fit the recorded motion better when they are smoothed: a stamp then records the arrival of a
+        sample."""
         names = [name for name in self.channels if name.partition(".")[0] in ("position", "motor_position")]
         if not names or len(self) < 3 or not self.advances or not np.isfinite(self.time).all():
             return SampleClock(self.time)
-        near = np.diff(self.time) <= self.longest_step
-        return sample_clock(self.time, np.column_stack([self[name] for name in names]), self.spans, near)
+        always = self.smooth_stamps == "always"
+        if self.smooth_stamps == "never" or not (always or (self.jitter > MAX_EVEN_JITTER and not self.loses_samples)):
+            return SampleClock(self.time)
+        nothing = Channel("velocity", np.full(len(self), np.nan), "", "")
+        velocities = [self.channels.get(name.replace("position", "velocity", 1), nothing) for name in names]
+        return sample_clock(
+            self.time,
+            np.column_stack([self[name] for name in names]),
+            np.column_stack([velocity.samples for velocity in velocities]),
+            self.spans,
+            np.diff(self.time) <= self.longest_step,
+            always=always,
+        )
 
     @property
     def stamped_evenly(self) -> bool:
-        """Whether positions are smoother over smoothed stamps than over the recorded ones."""
+        """Whether stamps are smoothed, because they jitter around an even clock."""
         return self.clock.window > 0
 
     @cached_property

@@ -103,16 +103,19 @@ def _repeat_fault(recording: Recording) -> Fault | None:
 
 
 def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
-    if not recording.advances or recording.jitter <= MAX_EVEN_JITTER:
+    if not recording.advances or (recording.jitter <= MAX_EVEN_JITTER and not recording.stamped_evenly):
         return None
     clock, smoothed, step = recording.clock, recording.stamped_evenly, 1.0 / recording.fs
     own_rate = 1.0 / float(np.median(np.diff(clock.time))) if smoothed else recording.fs
     rate = study.processing_of(recording).resample or own_rate
     found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
+    if recording.loses_samples:
+        found = f"steps of several times {step:.4g} s, because samples are lost"
     way = f"interpolated to {rate:.6g} Hz"
     if smoothed:
+        why = "as smooth_stamps asks" if recording.smooth_stamps == "always" else "which fit the motion better"
         way = (
-            f"stamps smoothed over {clock.window} samples, over which the position is smoother: they moved by "
+            f"stamps smoothed over {clock.window} samples, {why}: they moved by "
             f"{1e3 * clock.moved:.3g} ms RMS, {1e3 * clock.farthest:.3g} ms at most; then {way}"
         )
     where = f"{recording.path.name} (recording {recording.name}), channel time"

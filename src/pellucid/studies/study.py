@@ -443,9 +443,10 @@ class Study:
     def _without_defects(
         self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""
     ) -> Recording:
-        """Return the recording, or one of its streams, with its defects cut out."""
+        """Return the recording, or one of its streams, with its defects cut out, and what is done to its stamps."""
         found = find_cuts(recording, self.config, specs, processing, stream=stream)
-        return replace(recording, cuts=tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first)))
+        cuts = tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first))
+        return replace(recording, cuts=cuts, smooth_stamps=processing.stamp_smoothing)
 
     def _require_file(self, entry, file, what) -> Path:
         path = self.inside(file, self._entry_text(entry))

@@ -783,6 +783,9 @@ class Processing(StudyTable):
         Factor of decimation after filtering: one of so many samples is kept.
     resample : float or None
         Uniform rate for interpolation before filtering, if the clock jitters [Hz].
+    smooth_stamps : str
+        ``"automatic"`` smooths time stamps that jitter if the recorded motion then fits them better, unless `resample`
+        is stated; ``"always"`` and ``"never"`` decide it.
     dead_band : float
         Speed below which samples are left out [rad/s or m/s].
     trim : int
@@ -801,6 +804,7 @@ class Processing(StudyTable):
     sliding_means: tuple[int, int] | None = None
     decimate: int = Field(1, ge=1)
     resample: quantity("Hz", gt=0) | None = None
+    smooth_stamps: Literal["automatic", "always", "never"] = "automatic"
     dead_band: quantity("<velocity>", ge=0) = 0.0
     trim: int = Field(0, ge=0)
     velocity: Literal["differentiated", "recorded"] = "differentiated"
@@ -813,6 +817,11 @@ class Processing(StudyTable):
         if means is not None and min(means) < 1:
             raise ValueError(f"found {list(means)}, expected two numbers of samples, such as [100, 40]")
         return means
+
+    @property
+    def stamp_smoothing(self) -> str:
+        """What is done to time stamps; a stated rate leaves them as they were recorded, unless the study decides it."""
+        return "never" if self.smooth_stamps == "automatic" and self.resample is not None else self.smooth_stamps
 
 
 class Model(StudyTable):

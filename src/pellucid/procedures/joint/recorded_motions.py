@@ -230,14 +230,14 @@ def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stret
 def sample_evenly(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
     """Return the sampling rate [Hz] and the channels, each (n,), of a span on an even grid.
 
-    Samples are interpolated only if the study says so or the clock jitters.
+    Samples are interpolated only if the study says so, the clock jitters, or its stamps are smoothed.
     """
     values = {name: channel.samples[span] for name, channel in recording.channels.items()}
-    jitters = recording.jitter > MAX_EVEN_JITTER
-    if processing.resample is None and not jitters:
+    smoothed = recording.stamped_evenly
+    if processing.resample is None and not smoothed and recording.jitter <= MAX_EVEN_JITTER:
         return recording.fs, values
-    fs, time = processing.resample or recording.fs, recording.clock.time[span] if jitters else values["time"]
-    if processing.resample is None and recording.stamped_evenly and len(time) > 2:
+    fs, time = processing.resample or recording.fs, recording.clock.time[span]
+    if processing.resample is None and smoothed and len(time) > 2:
         step, first = np.polyfit(np.arange(len(time)), time, 1)
         line = first + step * np.arange(len(time))
         if np.abs(time - line).max() <= MAX_EVEN_JITTER * step:
