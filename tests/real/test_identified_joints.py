@@ -42,6 +42,26 @@ def test_sydney(tmp_path, data_folder):
     assert found["sydney_pendulum.symmetric.heldout.r2"] >= 0.93
 
 
+@pytest.mark.parametrize("purpose", ["torque", "simulation"])
+@pytest.mark.parametrize("name", ["sydney_pendulum", "bam_servo"])
+def test_the_headline_is_no_worse_than_an_estimator_beside_it(tmp_path, data_folder, name, purpose):
+    study = init(tmp_path / "s", dataset=name)
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8").replace('purpose = "torque"', "")
+    path.write_text(text.replace("[model]", f'[model]\npurpose = "{purpose}"', 1), encoding="utf-8")
+    found = identify(open_study(study.folder), families=["symmetric", "load"])
+    rows, method = figures(found), found.headlined.estimate.method
+    ending = {"torque": "effort_rmse", "simulation": "rmse_deg"}[purpose]
+    head = f"{name}.headline.blocks_out."
+    errors = {k.removeprefix(head).split(".")[0]: v for k, v in rows.items() if k.startswith(head) and ending in k}
+    assert len(errors) > 3
+    assert errors[method] <= min(errors.values()) / 0.95
+    if purpose == "simulation":
+        assert method == "output_error"
+        own = rows[f"{name}.{found.best}.output_error.inertia"]
+        assert rows[f"{name}.headline.inertia"] == own
+
+
 def test_bam_load_dependence_shows_on_held_out_trajectories(tmp_path, data_folder):
     study = init(tmp_path / "b", dataset="bam_xl330")
     found = figures(identify(study, families=["symmetric", "load"]))

@@ -1,8 +1,9 @@
 """Choose the estimator whose values are reported first, by cross-validation over blocks of the fitted recordings.
 
 The purpose is either to predict torque (the effort of a recorded motion) or to simulate (the motion of a recorded
-command). Among the estimators that are not worse than the best at the stated purpose, the plainest is chosen: least
-squares, if it is among them. Another of these is chosen only if it does far better at the other purpose.
+command). Among the estimators whose error at the stated purpose is nearly the smallest, the plainest is chosen: least
+squares, if it is among them. Another of these is chosen only if it does far better at the other purpose. No test of
+significance decides: all estimators fit the same parameters, so that a smaller error needs no proof to be preferred.
 
 Held-out recordings take no part. Each block of the fitted ones is predicted by what its estimator makes of the others.
 Least squares with fixed weights are fitted anew; other estimators are linearised, with their own instruments, and so is
@@ -19,7 +20,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..block_test import HeldOutComparison, compare_held_out
+from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
 from ..regression import Solution, Stack, regression_rows
 from .evaluation import Prediction
@@ -43,6 +44,7 @@ class EstimatorChoice:
     torque: HeldOutComparison | None = None  # effort errors on left-out blocks [the effort's unit]
     simulation: HeldOutComparison | None = None  # simulated position's errors there [rad or m]; None if there are none
     predictions: tuple[Prediction, ...] = ()  # predictions of every recording by the chosen method
+    crossed: tuple[np.ndarray, ...] = ()  # its simulated position's errors on left-out blocks, (n_i,) per stretch
 
 
 @dataclass(frozen=True)
@@ -60,18 +62,32 @@ Residuals = Mapping[str, Sequence[np.ndarray]]  # residuals of each method on ea
 
 
 def choose_method(first: Residuals, second: Residuals) -> str:
-    """Return the plainest method that is not worse than the best by `first`.
+    """Return the plainest method whose error by `first` the best improves by no more than `MIN_IMPROVEMENT`.
 
     Another of these methods is returned if it does far better by `second`.
     """
-    found = compare_held_out(first)
-    left = [name for name in ESTIMATION_METHODS if name in first and not found.worse(name)]
-    other = compare_held_out({name: second[name] for name in left if name in second} or {left[0]: first[left[0]]})
-    plain = left[0]
-    decided = plain in other.errors and other.worse(plain)
-    if decided and other.errors[plain] > DECISIVE_ERROR_RATIO * other.errors[other.winner]:
-        return other.first([name for name in left if name in other.errors])
-    return plain
+    errors = _rms(first)
+    left = _nearly_best(errors)
+    other = {name: error for name, error in _rms(second).items() if name in left}
+    if left[0] in other and other[left[0]] > DECISIVE_ERROR_RATIO * min(other.values()):
+        return _nearly_best(other)[0]
+    return left[0]
+
+
+def _rms(residuals: Residuals) -> dict[str, float]:
+    """Return the error of each method over all stretches."""
+    return {name: float(np.sqrt(np.mean(np.square(np.concatenate(each))))) for name, each in residuals.items()}
+
+
+def _nearly_best(errors: Mapping[str, float]) -> list[str]:
+    """Return the methods whose error is within `MIN_IMPROVEMENT` of the smallest, the plainest first."""
+    smallest = min(errors.values())
+    return [name for name in ESTIMATION_METHODS if name in errors and is_nearly(errors[name], smallest)]
+
+
+def is_nearly(error: float, smallest: float, min_improvement: float = MIN_IMPROVEMENT) -> bool:
+    """Return whether the `smallest` error saves at most the share `min_improvement` of an `error`."""
+    return smallest >= (1.0 - min_improvement) * error
 
 
 def choose_estimator(
@@ -89,11 +105,13 @@ def choose_estimator(
     tried = {name: _position_errors(each, without[name], data, labels, machine) for name, each in solved.items()}
     simulated = {name: errors for name, errors in tried.items() if errors is not None}
     orders = {"torque": (torque, simulated), "simulation": (simulated or torque, torque)}
+    method = choose_method(*orders[purpose])
     return EstimatorChoice(
-        method=choose_method(*orders[purpose]),
+        method=method,
         purpose=purpose,
         torque=compare_held_out(torque),
         simulation=compare_held_out(simulated) if simulated else None,
+        crossed=tuple(simulated.get(method, ())),
     )
 
 

@@ -1,11 +1,13 @@
 """Choose the simplest friction family that predicts blocks of the fitted recordings no worse than the best.
 
 Only fitted recordings take part: each block is predicted from the others. A richer family must save a stated share of
-the simpler one's error, and have a term of its own that these recordings tell from zero at a confidence level that is
-corrected for the number of families (Bonferroni). A term that cannot be negative is tested on one side: where it is 0,
-its estimate is 0 in one half of all recordings and as far above as a normal variable in the other half [1]_. A paired
-test over blocks is reported beside the choice. It does not decide, because few blocks with most of the error have
-little power where the term itself is plain.
+the simpler one's error, and one of two things must show that this is no chance. Either these recordings tell a term of
+its own from zero at a confidence level that is corrected for the number of families (Bonferroni), or a paired test over
+blocks finds the simpler family worse. The test has little power where few blocks have most of the error although the
+term itself is plain. An interval allows for everything that the model misses, so that it may include zero although the
+family predicts better throughout; the term's value is then reported as not identified. A term that cannot be negative
+is tested on one side: where it is 0, its estimate is 0 in one half of all recordings and as far above as a normal
+variable in the other half [1]_.
 
 .. [1] H. Chernoff, "On the distribution of the likelihood ratio", Annals of Mathematical Statistics 25, 1954.
 """
@@ -21,6 +23,7 @@ from ...models.friction_terms import shape_index
 from ...models.joint import SYMBOLS_BY_NAME
 from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from ..parameter import Parameter
+from .estimator_choice import Residuals, is_nearly
 from .friction_family import FamilyFit
 from .joint_estimate import JointEstimate
 
@@ -30,7 +33,7 @@ SPLIT_SUFFIXES = (("_positive", "_negative", ""), ("_motoring", "_generating", "
 
 @dataclass(frozen=True)
 class UnprovenFamily:
-    """A family that predicts better than a simpler one, but none of whose own terms is identified."""
+    """A family that predicts better than a simpler one, but neither significantly nor with an identified term."""
 
     name: str
     simpler: str  # the family that it was compared with
@@ -45,11 +48,7 @@ class FamilyContest:
     best: str
     comparison: HeldOutComparison  # errors of all families on blocks of the fitted recordings
     unproven: tuple[UnprovenFamily, ...] = ()
-
-
-def compare_families(fits: Mapping[str, FamilyFit], min_improvement: float = MIN_IMPROVEMENT) -> HeldOutComparison:
-    """Compare the least-squares residuals of all families on blocks of the fitted recordings."""
-    return compare_held_out({name: fit.crossed for name, fit in fits.items()}, min_improvement)
+    is_simulated: bool = False  # whether the errors are those of the simulated position
 
 
 def order_by_simplicity(fits: Mapping[str, FamilyFit], found: HeldOutComparison) -> Sequence[str]:
@@ -58,30 +57,37 @@ def order_by_simplicity(fits: Mapping[str, FamilyFit], found: HeldOutComparison)
 
 
 def choose_family(
-    fits: Mapping[str, FamilyFit], level: float, min_improvement: float = MIN_IMPROVEMENT
+    fits: Mapping[str, FamilyFit],
+    level: float,
+    min_improvement: float = MIN_IMPROVEMENT,
+    simulated: Residuals | None = None,
 ) -> FamilyContest:
     """Return the simplest family that is not worse than the best, and the families that were passed over.
 
-    A family is worse if another saves at least the share `min_improvement` of its error. A family is passed over if
-    none of its own terms is told from zero: by intervals at `level` for all families together.
+    A family is worse if another saves at least the share `min_improvement` of its error: of the effort, or of the
+    `simulated` position of each family that can be simulated, if there are any. A family is passed over if none of its
+    own terms is told from zero by intervals at `level` for all families together, and the nearest simpler family is not
+    significantly worse.
     """
-    comparison = compare_families(fits, min_improvement)
+    residuals = simulated or {name: fit.crossed for name, fit in fits.items()}
+    comparison = compare_held_out(residuals, min_improvement)
     each = 1.0 - (1.0 - level) / max(len(fits) - 1, 1)
-    left = list(order_by_simplicity(fits, comparison))
+    left = list(order_by_simplicity({name: fits[name] for name in residuals}, comparison))
     unproven: list[UnprovenFamily] = []
     while True:
         smallest = min(comparison.errors[n] for n in left)
-        best = next(n for n in left if smallest >= (1.0 - min_improvement) * comparison.errors[n])
+        best = next(n for n in left if is_nearly(comparison.errors[n], smallest, min_improvement))
         simpler = [n for n in left if len(fits[n].model.symbols) < len(fits[best].model.symbols)]
         if not simpler:
-            return FamilyContest(best, comparison, tuple(unproven))
+            break
         nearest = min(simpler, key=comparison.errors.__getitem__)
         added = added_terms(fits[best].estimate, fits[nearest].model.names, each)
-        if not added or any(added.values()):
-            return FamilyContest(best, comparison, tuple(unproven))
-        improvement = 1.0 - comparison.errors[best] / comparison.errors[nearest]
-        unproven.append(UnprovenFamily(best, nearest, improvement, tuple(added)))
+        pair = compare_held_out({name: residuals[name] for name in (nearest, best)}, min_improvement)
+        if not added or any(added.values()) or pair.worse(nearest):
+            break
+        unproven.append(UnprovenFamily(best, nearest, pair.improvement(nearest), tuple(added)))
         left.remove(best)
+    return FamilyContest(best, comparison, tuple(unproven), bool(simulated))
 
 
 def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:

@@ -90,14 +90,18 @@ class SolvedFamily:
     data: Stack[Motion]  # motions on which the methods other than least squares were solved
     level: float  # confidence level of the intervals [1]
 
-    def with_chosen_estimator(self, purpose: str, everything: Sequence[Motion], machine: Machine) -> FamilyFit:
-        """Return the fit with one of its methods chosen for a `purpose`, by blocks of the fitted data alone.
+    def choose_estimator(self, purpose: str, machine: Machine) -> EstimatorChoice:
+        """Choose one of the methods for a `purpose`, by blocks of the fitted data alone.
 
-        The chosen method predicts `everything`. Positions are simulated from the commands that a `machine` recorded.
+        Positions are simulated from the commands that a `machine` recorded.
         """
-        fit, estimates = self.fit, {"ls": self.fit.estimate, **self.fit.others}
+        estimates = {"ls": self.fit.estimate, **self.fit.others}
         compared = {name: each for name, each in self.solved.items() if estimates[name].converged}
-        choice = choose_estimator(purpose, compared, self.data, machine)
+        return choose_estimator(purpose, compared, self.data, machine)
+
+    def with_estimator(self, choice: EstimatorChoice, everything: Sequence[Motion]) -> FamilyFit:
+        """Return the fit with the chosen method, which predicts `everything`."""
+        fit, estimates = self.fit, {"ls": self.fit.estimate, **self.fit.others}
         if choice.method == "ls":
             return replace(fit, choice=replace(choice, predictions=fit.predictions))
         chosen, half_width = estimates[choice.method], fit.predictions[0].half_width

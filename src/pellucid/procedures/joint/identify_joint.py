@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import estimate_drive_constant
+from ...fit.joint.estimator_choice import EstimatorChoice
 from ...fit.joint.family_choice import choose_family
 from ...fit.joint.friction_family import FamilyFit, SolvedFamily, fit_family
 from ...fit.joint.joint_estimate import JointEstimate
@@ -124,10 +125,15 @@ def identify_joint(
                 raise
             failures[name] = str(error)
     fits: dict[str, FamilyFit] = {name: each.fit for name, each in solved.items()}
-    contest = choose_family(fits, study.model.confidence, study.model.min_improvement)
-    best = contest.best
     tell("choosing an estimator", 0.85)
-    fits[best] = solved[best].with_chosen_estimator(study.model.purpose, everything, machine)
+    purpose, choices = study.model.purpose, dict[str, EstimatorChoice]()
+    if purpose == "simulation":
+        choices = {name: each.choose_estimator(purpose, machine) for name, each in solved.items()}
+    simulated = {name: choice.crossed for name, choice in choices.items() if choice.crossed}
+    contest = choose_family(fits, study.model.confidence, study.model.min_improvement, simulated)
+    best = contest.best
+    choice = choices[best] if best in choices else solved[best].choose_estimator(purpose, machine)
+    fits[best] = solved[best].with_estimator(choice, everything)
     del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:

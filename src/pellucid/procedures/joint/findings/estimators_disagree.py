@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ....fit.block_test import HeldOutComparison
+from ....fit.joint.estimator_choice import DECISIVE_ERROR_RATIO
 from ....fit.joint.joint_estimate import JointEstimate
 from ....fit.parameter import Parameter, Verdict
 from ....pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
@@ -17,7 +18,8 @@ MIN_EFFORT_SHARE = 0.02
 """A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
 
 MAX_ERROR_RATIO = 1.2
-"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's."""
+"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a paired
+test finds it worse."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
@@ -76,11 +78,11 @@ def _contests(case: JointCase) -> dict[str, HeldOutComparison]:
 
 
 def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
-    return (
-        method in found.errors
-        and found.worse(method)
-        and found.errors[method] > MAX_ERROR_RATIO * found.errors[found.winner]
-    )
+    """Return whether a method's errors are far larger than the best one's, or larger and significantly so."""
+    if method not in found.errors:
+        return False
+    ratio = found.errors[method] / found.errors[found.winner] if found.errors[found.winner] else np.inf
+    return ratio > DECISIVE_ERROR_RATIO or (ratio > MAX_ERROR_RATIO and found.worse(method))
 
 
 def _used(case: JointCase, involved: list[str]) -> str:
