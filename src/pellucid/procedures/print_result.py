@@ -44,7 +44,8 @@ MAX_BRIEF_HEADLINE_LENGTH = 700
 """Largest number of characters of the first sentence of such a result."""
 
 MIN_BRIEF_ROWS = 3
-"""A table of such a result is left out if fewer of its rows than these would fit, unless it has fewer."""
+"""A table of such a result is left out if fewer of its rows than these would fit, unless it has fewer or its chosen
+rows fit."""
 
 DEFAULT_WIDTH = 100
 """Width of a printed result without a terminal, in characters."""
@@ -106,10 +107,15 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
     prose, left_out = result.prose, list[str]()
     if brief and (any(t.max_brief_rows is not None for t in tables) or _is_longer_than_a_screen(out, result)):
         headline = shorten_text(headline, MAX_BRIEF_HEADLINE_LENGTH)
-        sentences, omitted = _shorten_sentences(sentences)
-        # Three lines are the empty one at the end and the two that say what was left out.
-        room = MAX_SCREEN_LINES - _line_count(out, Text(headline)) - sentence_lines(out, sentences) - 3
-        tables, cut = _shorten_tables(out, result, room)
+        every, wanted = sentences, sum(bool(_chosen_rows(t)) for t in tables if t.max_brief_rows != 0)
+        # Fewer verdicts make room for a table with a chosen row.
+        for most in (*range(MAX_BRIEF_SENTENCES, 0, -1), MAX_BRIEF_SENTENCES):
+            sentences, omitted = _shorten_sentences(every, most)
+            # Three lines are the empty one at the end and the two that say what was left out.
+            room = MAX_SCREEN_LINES - _line_count(out, Text(headline)) - sentence_lines(out, sentences) - 3
+            tables, cut = _shorten_tables(out, result, room)
+            if sum(bool(_chosen_rows(t)) for t in tables) == wanted:
+                break
         left_out += [*cut, *omitted, *(["the paragraph for a paper"] if prose else [])]
         left_out += ["the whole first sentence"] if headline.endswith(" …") else []
         prose = ""
@@ -192,7 +198,7 @@ def _fitting_rows(
     most = count if table.max_brief_rows is None else min(table.max_brief_rows, count)
     if table.max_brief_rows == 0:
         return None, 0
-    least = min(max(MIN_BRIEF_ROWS, len(_chosen_rows(table))), count)
+    least = min(len(_chosen_rows(table)) or MIN_BRIEF_ROWS, count)
     # A row takes a line at least, so that no more rows than lines need be tried.
     for rows in range(min(most, max(room, 0)), least - 1, -1):
         short = table if rows == count else _first_rows(table, rows)
@@ -222,10 +228,10 @@ def _first_rows(table: ParameterTable | FigureTable, count: int) -> ParameterTab
     )
 
 
-def _shorten_sentences(items: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return the worst sentences, each cut to about a line and a half, and in words how many were left out."""
+def _shorten_sentences(items: Sequence[tuple[str, str]], most: int) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return the worst sentences, at most `most`, each cut to about a line and a half, and how many were left out."""
     worst_first = sorted(items, key=lambda item: VERDICT_ORDER.index(item[0]) if item[0] in VERDICT_ORDER else 1)
-    kept = worst_first[:MAX_BRIEF_SENTENCES]
+    kept = worst_first[:most]
     shown = [(kind, shorten(text, MAX_BRIEF_SENTENCE_LENGTH, placeholder=" …")) for kind, text in kept]
     omitted = len(items) - len(kept)
     left_out = [f"{omitted} further remark{'' if omitted == 1 else 's'}"] if omitted else []

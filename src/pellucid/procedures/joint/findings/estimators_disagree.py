@@ -18,8 +18,8 @@ MIN_EFFORT_SHARE = 0.02
 """A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
 
 MAX_ERROR_RATIO = 1.2
-"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a paired
-test finds it worse."""
+"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a
+paired test finds it worse."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
