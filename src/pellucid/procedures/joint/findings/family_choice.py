@@ -39,7 +39,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
         text += f"is worse than the best by {100.0 * found.min_improvement:.2g} % or more (paired test over "
         text += f"{found.blocks} or more blocks: p = {found.p_values[nearest]:.2g} for '{nearest}')."
         if open_ones:
-            advice = " and did not decide it." if len(open_ones) < len(added) else ": use its predictions, not its value."
+            is_partly = len(open_ones) < len(added)
+            advice = " and did not decide it." if is_partly else ": use its predictions, not its value."
             text += f" Of what it adds, {', '.join(open_ones)} is not identified{advice}"
         chosen = case.fit.headline
         error = chosen.heldout_effort_error if case.judged_on_held_out else chosen.fitted_effort_error
