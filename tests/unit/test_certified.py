@@ -286,3 +286,32 @@ def test_people_who_are_lost_leave_only_bounds(tmp_path):
     (said,) = certificate_sentences(found := assess(with_margins(study, 'vmax = "60 %"')))
     assert found.certified[0].certificate.verdict == "transparent"
     assert "pseudo-median" in said
+
+
+def overshooting(height, settled):
+    """A change of the angle: every movement of `settled` condition is the same but overshoots and comes back late."""
+
+    def change(person, condition, time, angle, target, muscle_time):
+        if condition == settled:
+            steps = np.flatnonzero(np.diff(target)) + 1
+            for at in steps:
+                size = height * (target[at] - target[at - 1])
+                late = time - time[at] - 0.3
+                pulse = made_pointing.minimum_jerk((late - 0.3) / 0.4) - made_pointing.minimum_jerk((late - 0.7) / 0.7)
+                angle = angle + size * pulse
+        return time, angle, target, muscle_time
+
+    return change
+
+
+def test_who_overshoots_and_corrects_backwards_is_slower(tmp_path):
+    """The way to the target lasts as long as without the robot; the time to rest is half as long again."""
+    study = made_pointing.study(
+        tmp_path, participants=8, conditions=("Ctrl", "FC"), repetitions=1, change=overshooting(0.12, "FC")
+    )
+    found = assess(with_margins(study, 'duration_median = "15 %"'), studies=5)
+    (certified,) = found.certified
+    assert certified.certificate.verdict == "not transparent"
+    assert primary_change(found, "duration_median", "FC").value > 40.0
+    ends = [m.values["end_absolute"] for m in found.measured if m.condition == "FC"]
+    assert np.median(ends) < np.radians(1.0)  # the end is where the correction ended

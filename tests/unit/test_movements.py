@@ -12,6 +12,7 @@ from pellucid.signals.movements import (
     rest_stretches,
     target_stretches,
 )
+from pellucid.signals.speed import moving_samples, tangential_speed
 
 FS = 200.0
 RAW = MovementRule(lowpass=20.0)
@@ -142,3 +143,91 @@ def test_what_cannot_be_filtered_is_refused():
     stretches = steps(time, (1.97, 0.6))
     _, (none,) = movements(kinematics(time, angle, RAW), stretches, RAW)
     assert none.kind == "too_few_samples"
+
+
+def ringing(time, start, height, frequency=1.6, damping=0.35):
+    """A step that overshoots and rings, as a joint does in a stiff robot."""
+    s = np.maximum(time - start, 0.0)
+    omega = 2.0 * np.pi * frequency
+    free = omega * np.sqrt(1.0 - damping**2)
+    wave = np.cos(free * s) + damping * omega / free * np.sin(free * s)
+    return height * (1.0 - np.exp(-damping * omega * s) * wave)
+
+
+def rest_time(time, angle, rule):
+    """When the speed is above the share of its largest for the last time, less the first time: by definition."""
+    speed = np.abs(np.gradient(kinematics(time, angle, rule).angle, time))
+    above = np.flatnonzero(speed > rule.threshold * speed.max())
+    return time[above[-1]] - time[above[0]]
+
+
+@pytest.mark.parametrize("height", [0.6, -0.6])
+@pytest.mark.parametrize("with_target", [True, False])
+def test_overshoot_and_correction_backwards_belong_to_the_movement(height, with_target):
+    time = np.arange(0.0, 6.0, 1.0 / FS)
+    angle = ringing(time, 1.0, height)
+    motion = kinematics(time, angle, RAW)
+    stretches = steps(time, (0.8, height)) if with_target else rest_stretches(motion, RAW, least=0.05)
+    (found,), none = movements(motion, stretches, RAW)
+    assert none == []
+    assert found.duration == pytest.approx(rest_time(time, angle, RAW), abs=1.5 / FS)
+    forward = np.argmax(np.diff(np.sign(height) * angle[time > 1.02]) < 0.0) / FS
+    assert found.duration > 1.3 * forward  # the way forward alone is much shorter
+    assert found.direction == np.sign(height)
+    assert angle[found.last] == pytest.approx(height, abs=0.02)
+    first_rest = MovementRule(lowpass=20.0, ends="peak")
+    (other,), _ = movements(motion, stretches, first_rest)
+    assert other.duration < 1.1 * forward
+    # A correction backwards adds neither speed nor acceleration.
+    assert (found.peak_velocity, found.peak_acceleration) == (other.peak_velocity, other.peak_acceleration)
+
+
+def test_a_start_in_the_wrong_direction_belongs_to_the_movement():
+    time, angle = record([(1.0, 0.4, -0.08), (1.4, 0.8, 0.68)])
+    motion = kinematics(time, angle, RAW)
+    for stretches in (steps(time, (0.8, 0.6)), rest_stretches(motion, RAW, least=0.05)):
+        (found,), _ = movements(motion, stretches, RAW)
+        assert found.start == pytest.approx(1.02, abs=0.05)
+        assert found.direction == 1
+
+
+def test_a_fast_correction_backwards_is_no_second_movement():
+    """A rebound at nine tenths of the peak's speed: the movement is measured, and lasts until it rests."""
+    time, angle = record([(1.0, 0.8, 0.9), (1.8, 0.3, -0.3)])
+    (found,), none = movements(kinematics(time, angle, RAW), steps(time, (0.8, 0.6)), RAW)
+    assert none == []
+    assert found.duration > 0.95
+
+
+def test_what_was_under_way_when_a_target_came_belongs_to_the_movement_before():
+    """The way up still corrects downwards at 4 s, when a target higher up comes: the movement to it begins later."""
+    time, angle = record([(3.0, 0.8, 0.8), (3.75, 0.4, -0.2), (4.5, 0.8, 0.5)])
+    stretches = steps(time, (2.8, 0.6), (3.95, 0.5))
+    found, none = movements(kinematics(time, angle, RAW), stretches, RAW)
+    assert [(m.direction, m.start) for m in found] == [(1, pytest.approx(4.54, abs=0.02))]
+    assert [n.kind for n in none] == ["unfinished"]  # its correction was not seen to its end
+
+
+def test_setting_out_before_the_next_target_is_no_unfinished_correction():
+    time, angle = record([(1.0, 0.8, 0.6), (2.8, 0.8, -0.6)])
+    found, none = movements(kinematics(time, angle, RAW), steps(time, (0.8, 0.6), (3.0, -0.6)), RAW)
+    assert none == []
+    assert found[0].settled
+    assert found[0].duration == pytest.approx(0.7, abs=0.02)
+    assert found[0].lasted == found[0].duration
+
+
+def test_back_and_forth_without_rests_is_several_movements():
+    time, angle = record([(1.0, 0.8, 0.6), (1.8, 0.8, -0.6), (2.6, 0.8, 0.5)])
+    motion = kinematics(time, angle, RAW)
+    found, _ = movements(motion, rest_stretches(motion, RAW, least=0.05), RAW)
+    assert [m.direction for m in found] == [1, -1, 1]
+    assert [m.duration for m in found] == pytest.approx([0.71] * 3, abs=0.06)
+
+
+def test_speed_is_the_norm_of_the_velocity():
+    rng = np.random.default_rng(3)
+    velocity = rng.standard_normal((50, 3))
+    np.testing.assert_allclose(tangential_speed(velocity), np.sqrt((velocity**2).sum(axis=1)))
+    np.testing.assert_array_equal(tangential_speed(velocity[:, 0]), np.abs(velocity[:, 0]))
+    assert moving_samples(np.array([0.0, 0.04, 0.2, 1.0, 0.0, 0.3, 0.05]), 0.05) == (2, 5)

@@ -47,7 +47,8 @@ def test_a_late_motion_capture_is_found_and_taken_back(late):
     recording, truth = made(late=late)
     record = pointing_record(recording, SPEC)
     assert record.delay == pytest.approx(late, abs=0.004)
-    _, found, none = record.movements(with_rule(SPEC, lowpass=12.0))
+    # At 12 Hz the markers' noise of 0.2 mm passes 5 % of the slowest movement's peak speed.
+    _, found, none = record.movements(with_rule(SPEC, lowpass=6.0))
     assert none == []
     starts = [m.start for m in found]
     assert starts == pytest.approx([start for start, _, _ in truth], abs=0.08)

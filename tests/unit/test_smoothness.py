@@ -53,6 +53,35 @@ def test_what_is_no_movement_is_refused(samples):
         spectral_arc_length(samples, 100.0)
 
 
+@pytest.mark.parametrize("index", [spectral_arc_length, log_dimensionless_jerk])
+@pytest.mark.parametrize("value", [1.0, -1.0, 0.1, 1e-9])
+def test_a_constant_speed_is_no_movement(index, value):
+    for velocity in (np.full(20, value), value * (1.0 + 1e-14 * np.arange(20)), value * (-1.0) ** np.arange(20)):
+        with pytest.raises(RecordingError, match="found a constant speed"):
+            index(velocity, 100.0)
+    circle = value * np.column_stack([np.cos(np.arange(20) / 3.0), np.sin(np.arange(20) / 3.0)])
+    with pytest.raises(RecordingError, match="found a constant speed"):
+        index(circle, 100.0)
+
+
 def test_a_straight_line_has_no_jerk():
     with pytest.raises(RecordingError, match="without jerk"):
-        log_dimensionless_jerk(np.ones(20), 100.0)
+        log_dimensionless_jerk(np.arange(20.0), 100.0)
+
+
+def test_sparc_is_of_the_speed_whatever_the_direction():
+    """A point that moves along a line has one SPARC, whichever way the line points and whatever the sign."""
+    there = speed(1.0) - 0.3 * np.roll(speed(1.0), 500)
+    along = spectral_arc_length(there, 1000.0)
+    assert along == spectral_arc_length(np.abs(there), 1000.0) == spectral_arc_length(-there, 1000.0)
+    turned = np.outer(there, [0.6, 0.8])
+    assert spectral_arc_length(turned, 1000.0) == pytest.approx(along, rel=1e-9)
+    assert log_dimensionless_jerk(turned, 1000.0) == pytest.approx(log_dimensionless_jerk(there, 1000.0), rel=1e-9)
+
+
+def test_ldlj_does_not_depend_on_the_rate_where_a_movement_turns_back():
+    """The speed has a kink there, whose second difference grows with the rate; the velocity has none."""
+    found = [
+        log_dimensionless_jerk(speed(1.0, fs, ((0.0, 0.6, 1.2), (0.4, 0.6, -0.2))), fs) for fs in (500.0, 4000.0)
+    ]
+    assert found[0] == pytest.approx(found[1], abs=0.15)

@@ -13,30 +13,19 @@ from numpy.typing import ArrayLike
 
 from .._errors import RecordingError
 from ..signals.movements import (
-    Kinematics,
-    Movement,
     MovementRule,
     kinematics,
     movements,
     rest_stretches,
     target_stretches,
 )
-from .smoothness import log_dimensionless_jerk, spectral_arc_length
+from .smoothness import smoothness
 
 UNITS = {
     "start": "s", "duration": "s", "direction": "1", "travel": "rad", "peak_velocity": "rad/s",
     "mean_velocity": "rad/s", "peak_acceleration": "rad/s^2", "peak_time": "1", "sparc": "1", "ldlj": "1",
 }  # fmt: skip
 """Unit of every index that needs the angle alone."""
-
-
-def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
-    """Return SPARC and LDLJ of a movement, as ``sparc`` and ``ldlj``."""
-    velocity = motion.velocity[movement.first : movement.last + 1]
-    return {
-        "sparc": spectral_arc_length(velocity, motion.fs),
-        "ldlj": log_dimensionless_jerk(velocity, motion.fs),
-    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +35,9 @@ class MovementIndices(Mapping[str, np.ndarray]):
     Attributes
     ----------
     columns : Mapping of str to ndarray, shape (movements,)
-        start, duration [s], direction (1 along the angle, -1 against it), travel [rad], peak_velocity, mean_velocity
-        [rad/s], peak_acceleration [rad/s^2], peak_time (of peak velocity, as a share of the duration), sparc, ldlj.
+        start, duration [s], direction (1 along the angle, -1 against it), travel [rad], peak_velocity (largest speed),
+        mean_velocity [rad/s], peak_acceleration [rad/s^2], peak_time (of the largest speed, as a share of the
+        duration), sparc, ldlj.
     left_out : Mapping of str to int
         Number of stretches of the record without a movement, by reason.
     """

@@ -16,10 +16,11 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
-from ..assessment.smoothness import log_dimensionless_jerk, spectral_arc_length
+from ..assessment.smoothness import smoothness
 from ..lab.pointing.session import PointingSession, true_motion
 from ..lab.pointing.session_indices import EMG_LEAD_S
 from ..signals.movements import Kinematics, Movement, MovementRule, movements
+from ..signals.speed import tangential_speed
 
 ELBOW_PAPER = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
 KNEE_THESIS = "the knee's thesis: torque mismatch between wearer and orthosis"
@@ -71,18 +72,15 @@ def _difference(value: Callable[[Seen], float]) -> Callable[[Seen, Seen], float]
     return lambda worn, free: abs(value(worn) - value(free))
 
 
-def _smoothness(of: Callable[[np.ndarray, float], float]) -> Callable[[Seen], float]:
-    def value(seen: Seen) -> float:
-        return seen.mean(lambda m: of(np.abs(seen.motion.velocity[m.first : m.last + 1]), seen.session.fs))
-
-    return value
+def _smoothness(name: str) -> Callable[[Seen], float]:
+    return lambda seen: seen.mean(lambda m: smoothness(seen.motion, m)[name])
 
 
 def _peaks(seen: Seen) -> float:
     """Return the mean number of peaks of speed above a tenth of the largest, per movement."""
 
     def count(m: Movement) -> float:
-        speed = np.abs(seen.motion.velocity[m.first : m.last + 1])
+        speed = tangential_speed(seen.motion.velocity[m.first : m.last + 1])
         inner = speed[1:-1]
         return float(np.sum((inner > speed[:-2]) & (inner >= speed[2:]) & (inner > 0.1 * speed.max())))
 
@@ -177,9 +175,9 @@ TRANSPARENCY_INDICES: tuple[TransparencyIndex, ...] = (
     TransparencyIndex("travel", "kinematic", "change of the movement's travel", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: m.travel))),
     TransparencyIndex("sparc", "smoothness", "change of the spectral arc length", "1", THIS_TOOLKIT,
-                      _difference(_smoothness(spectral_arc_length))),
+                      _difference(_smoothness("sparc"))),
     TransparencyIndex("ldlj", "smoothness", "change of the log dimensionless jerk", "1", THIS_TOOLKIT,
-                      _difference(_smoothness(log_dimensionless_jerk))),
+                      _difference(_smoothness("ldlj"))),
     TransparencyIndex("submovements", "smoothness", "change of the number of speed peaks", "1", THIS_TOOLKIT,
                       _difference(_peaks)),
     TransparencyIndex("torque_rms", "interaction", "RMS interaction torque", "N*m", KNEE_THESIS,

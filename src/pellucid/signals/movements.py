@@ -3,9 +3,12 @@
 A record is cut into stretches with one movement each: from one step of the target to the next, or, without a target,
 from the middle of one rest to the middle of the next. The angle is low-passed without delay and differentiated; a
 movement lasts from the first to the last sample of its stretch whose speed is above a share of its largest, 5 % in the
-published rule [1]_. That rule counts small corrections at the target; the other one ends where the speed first falls
-below the share. What a filter at 3 Hz does to fast movements (longer, with lower peaks) is told by doing it again with
-others.
+published rule [1]_. Speed has no sign: an overshoot and its correction backwards belong to the movement. That rule
+counts small corrections at the target; the other one ends where the speed first falls below the share. What a filter at
+3 Hz does to fast movements (longer, with lower peaks) is told by doing it again with others.
+
+Two motions belong to a neighbour: one against the direction of the target that was under way when the target came ends
+the movement before, and one towards the next target that is fastest after that target came begins the next movement.
 
 .. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
    transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, section 4.3.
@@ -15,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import Literal
 
 import numpy as np
@@ -24,6 +27,7 @@ from .._errors import RecordingError
 from ..units import COORDINATES_BY_UNIT
 from .even_times import even_times
 from .filters import central_difference, runs, zero_phase_lowpass
+from .speed import moving_samples, tangential_speed
 
 MIN_MOVEMENT_SAMPLES = 8
 """A movement must have at least this many samples, so that its largest speed can be located."""
@@ -37,6 +41,10 @@ clear."""
 
 MIN_TRAVEL_SHARE = 0.5
 """A stretch with less than this share of the intended travel contains no movement, or one in the other direction."""
+
+MAX_CORRECTION_SHARE = 1.0 / 3.0
+"""Where no target is recorded, a motion back that follows a movement without a rest and travels less than this share of
+it is its correction. That is what an overshoot of a third leaves; people's are smaller."""
 
 MIN_REST_S = 0.15
 """Shorter rests do not separate movements where there is no target."""
@@ -100,10 +108,10 @@ class Movement:
     amplitude: float | None  # As labelled, without sign [rad]
     travel: float  # As measured, between its ends, without sign [rad]
     reach: float  # As measured, from the rest before to the rest after it, along its direction [rad]
-    peak_velocity: float  # peak_velocity, mean_velocity: Along its direction [rad/s]
-    mean_velocity: float
-    peak_time: float  # When its velocity is largest, as a share of its duration
-    peak_acceleration: float  # Largest along its direction [rad/s^2]
+    peak_velocity: float  # largest speed [rad/s]
+    mean_velocity: float  # travel over duration [rad/s]
+    peak_time: float  # time of the largest speed, as a share of the duration
+    peak_acceleration: float  # largest along its direction, while it moves in that direction [rad/s^2]
     goal: float | None = None  # The target's angle [rad]
     lasted: float = 0.0  # [s] as seen: `duration`, and where it had not `settled` until its stretch was over
     settled: bool = True  # Whether it had been at rest for `MIN_REST_S` when its stretch was over
@@ -172,7 +180,8 @@ def rest_stretches(
     """Stretches between rests, where no target was recorded.
 
     A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
-    `MIN_REST_S` apart in the same direction are one, and what covers less than `least` is none.
+    `MIN_REST_S` apart in the same direction are one, a correction backwards belongs to the movement that it follows
+    without a rest, and what covers less than `least` is no movement.
 
     `least` [rad]; `amplitude` [rad].
     """
@@ -191,7 +200,7 @@ def rest_stretches(
         else:
             joined.append([start, stop, sign])
     # What a filter or a tremor makes between movements is no movement, and divides none.
-    kept = [m for m in joined if abs(motion.angle[m[1] - 1] - motion.angle[m[0]]) >= least]
+    kept = _with_corrections(motion, [m for m in joined if _travel(motion, m) >= least])
     middles = [0.5 * (a[1] + b[0]) for a, b in pairwise(kept)]
     edges = [0.0, *middles, float(len(motion.time))]
     begin = motion.time[0]
@@ -199,6 +208,34 @@ def rest_stretches(
         Stretch(begin + low / motion.fs, begin + high / motion.fs, _as_labelled(amplitude, sign))
         for low, high, (_, _, sign) in zip(edges[:-1], edges[1:], kept, strict=True)
     ]
+
+
+def _travel(motion: Kinematics, run: Sequence[int]) -> float:
+    """Return how far a run from one sample to another goes, without sign [rad]."""
+    return float(abs(motion.angle[run[1] - 1] - motion.angle[run[0]]))
+
+
+def _with_corrections(motion: Kinematics, found: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Return the movements (start, stop, sign) among runs in one direction, in their order.
+
+    A run that another follows without a rest is part of it if it travels less than `MAX_CORRECTION_SHARE` of it: after
+    the larger one it is a correction, before it a start in the wrong direction.
+    """
+    kept: list[list[int]] = []
+    size = 0.0  # travel of the last movement's largest run
+    for start, stop, sign in found:
+        own = _travel(motion, (start, stop))
+        if not kept or (start - kept[-1][1]) / motion.fs >= MIN_REST_S:
+            kept.append([start, stop, sign])
+        elif own < MAX_CORRECTION_SHARE * size:
+            kept[-1][1] = stop
+            continue
+        elif size < MAX_CORRECTION_SHARE * own:
+            kept[-1][1:] = stop, sign
+        else:
+            kept.append([start, stop, sign])
+        size = own
+    return kept
 
 
 def _as_labelled(amplitude: float | None, sign: int) -> float | None:
@@ -212,8 +249,8 @@ def movements(
     """The movement in each stretch."""
     found: list[Movement] = []
     left_out: list[NoMovement] = []
-    for stretch in stretches:
-        outcome = _movement(motion, stretch, rule)
+    for stretch, following in zip_longest(stretches, stretches[1:]):
+        outcome = _movement(motion, stretch, following, rule)
         if isinstance(outcome, NoMovement):
             left_out.append(_told_of_loss(motion, outcome))
         else:
@@ -221,28 +258,33 @@ def movements(
     return found, left_out
 
 
-def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movement | NoMovement:
+def _movement(
+    motion: Kinematics, stretch: Stretch, following: Stretch | None, rule: MovementRule
+) -> Movement | NoMovement:
+    """The movement in a stretch, of which `following` is the next one."""
     low, high = np.searchsorted(motion.time, (stretch.begin - 1e-9, stretch.end - 1e-9))
     if high - low < MIN_MOVEMENT_SAMPLES:
         return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {MIN_MOVEMENT_SAMPLES}")
     went = motion.angle[high - 1] - motion.angle[low]
     direction = int(np.sign(stretch.amplitude if stretch.amplitude is not None else went)) or 1
-    speed = direction * motion.velocity[low:high]
-    peak = int(np.argmax(speed))
-    top = speed[peak]
     if stretch.amplitude is not None and direction * went < MIN_TRAVEL_SHARE * abs(stretch.amplitude):
         kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
         along = COORDINATES_BY_UNIT[motion.unit]
         moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
         return NoMovement(stretch, kind, moved, f"{along.factor * abs(stretch.amplitude):.3g} {along.shown}")
+    low, high = _own_samples(motion, int(low), int(high), direction, following, rule)
+    velocity = motion.velocity[low:high]
+    speed = tangential_speed(velocity)
+    top = float(np.max(speed, initial=0.0))
     if top <= 0.0:
         return NoMovement(stretch, "still", "no motion", "a movement")
-    above = speed > rule.threshold * top
+    peak = int(np.argmax(speed))
     if rule.ends == "all":
-        inside = np.flatnonzero(above)
-        first, last = int(inside[0]), int(inside[-1])
+        first, last = moving_samples(speed, rule.threshold)
     else:
-        run = next(run for run in runs(above) if run.start <= peak < run.stop)
+        # A reversal passes through rest, whether or not a sample lies there.
+        same_way = (speed > rule.threshold * top) & (np.sign(velocity) == np.sign(velocity[peak]))
+        run = next(run for run in runs(same_way) if run.start <= peak < run.stop)
         first, last = run.start, run.stop - 1
     if motion.lost[low + first : low + last + 1].any():
         n = int(motion.lost[low + first : low + last + 1].sum())
@@ -254,7 +296,8 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         lasted = (last - first) / motion.fs
         found = f"{share:.0f} % of the largest speed at its end"
         return NoMovement(stretch, "unfinished", found, "a rest after it", lasted)
-    second, valley = _rival(speed, peak)
+    # A correction backwards is no second movement, however fast it is.
+    second, valley = _rival(np.sign(velocity[peak]) * velocity, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
     if second > MIN_RIVAL_PEAK_SHARE and valley < MAX_VALLEY_SHARE:
@@ -264,6 +307,11 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
     # What rests divide has settled; where targets do, the next may come before it has.
     settled = stretch.goal is None or rest >= MIN_REST_S
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
+    # The braking of a correction backwards is no acceleration of the movement.
+    inside = slice(low + first, low + last + 1)
+    towards = direction * motion.velocity[inside] > 0.0
+    if not towards.any():
+        return NoMovement(stretch, "direction", "no motion in the direction of its travel", "some")
     return Movement(
         first=low + first,
         last=low + last,
@@ -273,14 +321,36 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         amplitude=None if stretch.amplitude is None else abs(stretch.amplitude),
         travel=float(travel),
         reach=float(direction * went),
-        peak_velocity=float(top),
+        peak_velocity=top,
         mean_velocity=float(travel / duration),
         peak_time=(peak - first) / (last - first),
-        peak_acceleration=float(np.max(direction * motion.acceleration[low + first : low + last + 1])),
+        peak_acceleration=float(np.max(direction * motion.acceleration[inside][towards])),
         goal=stretch.goal,
         lasted=duration if settled else duration + rest,
         settled=settled,
     )
+
+
+def _own_samples(
+    motion: Kinematics, low: int, high: int, direction: int, following: Stretch | None, rule: MovementRule
+) -> tuple[int, int]:
+    """Return the samples [low, high) of a stretch without what belongs to the movement before or after it.
+
+    A motion against `direction` at its beginning ends the movement before. One at its end towards the target of the
+    stretch that is `following` begins that movement, if it is fastest after that target came.
+    """
+    towards = direction * motion.velocity
+    limit = rule.threshold * float(np.max(towards[low:high]))
+    if -towards[low] > limit > 0.0:
+        low += int(np.argmax(towards[low:high] >= 0.0))
+    if following is None or following.amplitude is None or np.sign(following.amplitude) == direction:
+        return low, high
+    if not 0 < high < len(towards) or not -towards[high - 1] > limit > 0.0:
+        return low, high
+    stop = high + int(np.argmax(towards[high:] >= 0.0)) if (towards[high:] >= 0.0).any() else len(towards)
+    begin = low + int(np.flatnonzero(towards[low:high] >= 0.0)[-1]) + 1
+    is_next = stop > high and np.min(towards[high:stop]) < np.min(towards[begin:high])
+    return low, begin if is_next else high
 
 
 def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:

@@ -21,6 +21,8 @@ import numpy as np
 
 from ...control.supervisor_faults import NO_FAULT
 from ...signals.filters import zero_phase_lowpass
+from ...signals.movements import MovementRule
+from ...signals.speed import moving_samples, tangential_speed
 from .bodies import built_tree
 from .human_motion import GENERATED_REACHES, JOINTS
 from .rig import ArmRig
@@ -347,8 +349,8 @@ def _measured(
     both = np.sqrt(share**2 + 4.0 * REST_EXCITATION**2)
     agonist, antagonist = (np.sqrt(np.mean((0.5 * (both + way * share)) ** 2, axis=0)) for way in (1.0, -1.0))
     hand = np.array([hand_place(person, q) for q in position])
-    speed = np.linalg.norm(np.gradient(hand, step, axis=0), axis=1) if len(hand) > 1 else np.zeros(1)
-    onset = int(np.argmax(speed > 0.05 * speed.max()))
+    speed = tangential_speed(np.gradient(hand, step, axis=0)) if len(hand) > 1 else np.zeros(1)
+    onset = moving_samples(speed, MovementRule().threshold)[0] if speed.any() else 0
     return PointingMovement(
         upward=bool(place[2] > first[2]), fast=target.fast, arrived=arrived,
         duration=(len(table) - onset) * step - ARRIVED_FOR_S, peak_velocity=float(speed.max()),

@@ -21,7 +21,7 @@ from ...assessment.indices import (
 )
 from ...assessment.interaction import interaction
 from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
-from ...assessment.movement_indices import smoothness
+from ...assessment.smoothness import smoothness
 from ...recordings.fault import Fault
 from ...signals.amplitude_check import LABEL_TOLERANCE_RAD, MAX_AMPLITUDE_COUNT
 from ...signals.movements import Kinematics, Movement, MovementRule, NoMovement
