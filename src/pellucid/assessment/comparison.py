@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
+from ..signals.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_signs
 from .friedman import FriedmanTest, friedman, nemenyi
 from .signed_rank import signed_rank
 
@@ -234,7 +235,7 @@ def compare_conditions(
     rng = np.random.default_rng(0) if rng is None else rng
     n, k = values.shape
     test, pairs, kendall = None, None, float("nan")
-    if n > 1 and k > 1 and np.ptp(values, axis=1).any():
+    if n > 1 and k > 1 and tie_groups(values, axis=1).any():
         try:
             test = friedman(values, exact=True)
         except PellucidError:  # too many to count
@@ -257,11 +258,13 @@ def _compare_with_control(
 ) -> ControlComparison:
     """Return the comparison of one condition with the control, its p value not yet corrected."""
     d = own - control
-    test = signed_rank(d)
+    scale = scale_of(own, control)
+    test = signed_rank(d, scale)
     deviation = float(np.std(d, ddof=1))
+    deviation = deviation if deviation > TIE_TOLERANCE * scale else 0.0
     mean = float(control.mean())
     relative = float(own.mean() / mean - 1.0) if mean > 0.0 else None
-    dominance = np.sign(own[:, None] - control[None, :])
+    dominance = tied_signs(own[:, None] - control[None, :], scale)
     standardised = float(d.mean() / deviation) if deviation > 0.0 else float("nan")
     interval = mean_interval(d, confidence, rng)
     return ControlComparison(

@@ -31,6 +31,7 @@ from math import factorial
 import numpy as np
 from scipy import stats
 
+from ..signals.tied_ranks import tie_groups
 from .equivalence import Equivalence, Margin, Method, equivalence, equivalence_of_estimate
 
 PERMUTATION_COUNT = 20_000
@@ -107,7 +108,7 @@ def carry_over(
     """
     values, period = np.asarray(values, float), np.asarray(period, float)
     n, k = values.shape
-    rank = np.argsort(np.argsort(period, axis=1), axis=1)
+    rank = np.argsort(np.argsort(period, axis=1), axis=1)  # places of conditions in time, no ranks of values
     if n < 3:
         return None
     if k == 2:
@@ -160,7 +161,8 @@ def carry_over_of_studies(
     condition first. The p value is that of the exact rank-sum test of people's sums.
     """
     sums, n = control + compared, len(first)
-    p = stats.mannwhitneyu(sums[:, first], sums[:, ~first], axis=1, method="exact").pvalue
+    ranked = tie_groups(sums, axis=1)
+    p = stats.mannwhitneyu(ranked[:, first], ranked[:, ~first], axis=1, method="exact").pvalue
     own, others = compared[:, first], control[:, ~first]
     squares = own.shape[1] * own.var(axis=1) + others.shape[1] * others.var(axis=1)
     error = np.sqrt(squares / (n - 2) * (1.0 / own.shape[1] + 1.0 / others.shape[1]))

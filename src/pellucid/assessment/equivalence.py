@@ -42,6 +42,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
+from ..signals.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
 from .mean_test import critical_statistic, mean_p_values
 from .signed_rank import sign_distribution
 
@@ -125,7 +126,7 @@ class Equivalence:
     @property
     def people_within(self) -> int:
         """Number of people whose difference lies within the margin."""
-        return int(np.sum(self.excess <= 1.0))
+        return int(np.sum(self.excess <= 1.0 + TIE_TOLERANCE))
 
     @property
     def share_within(self) -> float:
@@ -314,8 +315,11 @@ def _test_by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
     def p_above(margin: float, d: np.ndarray) -> float:
         if margin == -inf:
             return float(tail[-1])
+        if margin == inf:
+            return 1.0
         # A Walsh average equal to the margin does not count as above it: ties are no evidence.
-        return 1.0 if margin == inf else float(tail[int(np.sum(walsh_averages(d) > margin))])
+        above = tied_signs(walsh_averages(d) - margin, scale_of(d, np.array([margin])))
+        return float(tail[int(np.sum(above > 0.0))])
 
     needed = critical_rank_sum(len(d), alpha)
     if needed is None:

@@ -7,10 +7,11 @@ asks whether the rank sums are further apart than chance:
    \chi^2 = \frac{(k-1) \sum_j (R_j - n(k+1)/2)^2}{\sum_{ij} (r_{ij} - (k+1)/2)^2}
    \quad\overset{\text{no ties}}{=}\quad \frac{12}{nk(k+1)} \sum_j R_j^2 - 3n(k+1)
 
-with ties sharing their mean rank. Its distribution over many participants is chi-squared with k - 1 degrees of
-freedom; over few, the chance of the same or a larger statistic is counted exactly instead: under the null hypothesis
-each participant's ranks are as likely in any order, and the orders of one participant after another are folded into a
-distribution of rank sums. That takes moments where listing all :math:`(k!)^n` outcomes would take hours.
+with ties sharing their mean rank; values that rounding alone tells apart are ties (`signals/tied_ranks.py`). Its
+distribution over many participants is chi-squared with k - 1 degrees of freedom; over few, the chance of the same or a
+larger statistic is counted exactly instead: under the null hypothesis each participant's ranks are as likely in any
+order, and the orders of one participant after another are folded into a distribution of rank sums. That takes moments
+where listing all :math:`(k!)^n` outcomes would take hours.
 
 Nemenyi's test [2]_ compares all pairs, and holds the chance of any false alarm at its level:
 :math:`q = |R_i - R_j| / n \,/ \sqrt{k(k+1)/6n}`, times :math:`\sqrt 2`, against the studentised range of k means with
@@ -32,6 +33,7 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
+from ..signals.tied_ranks import tied_ranks
 
 MAX_EXACT_CONDITIONS = 6
 """Largest number of conditions for the exact distribution, which lists all orders of the conditions."""
@@ -111,7 +113,7 @@ def _ranks(data: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(data)):
         row, column = np.argwhere(~np.isfinite(data))[0]
         raise PellucidError(f"Friedman: participant {row}, condition {column} has no finite value; leave the row out")
-    return stats.rankdata(data, axis=1)
+    return tied_ranks(data, axis=1)
 
 
 def _checked_sums(rank_sums: Sequence[float], n: int) -> np.ndarray:

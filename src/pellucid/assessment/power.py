@@ -22,7 +22,8 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._processes import processes
-from .signed_rank import rank_sums, sign_distribution
+from ..signals.tied_ranks import tied_ranks
+from .signed_rank import rank_sums, two_sided_p
 
 STUDIES_PER_PART = 500
 """Number of studies that one part of a simulation draws. Each part has a seed of its own."""
@@ -254,24 +255,20 @@ def _count_significant_studies(n, studies, seed, mean, factor, test, control, co
     if test == "signed_rank":
         return int(np.sum(_has_significant_ranks(values[:, :, compared] - values[:, :, control], alpha)))
     k = len(mean)
-    sums = (np.argsort(np.argsort(values, axis=2), axis=2) + 1.0).sum(axis=1)
+    ranks = tied_ranks(values, axis=2)
+    sums = ranks.sum(axis=1)
     if test == "friedman":
-        statistic = 12.0 / (n * k * (k + 1)) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
+        spread = np.sum((ranks - 0.5 * (k + 1)) ** 2, axis=(1, 2))
+        far = (k - 1) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
+        statistic = np.divide(far, spread, out=np.zeros_like(far), where=spread > 0.0)
         return int(np.sum(stats.chi2.sf(statistic, k - 1) < alpha))
     least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
     return int(np.sum(np.abs(sums[:, compared] - sums[:, control]) > least))
 
 
 def _has_significant_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
-    """Return whether the exact p value of each row of differences, (studies, n), is below `alpha`; (studies,).
-
-    Differences of random real numbers are neither tied nor 0.
-    """
-    n = differences.shape[1]
-    above = rank_sums(differences)
-    chance = np.cumsum(sign_distribution(np.arange(1, n + 1)))
-    below = np.minimum(above, n * (n + 1) // 2 - above)
-    return 2.0 * chance[below] < alpha
+    """Return whether the exact p value of each row of differences, (studies, n), is below `alpha`; (studies,)."""
+    return two_sided_p(rank_sums(differences), differences.shape[1]) < alpha
 
 
 def covariance_root(covariance: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@ r"""Wilcoxon's signed-rank test of paired differences, its p counted, with the e
 
 Differences are ranked by size; W+ and W- are the rank sums of those above and below 0. If conditions do not differ,
 each difference is as likely of either sign, so that the chance of a W+ at least as far from its middle is a sum over
-:math:`2^n` signs, counted rank by rank. Ties share their mean rank; differences of 0 are left out [1]_. The matched
+:math:`2^n` signs, counted rank by rank. Ties share their mean rank; differences of 0 are left out [1]_. Differences
+that rounding alone tells apart are ties (`signals/tied_ranks.py`). The matched
 rank-biserial correlation is (W+ - W-) / (W+ + W-) [2]_: 1 where all differ upwards.
 
 .. [1] F. Wilcoxon, "Individual comparisons by ranking methods", Biometrics Bull. 1, 1945.
@@ -14,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from .._errors import PellucidError
+from ..signals.tied_ranks import tied_ranks, tied_signs
 
 
 @dataclass(frozen=True)
@@ -29,15 +30,19 @@ class SignedRankTest:
     pairs: int  # number of pairs that differ
 
 
-def signed_rank(differences: np.ndarray) -> SignedRankTest:
-    """Return the signed-rank test of paired `differences`, (n,), against 0."""
+def signed_rank(differences: np.ndarray, scale: float | None = None) -> SignedRankTest:
+    """Return the signed-rank test of paired `differences`, (n,), against 0.
+
+    `scale` is the size of the values that they are differences of; by default that of the largest difference.
+    """
     d = np.asarray(differences, float)
     if d.ndim != 1 or not len(d) or not np.isfinite(d).all():
         raise PellucidError(f"signed ranks: found differences of shape {d.shape}, expected (n,) finite numbers")
-    d = d[d != 0.0]
+    signs = tied_signs(d, scale)
+    d = d[signs != 0.0]
     if not len(d):
         return SignedRankTest(0.0, 1.0, 0.0, 0)
-    ranks = rankdata(np.abs(d))
+    ranks = tied_ranks(np.abs(d), scale)
     above = float(ranks[d > 0.0].sum())
     total = float(ranks.sum())
     chance = sign_distribution(np.rint(2.0 * ranks).astype(int))
@@ -61,9 +66,19 @@ def sign_distribution(weights: np.ndarray) -> np.ndarray:
 
 
 def rank_sums(differences: np.ndarray) -> np.ndarray:
-    """Return W+ of each row of differences, (k, n), which are neither tied nor 0; shape (k,), integers."""
-    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1
-    return np.sum(ranks * (differences > 0.0), axis=1)
+    """Return W+ of each row of differences, (k, n), shape (k,); a difference of 0 counts half its rank.
+
+    With the 0s counted so, rows are judged by the distribution of n differences: no evidence comes from a 0.
+    """
+    return np.sum(tied_ranks(np.abs(differences)) * (0.5 + 0.5 * tied_signs(differences)), axis=1)
+
+
+def two_sided_p(above: np.ndarray, pairs: int) -> np.ndarray:
+    """Return the exact two-sided p of each W+ (k,), of a number of `pairs` without ties; a W+ between two counts as the
+    less extreme one."""
+    chance = np.cumsum(sign_distribution(np.arange(1, pairs + 1)))
+    below = np.minimum(above, pairs * (pairs + 1) / 2 - above)
+    return np.minimum(2.0 * chance[np.ceil(below - 1e-9).astype(int)], 1.0)
 
 
 def smallest_p(pairs: int) -> float:

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from ..signals.tied_ranks import TIE_TOLERANCE
 from .certificate import ESTIMAND_METHODS, Estimand
 from .crossover import carry_over_of_studies, is_balanced, without_period
 from .equivalence import FAR_MARGIN_COUNT, Margin, Method, critical_rank_sum, share_bound
 from .mean_test import mean_p_values
-from .signed_rank import rank_sums, sign_distribution
+from .signed_rank import rank_sums, two_sided_p
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def are_transparent(
         excess = margin.excess(d, d)
         said &= are_within(d, margin, alpha, used) & (excess <= FAR_MARGIN_COUNT).all(axis=1)
         if people is not None:
-            said &= np.sum(excess <= 1.0, axis=1) >= _needed_count(people, d.shape[1], alpha)
+            said &= np.sum(excess <= 1.0 + TIE_TOLERANCE, axis=1) >= _needed_count(people, d.shape[1], alpha)
         said &= ~_is_contradicted(studies, j, margin, alpha, used)
     return said
 
@@ -105,10 +106,7 @@ def _is_contradicted(studies: SimulatedStudies, j: int, margin: Margin, alpha: f
 
 def _has_trend(drifts: np.ndarray, alpha: float) -> np.ndarray:
     """Return whether the exact two-sided p of signed ranks of each row of drifts, (k, n), is at most `alpha`."""
-    n = drifts.shape[1]
-    chance = np.cumsum(sign_distribution(np.arange(1, n + 1)))
-    above = rank_sums(drifts)
-    return 2.0 * chance[np.minimum(above, n * (n + 1) // 2 - above)] <= alpha
+    return two_sided_p(rank_sums(drifts), drifts.shape[1]) <= alpha
 
 
 def _needed_count(share: float, people: int, alpha: float) -> int:

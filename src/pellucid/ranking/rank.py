@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy import stats
 
 from .._errors import PellucidError
 from .._given import require_folder
 from .._processes import shared_results
 from ..assessment.friedman import friedman, nemenyi
+from ..signals.tied_ranks import tied_ranks
 from ..studies.results import ResultRow, require_own_page, write_rows
 from .arm import arm_pair
 from .board import add_to_board
@@ -155,7 +155,7 @@ def rank_task(task: str, tried: Sequence[ControllerTrial]) -> TaskRanking:
     by = {(one.controller, one.pair): one for one in tried}
     torque = np.array([[by[name, pair].torque for name in names] for pair in pairs])
     torque = np.where(np.isnan(torque), np.inf, torque)
-    ranks = stats.rankdata(torque, axis=1)
+    ranks = tied_ranks(torque, axis=1)
     order = np.lexsort((np.median(torque, axis=0), ranks.mean(axis=0)))
     ranks, torque = ranks[:, order], torque[:, order]
     several = len(pairs) > 1

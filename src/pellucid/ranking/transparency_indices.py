@@ -21,6 +21,7 @@ from ..lab.pointing.session import PointingSession, true_motion
 from ..lab.pointing.session_indices import EMG_LEAD_S
 from ..signals.movements import Kinematics, Movement, MovementRule, movements
 from ..signals.speed import tangential_speed
+from ..signals.tied_ranks import tied_ranks
 
 ELBOW_PAPER = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
 KNEE_THESIS = "the knee's thesis: torque mismatch between wearer and orthosis"
@@ -237,7 +238,7 @@ class IndexComparison:
     def ranks(self, name: str) -> np.ndarray:
         """Return mean ranks of the controllers by an index, (controllers,); without a value a controller is last."""
         values = self.values[name]
-        return stats.rankdata(np.where(np.isfinite(values), values, np.inf), axis=1).mean(axis=0)
+        return tied_ranks(np.where(np.isfinite(values), values, np.inf), axis=1).mean(axis=0)
 
     def agreement(self, name: str, other: str) -> float:
         """Return Kendall's tau (b) of the mean ranks by two indices, -1 to 1."""
@@ -256,7 +257,7 @@ class IndexComparison:
     def concordance(self, name: str) -> float:
         """Return Kendall's W of an index: how much the pairs agree on the order of controllers, 0 to 1."""
         values = self.values[name]
-        ranks = stats.rankdata(np.where(np.isfinite(values), values, np.inf), axis=1)
+        ranks = tied_ranks(np.where(np.isfinite(values), values, np.inf), axis=1)
         pairs, k = ranks.shape
         return float(12.0 * np.sum((ranks.sum(axis=0) - 0.5 * pairs * (k + 1)) ** 2) / (pairs**2 * (k**3 - k)))
 

@@ -11,9 +11,9 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from ..units import COORDINATES_BY_UNIT, Coordinate
+from .tied_ranks import tied_ranks
 
 LABEL_TOLERANCE_RAD = 0.01
 """A label matches a movement's amplitude within this tolerance, because labels may be rounded."""
@@ -109,7 +109,7 @@ def _aimed(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coor
 def _disordered(reach: np.ndarray, label: np.ndarray) -> str:
     if len(reach) < 10:
         return ""
-    order = float(np.corrcoef(rankdata(reach), rankdata(label))[0, 1])
+    order = float(np.corrcoef(tied_ranks(reach), tied_ranks(label))[0, 1])
     return (
         f"a rank correlation of {order:.2f} between labelled and measured amplitudes"
         if order < MIN_RANK_CORRELATION

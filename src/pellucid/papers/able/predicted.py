@@ -13,13 +13,13 @@ from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import rankdata
 
 from ...assessment.friedman import nemenyi_from_rank_sums
 from ...lab.elbow.rig import ElbowRig
 from ...lab.pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
 from ...lab.pointing.rig import PointingRig, elbow_people
 from ...lab.pointing.sensitivity import Sensitivity
+from ...signals.tied_ranks import tied_ranks
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
 from .statistics import RANK_SUMS
@@ -268,14 +268,14 @@ def _order_matches(effects: Sequence[Effect]) -> list[bool]:
 def rank_sums(studies: DrawnStudies) -> np.ndarray:
     """Return each law's rank sum of EMG/Acc, over the people of each drawn study, shape (n, laws)."""
     i = INDICES.index("emg_per_acc")
-    return rankdata(studies.worn[:, :, :, i] / studies.control[:, None, :, i], axis=1).sum(axis=2)
+    return tied_ranks(studies.worn[:, :, :, i] / studies.control[:, None, :, i], axis=1).sum(axis=2)
 
 
 def _longer_by_published_tests(studies: DrawnStudies) -> np.ndarray:
     """Return the studies in which Nemenyi's test finds PCFr and CLPC longer than control, and FC not, shape (n,)."""
     i = INDICES.index("duration")
     of_all = np.concatenate([studies.control[:, None, :, i], studies.worn[:, :, :, i]], axis=1)
-    sums = rankdata(of_all, axis=1).sum(axis=2)
+    sums = tied_ranks(of_all, axis=1).sum(axis=2)
     people, k = of_all.shape[2], of_all.shape[1]
     # Nemenyi's p depends on the difference of rank sums alone, so the smallest significant one is found once.
     centre = people * (k + 1) / 2.0
