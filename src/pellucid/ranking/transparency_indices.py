@@ -24,9 +24,13 @@ from ..signals.speed import tangential_speed
 from ..signals.tied_ranks import tied_ranks
 
 ELBOW_PAPER = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
-KNEE_THESIS = "the knee's thesis: torque mismatch between wearer and orthosis"
 THIS_TOOLKIT = "this toolkit"
-"""Sources of indices."""
+"""Sources of indices. The paper tests duration, peak velocity, isochrony and EMG/Acc of upward movements, and no other
+index of transparency. The knee's thesis fits the coupling of wearer and orthosis and states no index."""
+
+
+FRICTION_VELOCITY_RAD_S = 0.05
+"""Velocity over which apparent Coulomb friction changes its sign [rad/s]: a few per cent of a slow movement's peak."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +108,27 @@ def _profile(seen: Seen) -> np.ndarray:
     return np.mean(profiles, axis=0)
 
 
+def apparent_dynamics(
+    position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, torque: np.ndarray
+) -> np.ndarray:
+    """Return apparent inertia, viscosity and Coulomb friction of what a person moves against, (3,), from arrays (n,).
+
+    The interaction torque is regressed on the motion together with a position term: sine and cosine of the angle and a
+    constant, which are any residual of gravity and, over the range of pointing, of a spring. Without it the torque of a
+    position counts as inertia, because a movement between two rests accelerates where it begins.
+    """
+    design = np.column_stack([
+        acceleration, velocity, np.tanh(velocity / FRICTION_VELOCITY_RAD_S), np.sin(position), np.cos(position),
+        np.ones(len(position)),
+    ])  # fmt: skip
+    return np.linalg.lstsq(design, torque, rcond=None)[0][:3]
+
+
 def _impedance(seen: Seen) -> np.ndarray:
-    """Return apparent inertia, viscosity and Coulomb friction: the interaction's regression on the motion, (3,)."""
+    """Return `apparent_dynamics` of all movements of a session, (3,)."""
     rows = np.concatenate([np.arange(m.first, m.last + 1) for m in seen.found])
-    signals = seen.session.signals
-    v = signals["velocity"][rows]
-    design = np.column_stack([signals["acceleration"][rows], v, np.tanh(v / 0.05), np.ones(len(rows))])
-    return np.linalg.lstsq(design, signals["interaction"][rows], rcond=None)[0][:3]
+    names = ("position", "velocity", "acceleration", "interaction")
+    return apparent_dynamics(*(seen.session.signals[name][rows] for name in names))
 
 
 def _power(seen: Seen, sign: float) -> float:
@@ -163,11 +181,11 @@ TRANSPARENCY_INDICES: tuple[TransparencyIndex, ...] = (
                       _change(lambda s: s.mean(lambda m: m.duration))),
     TransparencyIndex("peak_velocity", "kinematic", "change of the peak velocity", "%", ELBOW_PAPER,
                       _change(lambda s: s.mean(lambda m: m.peak_velocity))),
-    TransparencyIndex("mean_velocity", "kinematic", "change of the mean velocity", "%", ELBOW_PAPER,
+    TransparencyIndex("mean_velocity", "kinematic", "change of the mean velocity", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: m.mean_velocity))),
-    TransparencyIndex("peak_acceleration", "kinematic", "change of the peak acceleration", "%", ELBOW_PAPER,
+    TransparencyIndex("peak_acceleration", "kinematic", "change of the peak acceleration", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: m.peak_acceleration))),
-    TransparencyIndex("peak_time", "kinematic", "change of the relative time to peak velocity", "1", ELBOW_PAPER,
+    TransparencyIndex("peak_time", "kinematic", "change of the relative time to peak velocity", "1", THIS_TOOLKIT,
                       _difference(lambda s: s.mean(lambda m: m.peak_time))),
     TransparencyIndex("isochrony", "kinematic", "change of R² of mean velocity over amplitude", "1", ELBOW_PAPER,
                       _difference(_line_r2)),
@@ -181,20 +199,20 @@ TRANSPARENCY_INDICES: tuple[TransparencyIndex, ...] = (
                       _difference(_smoothness("ldlj"))),
     TransparencyIndex("submovements", "smoothness", "change of the number of speed peaks", "1", THIS_TOOLKIT,
                       _difference(_peaks)),
-    TransparencyIndex("torque_rms", "interaction", "RMS interaction torque", "N*m", KNEE_THESIS,
+    TransparencyIndex("torque_rms", "interaction", "RMS interaction torque", "N*m", THIS_TOOLKIT,
                       lambda worn, free: worn.rms("interaction")),
     TransparencyIndex("torque_peak", "interaction", "peak interaction torque", "N*m", THIS_TOOLKIT,
                       lambda worn, free: worn.mean(lambda m: float(np.abs(worn.during("interaction", m)).max()))),
-    TransparencyIndex("torque_mean", "interaction", "mean absolute interaction torque", "N*m", KNEE_THESIS,
+    TransparencyIndex("torque_mean", "interaction", "mean absolute interaction torque", "N*m", THIS_TOOLKIT,
                       lambda worn, free: _abs_mean(worn)),
     TransparencyIndex("impulse", "interaction", "absolute impulse of a movement", "N*m*s", THIS_TOOLKIT,
                       lambda worn, free: worn.mean(lambda m: m.duration
                                                    * float(np.mean(np.abs(worn.during("interaction", m)))))),
-    TransparencyIndex("apparent_inertia", "interaction", "apparent inertia", "kg*m^2", KNEE_THESIS,
+    TransparencyIndex("apparent_inertia", "interaction", "apparent inertia", "kg*m^2", THIS_TOOLKIT,
                       lambda worn, free: float(abs(_impedance(worn)[0]))),
-    TransparencyIndex("apparent_viscosity", "interaction", "apparent viscosity", "N*m*s/rad", KNEE_THESIS,
+    TransparencyIndex("apparent_viscosity", "interaction", "apparent viscosity", "N*m*s/rad", THIS_TOOLKIT,
                       lambda worn, free: float(abs(_impedance(worn)[1]))),
-    TransparencyIndex("apparent_friction", "interaction", "apparent Coulomb friction", "N*m", KNEE_THESIS,
+    TransparencyIndex("apparent_friction", "interaction", "apparent Coulomb friction", "N*m", THIS_TOOLKIT,
                       lambda worn, free: float(abs(_impedance(worn)[2]))),
     TransparencyIndex("given", "energy", "power given to the person", "W", THIS_TOOLKIT,
                       lambda worn, free: _power(worn, 1.0)),
@@ -208,12 +226,12 @@ TRANSPARENCY_INDICES: tuple[TransparencyIndex, ...] = (
                       _change(_per_acceleration("extensor", -1))),
     TransparencyIndex("emg_per_acc_fast", "EMG", "change of EMG/Acc of the faster half, upwards", "%", THIS_TOOLKIT,
                       _change(lambda s: _per_acceleration("flexor", 1)(_fast(s)))),
-    TransparencyIndex("emg_level", "EMG", "change of the flexors' excitation", "%", ELBOW_PAPER,
+    TransparencyIndex("emg_level", "EMG", "change of the flexors' excitation", "%", THIS_TOOLKIT,
                       _change(lambda s: s.rms("flexor", lead=EMG_LEAD_S))),
     TransparencyIndex("cocontraction", "EMG", "change of the smaller of both excitations", "%", THIS_TOOLKIT,
                       _change(lambda s: s.mean(lambda m: float(np.mean(np.minimum(
                           s.during("flexor", m, EMG_LEAD_S), s.during("extensor", m, EMG_LEAD_S))))))),
-    TransparencyIndex("duration_effect", "statistical", "standardised difference of durations", "1", ELBOW_PAPER,
+    TransparencyIndex("duration_effect", "statistical", "standardised difference of durations", "1", THIS_TOOLKIT,
                       _effect(lambda m: m.duration)),
     TransparencyIndex("velocity_distance", "statistical", "distance of the distributions of peak velocity", "1",
                       THIS_TOOLKIT, _spread_overlap(lambda m: m.peak_velocity)),
