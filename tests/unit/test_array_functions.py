@@ -216,3 +216,156 @@ def test_without_pandas_and_statsmodels_it_is_said_what_to_install(monkeypatch):
     who, under = np.repeat(np.arange(8), 20), np.tile([False, True], 80)
     own = np.random.default_rng(0).normal(0.0, 0.1, 160)
     assert "[statistics]" in mixed_model(own, who, under, {}).trouble
+
+
+def movement_rows(gain, *, people=16, amplitudes=(0.2, 0.4, 0.6, 0.8, 1.0), keep=lambda *where: True, seed=5, each=6):
+    """Movements of people whose duration grows with amplitude, `gain` times as long in the condition robot."""
+    rng = np.random.default_rng(seed)
+    names = ("participant", "condition", "amplitude", "direction", "block", "trial", "target", "period", "duration")
+    rows = {name: [] for name in names}
+    for person in range(people):
+        own = np.exp(rng.normal(0.0, 0.03))
+        order = ("free", "robot") if person % 2 else ("robot", "free")
+        for period, condition in enumerate(order, start=1):
+            trial = 0
+            for amplitude in amplitudes:
+                for k in range(each):
+                    trial += 1
+                    duration = (0.4 + 0.6 * amplitude) * own * np.exp(rng.normal(0.0, 0.05))
+                    if keep(person, condition, amplitude, k):
+                        seconds = duration * (gain if condition == "robot" else 1.0)
+                        made = (f"P{person}", condition, amplitude, ("up", "down")[k % 2], k // 2, trial,
+                                amplitude + 1.0, period, seconds)  # fmt: skip
+                        for name, value in zip(names, made, strict=True):
+                            rows[name].append(value)
+    return rows
+
+
+def without(rows, *names):
+    return {name: values for name, values in rows.items() if name not in names}
+
+
+LONG_ONES_MISSING = {"keep": lambda person, condition, amplitude, k: condition == "free" or amplitude < 0.5 or k == 0}
+NONE_LEFT = {"keep": lambda person, condition, amplitude, k: condition == "free" or amplitude < 0.5}
+
+
+@pytest.mark.parametrize("losses", [LONG_ONES_MISSING, NONE_LEFT])
+@pytest.mark.parametrize("dropped", [(), ("trial", "block", "period"), ("direction", "target")])
+def test_who_is_slower_is_not_certified_where_long_movements_are_missing(losses, dropped):
+    """A true change of 15 % that the mean of all rows shows as 3 % or less."""
+    rows = without(movement_rows(1.15, **losses), *dropped)
+    worn = np.array(rows["condition"]) == "robot"
+    duration = np.array(rows["duration"])
+    assert duration[worn].mean() / duration[~worn].mean() < 1.03
+    found = pl.assess(rows, control="free", margins={"duration": 0.10})
+    assert found.certificates["robot"].verdict == "not transparent"
+    d = found.certificates["robot"].end_points["duration"]
+    assert np.expm1(d.estimate) == pytest.approx(0.15, abs=0.03)
+    assert "more than the 10 % that max_left_out allows" in str(found)
+    assert found.lost["duration"]["robot"][0] > 0.3 * found.lost["duration"]["robot"][1]
+
+
+def test_without_columns_that_say_what_is_alike_losses_forbid_the_claim():
+    """Neither the claim that a change lies within nor that it lies beyond: long movements may be all that differs."""
+    for gain in (1.15, 1.0):
+        rows = without(movement_rows(gain, **LONG_ONES_MISSING), "amplitude", "target", "direction")
+        found = pl.assess(rows, control="free", margins={"duration": 0.10})
+        assert found.certificates["robot"].verdict == "cannot say"
+        assert "too many movements are missing" in str(found)
+
+
+@pytest.mark.parametrize("as_nan", [True, False])
+def test_missing_values_and_missing_rows_are_limited_alike(as_nan):
+    """One in eight movements at random is more than a tenth; one in twenty is not."""
+    for share, verdict in ((0.05, "transparent"), (0.13, "cannot say")):
+        rows = movement_rows(1.01)
+        drop = (np.random.default_rng(2).uniform(size=len(rows["duration"])) < share) & (
+            np.array(rows["condition"]) == "robot"
+        )
+        if as_nan:
+            rows["duration"] = np.where(drop, np.nan, rows["duration"]).tolist()
+        else:
+            rows = {name: [v for v, gone in zip(own, drop, strict=True) if not gone] for name, own in rows.items()}
+        found = pl.assess(rows, control="free", margins={"duration": 0.10})
+        assert found.certificates["robot"].verdict == verdict
+        allowed = pl.assess(rows, control="free", margins={"duration": 0.10}, max_left_out=0.2)
+        assert allowed.certificates["robot"].verdict == "transparent"
+
+
+def test_too_many_lost_participants_forbid_the_claim():
+    rows = movement_rows(1.01, people=18, keep=lambda person, condition, *_: condition == "free" or person > 2)
+    found = pl.assess(rows, control="free", margins={"duration": 0.10})
+    assert len(found.left_out) == 3
+    assert found.certificates["robot"].verdict == "cannot say"
+    assert "too many participants are missing" in str(found)
+
+
+def test_columns_of_the_design_are_no_indices():
+    rows = movement_rows(1.02)
+    rows["Trial number"], rows["repetition"] = rows["trial"], rows["block"]
+    rows["amplitude [deg]"] = [57.3 * a for a in rows["amplitude"]]
+    rows["target_error"] = [0.01 + 0.001 * i % 7 for i in range(len(rows["trial"]))]
+    found = pl.assess(rows, control="free")
+    assert list(found) == ["duration", "target_error"]
+    assert set(found.factors) == {"amplitude", "amplitude [deg]", "target", "direction"}
+    assert list(pl.assess(rows, control="free", indices=["duration"])) == ["duration"]
+    other = pl.assess(without(rows, "amplitude", "amplitude [deg]", "target") | {"level": rows["amplitude"]},
+                      control="free", factors=["level", "direction"])  # fmt: skip
+    np.testing.assert_array_equal(other["duration"].values, found["duration"].values)
+    with pytest.raises(pl.PellucidError, match="among indices and factors"):
+        pl.assess(rows, control="free", indices=["duration", "amplitude"], factors=["amplitude"])
+
+
+def test_amplitudes_drawn_at_random_are_pooled_and_told():
+    rows = movement_rows(1.02)
+    drawn = np.random.default_rng(1).uniform(0.0, 1.0, len(rows["trial"]))
+    rows["amplitude"] = (np.array(rows["amplitude"]) + drawn).tolist()
+    found = pl.assess(without(rows, "target"), control="free")
+    assert found.factors == ("direction",)
+    assert "amplitude has" in str(found)
+    assert "not compared within them" in str(found)
+    rows["amplitude"][3] = float("nan")
+    with pytest.raises(pl.PellucidError, match="column amplitude, row 3: found no value"):
+        pl.assess(rows, control="free")
+
+
+def test_an_effect_of_order_takes_the_claim_from_a_table_too():
+    """Everybody is 12 % slower in the second period, and nearly all wear the robot in the first."""
+    rows = movement_rows(1.0)
+    by_person = {f"P{k}": k in (1, 3) for k in range(16)}
+    late = np.array([by_person[p] for p in rows["participant"]])
+    worn = np.array(rows["condition"]) == "robot"
+    rows["period"] = np.where(worn ^ late, 1, 2).tolist()
+    slower = np.where(np.array(rows["period"]) == 2, 1.12, 1.0)
+    rows["duration"] = (np.array(rows["duration"]) * slower * np.where(worn, 1.10, 1.0)).tolist()
+    plain = pl.assess(without(rows, "period"), control="free", margins={"duration": 0.10})
+    found = pl.assess(rows, control="free", margins={"duration": 0.10})
+    assert plain.certificates["robot"].verdict == "transparent"
+    assert found.certificates["robot"].verdict == "cannot say"
+
+
+def test_a_table_of_a_study_is_certified_as_the_study_is(tmp_path):
+    """The movements that the command found, as a table: the same values, the same certificate."""
+    import made_pointing
+
+    from pellucid.procedures.registry import open_study
+
+    study = made_pointing.study(tmp_path, participants=12, conditions=("Ctrl", "FC", "PCFr"), repetitions=1)
+    path = study.folder / "study.toml"
+    path.write_text(path.read_text(encoding="utf-8") + '[assessment.margins]\nvmax = "10 %"\n', encoding="utf-8")
+    whole = pl.assess(open_study(study.folder), studies=5)
+    rows = {
+        "participant": [m.participant for m in whole.measured], "condition": [m.condition for m in whole.measured],
+        "amplitude": [m.cell[0] for m in whole.measured], "direction": [m.cell[1] for m in whole.measured],
+        "vmax": [m.values["vmax"] for m in whole.measured],
+    }  # fmt: skip
+    table = pl.assess(rows, control="Ctrl", margins={"vmax": 0.10})
+    np.testing.assert_allclose(table["vmax"].values, whole.assessed["vmax"].table.values, rtol=1e-12)
+    for each in whole.certified:
+        own, other = each.certificate.end_points["vmax"], table.certificates[each.condition].end_points["vmax"]
+        assert other.p_within == own.p_within
+        assert other.interval == pytest.approx(own.interval)
+        assert table.certificates[each.condition].verdict == each.certificate.verdict
+        for name, change in table["vmax"].pairwise.items():
+            match = whole.assessed["vmax"].comparison.pairwise[name]
+            assert (change.p, change.cliff) == (match.p, match.cliff)

@@ -1,4 +1,9 @@
-"""Conditions compared from a table with one row for each movement, trial or participant."""
+"""Conditions compared from a table with one row for each movement, trial or participant.
+
+Movements are compared within cells of alike ones (amplitude, target, direction), the limits on lost movements and
+participants hold, and order and learning are doubted where columns state them: by the functions that compare a study's
+recordings.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,27 @@ import numpy as np
 
 from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
-from .certificate import Certificate
-from .certify import certify
+from .certificate import ESTIMAND_METHODS, Certificate, Doubt, Estimand, certificate_from_tests, require_people
+from .certify import margin_of
 from .comparison import ConditionComparison, compare_conditions
+from .design_columns import DesignRole, columns_with_role, design_word, too_many_levels
+from .doubts import (
+    LOST_MOVEMENTS_DOUBT,
+    LOST_PEOPLE_DOUBT,
+    LostCounts,
+    carry_over_doubt,
+    doubts_of_loss,
+    doubts_of_lost_people,
+    learning_doubt,
+    period_doubt,
+    too_many_lost,
+)
+from .equivalence import UNDECIDED, equivalence
+from .index_table import shared_cells
+from .learning import thirds
+
+DEFAULT_MAX_LEFT_OUT = 0.10
+"""Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,12 +52,22 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         Participants who lack a condition; they enter no comparison.
     certificates : mapping of str to Certificate
         By condition, whether it is transparent within the margins; empty without margins.
+    lost : mapping of str to mapping of str to tuple of int
+        By index and condition, the movements without a value and all movements. All are as many as the condition that
+        has most rows of a participant's alike movements.
+    factors : tuple of str
+        Columns within whose levels movements are compared.
+    notes : tuple of str
+        What limits the comparison, in sentences.
     """
 
     comparisons: Mapping[str, ConditionComparison]
     participants: tuple[str, ...]
     left_out: tuple[str, ...]
     certificates: Mapping[str, Certificate] = field(default_factory=dict)
+    lost: Mapping[str, LostCounts] = field(default_factory=dict)
+    factors: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, index: str) -> ConditionComparison:
         if index not in self.comparisons:
@@ -84,8 +117,8 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         said = [f"{len(self.participants)} participants"]
         if self.left_out:
             said.append(f"left out for a missing condition: {', '.join(self.left_out)}")
-        said += [f"{name}: {each.verdict}" for name, each in self.certificates.items()]
-        return tuple(said)
+        said += [f"{name}: {each.verdict}{_why(each)}" for name, each in self.certificates.items()]
+        return (*said, *self.notes)
 
     def __repr__(self) -> str:
         return "\n".join((text_table(*self._table()), *self._facts()))
@@ -101,26 +134,43 @@ def assess_table(
     indices: Sequence[str] | None = None,
     participant: str = "participant",
     condition: str = "condition",
+    factors: Sequence[str] | None = None,
     margins: Mapping[str, float] | None = None,
     alpha: float = 0.05,
+    estimand: Estimand = "mean",
+    people: float | None = None,
+    max_left_out: float = DEFAULT_MAX_LEFT_OUT,
 ) -> TableAssessment:
-    """Compare conditions over participants from a table.
+    """Compare conditions over participants from a table, as the command ``assess`` compares a study's recordings.
 
     Parameters
     ----------
     table : data frame or mapping of str to sequence
         One row for each movement, trial or participant, with the columns `participant` and `condition` and one column
-        for each index. A participant's rows of one condition are averaged.
+        for each index. A movement that gave no value has NaN, or no row. A participant's movements of one condition
+        are averaged within each level of the `factors`, then over the levels that the participant has in all
+        conditions. A column ``period`` says when conditions came, ``block`` and ``trial`` when movements came: with
+        them the change of an index with a margin is tested without the effects of order and learning, too.
     control : str
         Name of the condition with which the others are compared.
     indices : sequence of str, optional
-        Columns to compare; all other numeric columns by default.
+        Columns to compare. By default all numeric columns but those of the design, such as ``amplitude``, ``target``,
+        ``direction``, ``period``, ``block``, ``trial`` and ``repetition``.
     participant, condition : str
         Names of the two columns that identify a row.
+    factors : sequence of str, optional
+        Columns that say which movements are alike; by default those named amplitude, target and direction.
     margins : mapping of str to float, optional
         Largest relative change of an index that does not matter, by index: makes a certificate for each condition.
     alpha : float
         Level of the certificates.
+    estimand : {"mean", "pseudo-median", "mean and people"}
+        What must lie within the margins, as in `certify`.
+    people : float, optional
+        Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
+    max_left_out : float
+        Largest share of a condition's movements, or of participants, that may be missing where "transparent" is said of
+        the others, in [0, 1]; 1 where conditions have other numbers of movements by design.
 
     Returns
     -------
@@ -132,9 +182,12 @@ def assess_table(
         If a column is missing, the control is no condition, or fewer than two participants did all conditions.
     """
     columns = columns_of(table, "assess")
-    for name in (participant, condition, *(indices or ()), *(margins or ())):
+    for name in (participant, condition, *(indices or ()), *(factors or ()), *(margins or ())):
         if name not in columns:
             raise PellucidError(f"assess: found the columns {', '.join(columns)}, expected {name!r} among them")
+    if not 0.0 <= max_left_out <= 1.0:
+        raise PellucidError(f"assess: found max_left_out = {max_left_out:g}, expected a share from 0 to 1")
+    require_people("assess", estimand, people)
     who, what = ([str(value) for value in columns[name]] for name in (participant, condition))
     conditions = list(dict.fromkeys(what))
     if control not in conditions:
@@ -142,49 +195,251 @@ def assess_table(
     conditions = [control, *(name for name in conditions if name != control)]
     if len(conditions) < 2:
         raise PellucidError(f"assess: found the condition {control} alone, expected at least one other")
+    others = [name for name in columns if name not in (participant, condition)]
     if indices is None:
-        indices = [name for name in columns if name not in (participant, condition) and _is_numeric(columns[name])]
+        kept = {*(margins or ())}
+        indices = [
+            name for name in others
+            if name in kept or (not design_word(name) and name not in (factors or ()) and _is_numeric(columns[name]))
+        ]  # fmt: skip
     if not indices:
         raise PellucidError(f"assess: found no numeric column among {', '.join(columns)}, expected at least one index")
-    people = list(dict.fromkeys(who))
-    means = {name: _means(name, columns[name], who, what, people, conditions) for name in indices}
-    complete = np.all([np.isfinite(each).all(axis=1) for each in means.values()], axis=0)
-    if complete.sum() < 2:
+    strangers = [name for name in margins or () if name not in indices]
+    if strangers:
+        raise PellucidError(f"assess: found margins of {', '.join(strangers)}, expected them among the indices too")
+    design = {name: columns[name] for name in others if name not in indices}
+    cells, used, notes = _cells(design, factors, len(who))
+    rows = _Rows(who, what, cells, _order(design), {name: _numbers(name, columns[name]) for name in indices})
+    people_names = list(dict.fromkeys(who))
+    there = set(zip(who, what, strict=True))
+    participants = tuple(p for p in people_names if all((p, c) in there for c in conditions))
+    left_out = tuple(p for p in people_names if p not in participants)
+    tables = {name: _values(rows, name, participants, conditions) for name in indices}
+    few = {name: len(people) for name, (people, _, _) in tables.items() if len(people) < 2}
+    if few:
+        name, count = next(iter(few.items()))
         raise PellucidError(
-            f"assess: found {int(complete.sum())} participants with all conditions, expected at least 2"
+            f"assess, {name}: found {count} participants with alike movements in all conditions, expected at least 2"
         )
     comparisons = {
-        name: compare_conditions(each[complete], conditions, control=control) for name, each in means.items()
+        name: compare_conditions(values, shown, control=control if control in shown else None)
+        for name, (_, shown, values) in tables.items()
     }
+    lost = {name: _lost(rows, name, tables[name][0], tables[name][1]) for name in indices}
     certificates = {}
-    for column, name in enumerate(conditions[1:], start=1):
-        if margins:
-            pairs = {index: (means[index][complete, 0], means[index][complete, column]) for index in margins}
-            certificates[name] = certify(pairs, margins, alpha=alpha)
-    return TableAssessment(
-        comparisons,
-        tuple(name for name, whole in zip(people, complete, strict=True) if whole),
-        tuple(name for name, whole in zip(people, complete, strict=True) if not whole),
-        certificates,
-    )
+    if margins:
+        ends = {name: margin_of(name, margin) for name, margin in margins.items()}
+        both = [p for p in participants if all(p in tables[name][0] for name in margins)]
+        periods = _periods(design, who, what)
+        for name in conditions[1:]:
+            certificates[name] = _certificate(
+                rows, tables, ends, (control, name), both, people_names, periods, alpha, estimand, people, max_left_out
+            )
+    notes += _notes(tables, participants, lost, max_left_out)
+    return TableAssessment(comparisons, participants, left_out, certificates, lost, tuple(used), tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of the table."""
+
+    who: Sequence[str]
+    what: Sequence[str]
+    cells: Sequence[tuple]  # cell of alike movements, by row
+    order: np.ndarray | None  # place of each row in time; None if it is not stated
+    values: Mapping[str, np.ndarray]  # by index, (rows,)
 
 
 def _is_numeric(values: Sequence[Any]) -> bool:
     return all(isinstance(value, (int, float, np.integer, np.floating)) for value in values)
 
 
-def _means(name, values, who, what, people, conditions) -> np.ndarray:
-    """Return the mean of an index for each participant and condition, shape (participants, conditions)."""
+def _numbers(name: str, values: Sequence[Any]) -> np.ndarray:
     try:
-        numbers = np.asarray(values, float)
+        return np.asarray(values, float)
     except (TypeError, ValueError):
         raise PellucidError(f"assess, column {name}: found values that are no numbers, expected numbers") from None
-    total, count = np.zeros((len(people), len(conditions))), np.zeros((len(people), len(conditions)))
-    row = {each: i for i, each in enumerate(people)}
-    column = {each: i for i, each in enumerate(conditions)}
-    for person, state, number in zip(who, what, numbers, strict=True):
-        if np.isfinite(number):
-            total[row[person], column[state]] += number
-            count[row[person], column[state]] += 1.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(count > 0.0, total / count, np.nan)
+
+
+def _cells(
+    design: Mapping[str, Sequence[Any]], factors: Sequence[str] | None, length: int
+) -> tuple[list[tuple], list[str], list[str]]:
+    """Return the cell of each of `length` rows, the factors that make it, and notes on those that do not."""
+    wanted = columns_with_role(design, DesignRole.CELL) if factors is None else list(factors)
+    clash = [name for name in wanted if name not in design]
+    if clash:
+        raise PellucidError(f"assess: found {', '.join(clash)} among indices and factors, expected it in one of both")
+    used, notes, parts = [], [], []
+    for name in wanted:
+        levels = [_level(name, row, value) for row, value in enumerate(design[name])]
+        count = len(set(levels))
+        if too_many_levels(tuple(set(levels))):
+            notes.append(f"{name} has {count} levels: movements are not compared within them")
+        elif count > 1:
+            used.append(name)
+            parts.append(levels)
+    cells: list[tuple] = list(zip(*parts, strict=True)) if parts else [()] * length
+    return cells, used, notes
+
+
+def _level(name: str, row: int, value: Any) -> object:
+    """Return the level of a factor: numbers to six digits, as labels that were computed are rounded."""
+    if value is None or (isinstance(value, (float, np.floating)) and not np.isfinite(value)):
+        raise PellucidError(f"assess, column {name}, row {row}: found no value, expected one of every movement")
+    return float(f"{value:.6g}") if _is_numeric([value]) else str(value)
+
+
+def _order(design: Mapping[str, Sequence[Any]]) -> np.ndarray | None:
+    """Return the place of each row in time by the columns of the design that state it; None without one."""
+    wanted = columns_with_role(design, DesignRole.PERIOD) + columns_with_role(design, DesignRole.TRIAL)
+    known = [np.asarray(design[name], float) for name in wanted if _is_numeric(design[name])]
+    if not columns_with_role(design, DesignRole.TRIAL) or not known or not np.isfinite(known).all():
+        return None
+    return np.unique(np.array(known).T, axis=0, return_inverse=True)[1].ravel()
+
+
+def _periods(
+    design: Mapping[str, Sequence[Any]], who: Sequence[str], what: Sequence[str]
+) -> Mapping[tuple[str, str], float]:
+    """Return the mean period of each participant and condition; empty if it is not stated."""
+    name = next((n for n in columns_with_role(design, DesignRole.PERIOD) if _is_numeric(design[n])), None)
+    if name is None or not np.isfinite(np.asarray(design[name], float)).all():
+        return {}
+    found: dict[tuple[str, str], list[float]] = {}
+    for person, condition, value in zip(who, what, design[name], strict=True):
+        found.setdefault((person, condition), []).append(float(value))
+    return {key: float(np.mean(own)) for key, own in found.items()}
+
+
+def _values(
+    rows: _Rows, index: str, participants: Sequence[str], conditions: Sequence[str]
+) -> tuple[tuple[str, ...], list[str], np.ndarray]:
+    """Return the participants with a value in every condition, these conditions, and the values, (n, k)."""
+    sums: dict[tuple, list[float]] = {}
+    for person, condition, cell, value in zip(rows.who, rows.what, rows.cells, rows.values[index], strict=True):
+        if np.isfinite(value):
+            sums.setdefault((person, condition, cell), []).append(float(value))
+    means = {key: float(np.mean(own)) for key, own in sums.items()}
+    recorded = [c for c in conditions if any(key[1] == c for key in means)]
+    shared = shared_cells(means, participants, recorded) if recorded else {}
+    values = np.array([[float(np.mean(own[c])) for c in recorded] for own in shared.values()])
+    return tuple(shared), recorded, values.reshape(len(shared), len(recorded))
+
+
+def _lost(rows: _Rows, index: str, participants: Sequence[str], conditions: Sequence[str]) -> LostCounts:
+    """Count the movements without a value, and all that there should be, by condition."""
+    rows_of: dict[tuple, int] = {}
+    known: dict[tuple, int] = {}
+    for person, condition, cell, value in zip(rows.who, rows.what, rows.cells, rows.values[index], strict=True):
+        if person in participants and condition in conditions:
+            key = (person, cell, condition)
+            rows_of[key] = rows_of.get(key, 0) + 1
+            known[key] = known.get(key, 0) + bool(np.isfinite(value))
+    most: dict[tuple, int] = {}
+    for (person, cell, _), count in rows_of.items():
+        most[person, cell] = max(most.get((person, cell), 0), count)
+    total = sum(most.values())
+    return {c: (total - sum(known.get((*key, c), 0) for key in most), total) for c in conditions}
+
+
+def _certificate(
+    rows: _Rows, tables, ends, pair: tuple[str, str], both: Sequence[str], everybody: Sequence[str],
+    periods: Mapping[tuple[str, str], float], alpha: float, estimand: Estimand, people: float | None, max_share: float,
+) -> Certificate:  # fmt: skip
+    """Return the certificate of the second condition of a `pair` against the first."""
+    method = ESTIMAND_METHODS[estimand]
+    if len(both) < 2:
+        raise PellucidError(f"assess, {pair[1]}: found {len(both)} participants with all margins, expected 2 or more")
+    tests, doubts, lost, losers = {}, {}, {}, {}
+    for name, margin in ends.items():
+        names, conditions, values = tables[name]
+        lacking = [c for c in pair if c not in conditions]
+        if lacking:
+            raise PellucidError(f"assess, {name}: found no value in {', '.join(lacking)}, expected some for its margin")
+        values = values[[names.index(person) for person in both]]
+        at, to = (conditions.index(c) for c in pair)
+        if not (values[:, [at, to]] > 0.0).all():
+            raise PellucidError(f"assess, {name}: found means of 0 or less, expected positive ones for its margin")
+        logs = np.log(np.where(values > 0.0, values, np.nan))
+        seen = logs[:, to] - logs[:, at]
+        tests[name] = equivalence(seen, margin, alpha=alpha, method=method)
+        lost[name] = _lost(rows, name, both, pair)
+        losers[name] = np.array([any(gone for gone, _ in _lost(rows, name, [p], pair).values()) for p in both])
+        own: list[Doubt | None] = []
+        if all((person, c) in periods for person in both for c in conditions):
+            at_period = np.array([[periods[person, c] for c in conditions] for person in both])
+            own.append(period_doubt(seen, at_period[:, to] - at_period[:, at], margin, alpha=alpha, method=method))
+            if np.isfinite(logs).all():
+                own.append(carry_over_doubt(logs, at_period, at, to, margin, alpha=alpha))
+        thirds_of = None if rows.order is None else [_thirds(rows, name, both, c) for c in pair]
+        if thirds_of is not None and None not in thirds_of:
+            base, worn = thirds_of
+            drift = np.array([b.drift - a.drift for a, b in zip(base, worn, strict=True)])
+            late = np.array([b.last - a.last for a, b in zip(base, worn, strict=True)])
+            own.append(learning_doubt(drift, seen + late, margin, alpha=alpha, method=method))
+        doubts[name] = tuple(each for each in own if each is not None)
+    missing = sum(person not in both for person in everybody)
+    for name, doubt in (
+        *doubts_of_loss(tests, lost, alpha, max_share, losers, method, alike=len(set(rows.cells)) > 1).items(),
+        *doubts_of_lost_people(tests, missing, alpha, max_share, method).items(),
+    ):
+        doubts[name] = (*doubts[name], doubt)
+    return certificate_from_tests(tests, alpha, doubts, people=people)
+
+
+def _thirds(rows: _Rows, index: str, people: Sequence[str], condition: str):
+    """Return the first and last third of a condition's movements, by participant; None without an order or too few."""
+    made = []
+    for person in people:
+        own = [
+            i for i, (w, c) in enumerate(zip(rows.who, rows.what, strict=True))
+            if (w, c) == (person, condition) and rows.values[index][i] > 0.0
+        ]  # fmt: skip
+        own.sort(key=lambda i: rows.order[i])
+        if len({rows.order[i] for i in own}) < len(own):
+            return None
+        found = thirds([float(np.log(rows.values[index][i])) for i in own], [rows.cells[i] for i in own])
+        if found is None:
+            return None
+        made.append(found)
+    return made
+
+
+def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], max_share: float) -> list[str]:
+    """State who lacks an index, and which conditions lost more movements than is allowed."""
+    notes = []
+    for name, (people, _, _) in tables.items():
+        absent = [person for person in participants if person not in people]
+        if absent:
+            notes.append(f"{name}: left out for no alike movements in all conditions: {', '.join(absent)}")
+        many = too_many_lost(lost[name], max_share)
+        if many:
+            counts = " and ".join(f"{gone} of {of} movements in {c}" for c, (gone, of) in many.items())
+            notes.append(
+                f"{name}: no value of {counts}, more than the {100.0 * max_share:g} % that max_left_out allows; "
+                "nothing is known of these"
+            )
+    return notes
+
+
+DOUBT_WORDS = {
+    LOST_MOVEMENTS_DOUBT: "too many movements are missing",
+    LOST_PEOPLE_DOUBT: "too many participants are missing",
+}
+"""Reasons, by doubt, why a claim is not made; of other doubts their name."""
+
+
+def _why(own: Certificate) -> str:
+    """Return why a certificate cannot say, in brackets; "" where it can."""
+    reasons = []
+    for name in own.end_points:
+        if own.said_of(name) != UNDECIDED:
+            continue
+        found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
+        if own.far_people(name):
+            found.append(f"{len(own.far_people(name))} far beyond the margin")
+        if own.lacks_people(name):
+            found.append("not enough people are shown to lie within")
+        if found or own.verdict == "cannot say":
+            reasons.append(f"{name} {', '.join(found) if found else 'undecided'}")
+    return f" ({'; '.join(reasons)})" if reasons else ""

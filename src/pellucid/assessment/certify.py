@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from .._errors import PellucidError
 from .certificate import Certificate, Estimand, certificate
 from .equivalence import Margin
+from .indices import INDICES, PercentOf, Worse
 
 
 def certify(
@@ -83,14 +85,22 @@ def certify(
                 "relative=False compares differences"
             )
         changes[name] = np.log(worn / free) if relative else worn - free
-        limits[name] = _margin(name, margin, relative)
+        limits[name] = margin_of(name, margin, relative)
     return certificate(changes, limits, alpha=alpha, estimand=estimand, people=people)
 
 
-def _margin(name: str, margin: float | tuple[float, float], relative: bool) -> Margin:
+def margin_of(name: str, margin: float | tuple[float, float], relative: bool = True) -> Margin:
+    """Return the margin of an index, a share or its two ends; for logarithms of ratios if `relative`.
+
+    An index of the catalogue whose decrease is never worse has an upper end only, and one without a zero no share.
+    """
+    index = INDICES.get(name)
+    if relative and index is not None and index.percent_of is PercentOf.NOTHING_AT_ALL:
+        raise PellucidError(f"certify, {name}: found a share, expected a change in {index.unit}: it has no zero")
     if isinstance(margin, (int, float)):
         if not margin > 0.0:
             raise PellucidError(f"certify, {name}: found the margin {margin:g}, expected one above 0")
-        return Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
+        made = Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
+        return Margin(-inf, made.high) if index is not None and index.worse is Worse.IF_MORE else made
     low, high = (float(end) for end in margin)
     return Margin(float(np.log1p(low)), float(np.log1p(high))) if relative else Margin(low, high)

@@ -6,7 +6,7 @@ that the participant has in every condition: a movement left out does not tip th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +57,25 @@ def cell_means(
     return {key: float(np.mean(each)) for key, each in sums.items()}
 
 
+def shared_cells(
+    means: Mapping[tuple, float], participants: Sequence[str], conditions: Sequence[str]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return each participant's values of the cells that they have in every condition, by participant and condition.
+
+    `means` are the values by (participant, condition, cell); who has no cell in all `conditions` is not in the result.
+    """
+    cells: dict[tuple[str, str], set] = {}
+    for person, condition, cell in means:
+        cells.setdefault((person, condition), set()).add(cell)
+    found = {}
+    for person in participants:
+        shared = set.intersection(*(cells.get((person, c), set()) for c in conditions))
+        if shared:
+            ordered = sorted(shared, key=str)
+            found[person] = {c: np.array([means[person, c, cell] for cell in ordered]) for c in conditions}
+    return found
+
+
 def lasting_cells(lasted: Sequence[MovementDuration], index: Index) -> dict[tuple, float]:
     """Return the value of a lasting `index` from how long similar movements lasted, by (participant, condition, cell).
 
@@ -97,13 +116,7 @@ def index_table(
     if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):
         return None
     rows, people = [], []
-    for person in participants:
-        cells = [{key[2] for key in means if key[:2] == (person, c)} for c in recorded]
-        shared = set.intersection(*cells)
-        if not shared:
-            continue
-        ordered = sorted(shared, key=str)
-        value = {c: np.array([means[person, c, cell] for cell in ordered]) for c in recorded}
+    for person, value in shared_cells(means, participants, recorded).items():
         if index.over_control:
             rows.append([float(np.mean(value[c] / value[control] - 1.0)) for c in recorded if c != control])
         else:

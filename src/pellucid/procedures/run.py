@@ -238,8 +238,10 @@ def assess(
         Runs the simulated studies, on a cluster for instance.
     **table
         For a data frame: ``control``, the name of the control condition, and optionally ``indices``, ``participant``,
-        ``condition`` (names of columns), ``margins`` (largest relative change of each index that does not matter) and
-        ``alpha``.
+        ``condition``, ``factors`` (names of columns; movements are compared within the levels of the factors, by
+        default of amplitude, target and direction), ``margins`` (largest relative change of each index that does not
+        matter), ``alpha``, ``estimand``, ``people`` and ``max_left_out`` (largest share of movements or participants
+        that may be missing). Columns of the design, such as amplitude, period, block and trial, are no indices.
 
     Returns
     -------

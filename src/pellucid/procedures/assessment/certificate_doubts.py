@@ -1,4 +1,4 @@
-"""Alternative explanations for the change of an end point: period, carry-over, learning, lost and failed movements."""
+"""Doubts on the change of an end point, of a study's movements: order, learning, lost and failed movements."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...assessment.certificate import Doubt
-from ...assessment.crossover import carry_over, is_balanced, period_effect
-from ...assessment.curves import CurveComparison
-from ...assessment.equivalence import Equivalence, Margin, Method, equivalence
+from ...assessment.doubts import LEFT_OUT_DOUBT, LostCounts, carry_over_doubt, learning_doubt, period_doubt
+from ...assessment.equivalence import Method, equivalence
 from ...assessment.indices import CutOff
 from ...assessment.lasting_bounds import lasting_bounds
 from ...assessment.learning import MIN_MOVEMENTS
-from ...assessment.signed_rank import signed_rank
 from .measured_study import MeasuredStudy
 from .movement_model import movements_of, thirds_of
 from .session_order import SessionOrder
@@ -22,27 +20,6 @@ from .session_order import SessionOrder
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
     from .certified_condition import EndPoint
-
-PERIOD_DOUBT = "period"
-"""Doubt: the period of the session may have changed the end point."""
-
-CARRY_OVER_DOUBT = "carry-over"
-"""Doubt: the preceding condition may have changed the end point."""
-
-LEARNING_DOUBT = "learning"
-"""Doubt: the end point was still changing during the session."""
-
-LEFT_OUT_DOUBT = "left out"
-"""Doubt: failed movements, counted as longer than any other, would change the verdict."""
-
-LOST_MOVEMENTS_DOUBT = "lost movements"
-"""Doubt: more movements than `max_left_out` allows gave the end point no value."""
-
-LOST_PEOPLE_DOUBT = "lost people"
-"""Doubt: more participants than `max_left_out` allows take no part."""
-
-LostCounts = Mapping[str, tuple[int, int]]
-"""Number of movements without a value, and of all movements, by condition."""
 
 
 def lost_movements(
@@ -75,11 +52,6 @@ def lost_movements(
     return found
 
 
-def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, int]]:
-    """Return the conditions that lost more than a share `max_share` of their movements, with both counts."""
-    return {condition: (gone, of) for condition, (gone, of) in lost.items() if gone > max_share * of}
-
-
 def people_with_losses(
     whole: MeasuredStudy, wanted: Mapping[str, EndPoint], pair: tuple[str, str], people: list[str]
 ) -> dict[str, np.ndarray]:
@@ -89,51 +61,6 @@ def people_with_losses(
         name: np.array([any(gone for gone, _ in by_person[person][name].values()) for person in people])
         for name in wanted
     }
-
-
-def doubts_of_loss(
-    tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float,
-    losers: Mapping[str, np.ndarray], method: Method,
-) -> dict[str, Doubt]:  # fmt: skip
-    """Return a doubt for each end point within its margin of which too many movements were lost.
-
-    Nothing is known of the changes of people who lost movements (`losers`). Signed ranks of the others may still show
-    the pseudo-median to lie within; a mean has no bound then. A claim of "beyond" is not affected.
-    """
-    made = {}
-    for name, test in tests.items():
-        if test.p_within <= alpha and too_many_lost(lost[name], max_share):
-            bounded = _without_knowing(test, losers.get(name), alpha, method)
-            made[name] = Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), bounded, always=True)
-    return made
-
-
-def doubts_of_lost_people(
-    tests: Mapping[str, Equivalence | CurveComparison], count: int, alpha: float, max_share: float, method: Method
-) -> dict[str, Doubt]:
-    """Return a doubt for each end point within its margin if a `count` of participants, too many, take no part."""
-    made = {}
-    for name, test in tests.items():
-        n = len(test.differences) if isinstance(test, Equivalence) else 0
-        if test.p_within <= alpha and count > max_share * (n + count):
-            hidden = np.concatenate([np.zeros(n, bool), np.ones(count, bool)]) if n else None
-            bounded = _without_knowing(test, hidden, alpha, method)
-            made[name] = Doubt(LOST_PEOPLE_DOUBT, float("nan"), bounded, always=True)
-    return made
-
-
-def _without_knowing(
-    test: Equivalence | CurveComparison, hidden: np.ndarray | None, alpha: float, method: Method
-) -> Equivalence:
-    """Return the test with the differences of `hidden` people unknown; of a curve nothing is known then."""
-    if hidden is None or not isinstance(test, Equivalence):
-        low, high, margin = np.full(2, -np.inf), np.full(2, np.inf), Margin.either_way(1.0)
-    else:
-        more, margin = np.zeros(len(hidden) - len(test.differences)), test.margin
-        low = np.where(hidden, -np.inf, np.concatenate([test.differences, more]))
-        upper = test.differences if test.upper is None else test.upper
-        high = np.where(hidden, np.inf, np.concatenate([upper, more]))
-    return equivalence(low, margin, upper=high, alpha=alpha, method=method)
 
 
 def find_doubts(
@@ -164,8 +91,8 @@ def _of_order(found, point, condition, people, seen, order, alpha, method, unkno
     table = found.assessed[point.index.name].table
     control = found.control if found.control in table.conditions or table.index.over_control else None
     later = order.later(people, condition, control)
-    effect = period_effect(seen, later, point.margin, alpha=alpha, method=method)
-    if effect is None:
+    doubt = period_doubt(seen, later, point.margin, alpha=alpha, method=method)
+    if doubt is None:
         few = len(people) < 4
         unknown.append(
             f"With {len(people)} participants an effect of the period is not looked for."
@@ -174,20 +101,19 @@ def _of_order(found, point, condition, people, seen, order, alpha, method, unkno
             "be told from its own."
         )
     else:
-        balanced = is_balanced(later)
-        made.append(Doubt(PERIOD_DOUBT, effect.p_value, effect.without, always=not balanced, never=balanced))
+        made.append(doubt)
     if found.control in table.conditions:
         rows = [table.participants.index(person) for person in people]
         values = np.log(table.values[rows]) if point.ratio else table.values[rows]
         periods = np.array([[order.by_condition[person, c] for c in table.conditions] for person in people])
         at = table.conditions.index
-        lingers = carry_over(values, periods, at(found.control), at(condition), point.margin, alpha=alpha)
+        lingers = carry_over_doubt(values, periods, at(found.control), at(condition), point.margin, alpha=alpha)
         if lingers is None:
             unknown.append(
                 "Orders differ too little between people to tell what lingers of the condition before (carry-over)."
             )
         else:
-            made.append(Doubt(CARRY_OVER_DOUBT, lingers.p_value, lingers.without))
+            made.append(lingers)
     return made
 
 
@@ -209,10 +135,10 @@ def _learning(found, whole, point, condition, people, seen, order, alpha, method
     signs = (1.0,) if base is None else (-1.0, 1.0)
     drift = np.sum([[s * each.drift for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
     late = np.sum([[s * each.last for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
-    p = signed_rank(drift).p_value
-    trends[point.index.name] = float(np.median(drift)), p
     at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
-    return [Doubt(LEARNING_DOUBT, p, equivalence(at_end, point.margin, alpha=alpha, method=method))]
+    doubt = learning_doubt(drift, at_end, point.margin, alpha=alpha, method=method)
+    trends[point.index.name] = float(np.median(drift)), doubt.p_value
+    return [doubt]
 
 
 def _left_out(found, whole, point, condition, people, alpha, method) -> list[Doubt]:

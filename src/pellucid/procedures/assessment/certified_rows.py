@@ -8,6 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...assessment.certificate import FAIL, PASS, Doubt
+from ...assessment.doubts import (
+    CARRY_OVER_DOUBT,
+    LEARNING_DOUBT,
+    LEFT_OUT_DOUBT,
+    LOST_MOVEMENTS_DOUBT,
+    LOST_PEOPLE_DOUBT,
+    PERIOD_DOUBT,
+    too_many_lost,
+)
 from ...assessment.equivalence import (
     BEYOND_MARGIN,
     FAR_MARGIN_COUNT,
@@ -20,15 +29,6 @@ from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...fit.parameter import Verdict
 from ...studies.results import ResultRow
 from ..result import FigureTable
-from .certificate_doubts import (
-    CARRY_OVER_DOUBT,
-    LEARNING_DOUBT,
-    LEFT_OUT_DOUBT,
-    LOST_MOVEMENTS_DOUBT,
-    LOST_PEOPLE_DOUBT,
-    PERIOD_DOUBT,
-    too_many_lost,
-)
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
 
