@@ -14,7 +14,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..assessment.certificate import certificate
-from ..assessment.equivalence_power import find_equivalence_participants
+from ..assessment.equivalence_power import Active, find_equivalence_participants
 from ..assessment.index_table import index_table
 from ..assessment.indices import Index, indices_along
 from ..procedures.assessment.assessment_table import AssessmentTable
@@ -123,13 +123,15 @@ class RunningIndices:
         seen = {name: np.array([own[person] for person in both]) for name, own in changes.items()}
         margins = {name: point.margin for name, point in points.items()}
         try:
-            said = certificate(seen, margins, alpha=self.spec.false_transparent).verdict
+            said = certificate(
+                seen, margins, alpha=self.spec.alpha, estimand=self.spec.estimand, people=self.spec.people
+            ).verdict
             more = None
             if said == "cannot say" and len(both) > 2:
                 covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
                 needed = find_equivalence_participants(
-                    covariance, list(margins.values()), power=PLANNED_POWER, alpha=self.spec.false_transparent,
-                    studies=SIMULATED_STUDIES,
+                    covariance, list(margins.values()), power=PLANNED_POWER, alpha=self.spec.alpha,
+                    active=Active(self.spec.estimand, self.spec.people), studies=SIMULATED_STUDIES,
                 )  # fmt: skip
                 more = None if needed is None else max(needed - len(both), 1)
         except PellucidError as error:

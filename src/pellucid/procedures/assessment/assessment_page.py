@@ -21,7 +21,7 @@ from .assessment_result import AssessmentResult
 from .assessment_table import AssessmentTable
 from .certified_rows import certificate_remarks, certificate_sentences
 from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
-from .statements import change_text, is_told_apart
+from .statements import change_text, lowered
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -63,14 +63,15 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
         return certificate_answer(findings)
     name = leading_index().name
     each = findings.assessed.get(name) or next(iter(findings.assessed.values()))
-    told = is_told_apart(findings, each, 1.0 - findings.confidence)
+    alpha = 1.0 - findings.confidence
+    told = any(each.differs(c, findings.control, alpha) for c in each.comparison.pairwise)
     turning = findings.profiles if findings.along.unit == "rad" else ()
     figure = draw(
         figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study, turning,
         findings.profile_of,
     )  # fmt: skip
     plan = f"State margins in `[assessment.margins]`, and plan how many people they take: `pellucid plan {study.name}`."
-    question = f"Do these conditions change how people move, against {findings.control}?"
+    question = f"Do these conditions change people's {lowered(each.table.index.words)}, against {findings.control}?"
     return Answer(question, "yes" if told else "unsure", figure, (plan,))
 
 

@@ -33,6 +33,20 @@ class Assessed:
         """Name of the index."""
         return self.table.index.name
 
+    def differs(self, condition: str, control: str, alpha: float) -> bool | None:
+        """Return whether tests tell a condition from control; None without a test.
+
+        The tests are Friedman's and Nemenyi's together, or signed ranks corrected after Holm where the index has no
+        value of its own in control. Every part of a report that says "differs" asks here.
+        """
+        own = self.comparison.pairwise.get(condition)
+        if own is None:
+            return None
+        if control not in self.table.conditions:
+            return own.holm < alpha
+        p = self.comparison.p_value
+        return None if p is None else p < alpha and self.comparison.pair(control, condition) < alpha
+
     def share_of_control(self, control: str) -> float | None:
         """Return the divisor that makes a change a share of control's mean; None if shares are not meaningful."""
         if self.table.index.over_control:
@@ -111,6 +125,11 @@ class AssessmentResult(Result):
     unit: str = "rad"  # unit of the coordinate of movement: "rad" or "m"
     # function that writes the tables for a paper into a folder
     write_tables: Callable[[Path, AssessmentResult], object] | None = field(default=None, repr=False)
+
+    def said_of(self, index: str, condition: str) -> str | None:
+        """Return what the certificate of a condition says of an index; None if no margin of it is stated."""
+        own = next((each for each in self.certified if each.condition == condition and index in each.end_points), None)
+        return None if own is None else own.certificate.said_of(index)
 
     @property
     def along(self) -> Coordinate:

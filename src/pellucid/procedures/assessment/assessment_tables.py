@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
 from ...assessment.indices import index_names
 from ...assessment.power import CANDIDATE_SIZES
 from ...pages.quantities import MINUS_SIGN
@@ -47,9 +48,10 @@ def certificate_tables(found: AssessmentResult) -> list[FigureTable]:
 
 
 def change_table(found: AssessmentResult) -> FigureTable:
-    """How the indices of the paragraph change from control in each condition, and whether a test tells that apart.
+    """How the indices of the paragraph change from control in each condition, and what their test says.
 
-    The test is Nemenyi's, or signed ranks corrected after Holm where an index has no value without the robot.
+    Of an index with a margin that is the certificate's test; of others it is whether the condition differs from control
+    (`Assessed.differs`).
     """
     rows = []
     for name in index_names(lambda index: index.paragraph_place):
@@ -66,9 +68,7 @@ def change_table(found: AssessmentResult) -> FigureTable:
             bounded = np.isfinite(change.low) and np.isfinite(change.high)
             interval = f" ({low} to {high})" if bounded else ""
             least = "at least " if change.at_least else ""
-            tested = each.comparison.nemenyi is not None and found.control in each.table.conditions
-            p = each.comparison.pair(found.control, own.condition) if tested else own.holm
-            told = None if np.isnan(p) else "differs" if p < 1.0 - found.confidence else "cannot say"
+            told = _test_text(found, each, own.condition)
             change_cell = f"{least}{value}{interval} {change.unit}".rstrip()
             rows.append((each.table.index.short, own.condition, change_cell, told))
     level = f"{100 * found.confidence:g} % CI"
@@ -76,15 +76,25 @@ def change_table(found: AssessmentResult) -> FigureTable:
     return FigureTable(title, ("Index", "Condition", "Change", "Test says"), tuple(rows))
 
 
+def _test_text(found: AssessmentResult, each: Assessed, condition: str) -> str | None:
+    """Say what the test of an index says of a condition: the certificate's, or whether it differs from control."""
+    said = found.said_of(each.name, condition)
+    if said is not None:
+        return {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "cannot say"}[said]
+    differs = each.differs(condition, found.control, 1.0 - found.confidence)
+    return None if differs is None else "differs" if differs else "no difference shown"
+
+
 def summary_table(found: AssessmentResult) -> FigureTable:
-    """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control."""
+    """Every index: mean ± SD in each condition, with an asterisk where it differs from control."""
     rows = []
     for each in found.assessed.values():
         decimals = _row_decimals(each)
         cells = (_mean_cell(found, each, condition, decimals) for condition in found.conditions)
         rows.append((words(each, short=True), *cells))
     n = len(found.participants)
-    title = f"Mean ± SD over {n} participants; * differs from {found.control} (Nemenyi)" if n > 1 else "One participant"
+    marked = f"* differs from {found.control} (Friedman and Nemenyi)"
+    title = f"Mean ± SD over {n} participants; {marked}" if n > 1 else "One participant"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
@@ -95,8 +105,7 @@ def _mean_cell(found: AssessmentResult, each: Assessed, condition: str, decimals
     shown = _fixed(float(column.mean()), decimals)
     if len(column) > 1:
         shown += f"±{_fixed(float(np.std(column, ddof=1)), decimals)}"
-    known = found.control in each.table.conditions and condition != found.control
-    differs = known and each.comparison.pair(found.control, condition) < 1.0 - found.confidence
+    differs = each.differs(condition, found.control, 1.0 - found.confidence)
     return shown + ("*" if differs else "")
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...assessment.equivalence import WITHIN_MARGIN
 from ...assessment.indices import MOVEMENT_DURATION, index_names, leading_index
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
@@ -38,7 +39,7 @@ def headline(found: AssessmentResult) -> str:
     ]
     cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
     more = f"; never settled: {_listed(cut)}" if cut else ""
-    words = _lower(leading.table.index.words)
+    words = lowered(leading.table.index.words)
     return f"{verdicts_text}{counts_text}; {words} against {found.control}: {', '.join(parts)}{more}."
 
 
@@ -57,23 +58,17 @@ def paragraph(found: AssessmentResult) -> str:
     described = [name for name in index_names(lambda index: index.paragraph_place) if name in found.assessed]
     parts += [_index_sentences(found, found.assessed[name], alpha) for name in described]
     rest = _other_indices(found, alpha)
-    if n > 2 and any(is_told_apart(found, each, alpha) is False for each in found.assessed.values()):
+    if n > 2 and any(
+        each.differs(c, found.control, alpha) is False and found.said_of(each.name, c) != WITHIN_MARGIN
+        for each in found.assessed.values()
+        for c in each.comparison.pairwise
+    ):
         rest.append(
             f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
             f"(CI, of the {ESTIMAND_WORDS[found.estimand]}) says how large the change may be."
         )
     parts += [rest, _isochrony_sentence(found) + ([_limits(found, alpha)] if n > 1 else [])]
     return "\n\n".join(" ".join(part) for part in parts if part)
-
-
-def is_told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool | None:
-    """Return whether Friedman's and Nemenyi's tests separate every condition from control; None without a test."""
-    if each.comparison.p_value is None or not each.comparison.against_control:
-        return None
-    if each.table.index.over_control:
-        return each.comparison.p_value < alpha
-    pairs = (each.comparison.pair(found.control, a.condition) for a in each.comparison.against_control)
-    return each.comparison.p_value < alpha and all(p < alpha for p in pairs)
 
 
 def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
@@ -100,7 +95,8 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
     exact = "exact " if test.exact_p_value is not None else ""
     result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{_p(compared.p_value)}"
     if compared.p_value >= alpha:
-        return [*sentences, f"No difference between conditions was found ({result})."]
+        compared_text = _listed(compared.conditions) if index.over_control else "conditions"
+        return [*sentences, f"No difference between {compared_text} was found ({result})."]
     pairs = [
         (a, b, compared.pair(a, b))
         for i, a in enumerate(compared.conditions)
@@ -115,11 +111,12 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
 def _mean_of(words: str) -> str:
     """``Duration`` becomes ``Mean duration``; a name that begins with an abbreviation keeps its capitals."""
     if words.startswith(("Median", "Share")):
-        return f"The mean {_lower(words)}"
-    return f"Mean {_lower(words)}"
+        return f"The mean {lowered(words)}"
+    return f"Mean {lowered(words)}"
 
 
-def _lower(words: str) -> str:
+def lowered(words: str) -> str:
+    """Return words as they stand within a sentence; an abbreviation keeps its capitals."""
     return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
@@ -155,7 +152,7 @@ def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
     same = [e for e in others if e.comparison.p_value >= alpha]
 
     def named(each: Assessed) -> str:
-        return f"{_lower(each.table.index.words)} ({_p(each.comparison.p_value)})"
+        return f"{lowered(each.table.index.words)} ({_p(each.comparison.p_value)})"
 
     sentences = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
     return sentences + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
@@ -258,7 +255,7 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
         if yes and no:
             filters_text = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
-            turned.append(f"{_lower(found.indices[index].words)} ({filters_text})")
+            turned.append(f"{lowered(found.indices[index].words)} ({filters_text})")
     if not turned:
         return []
     text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."
