@@ -10,6 +10,7 @@ from pellucid.signals.movements import (
     kinematics,
     movements,
     rest_stretches,
+    ringing_share,
     target_stretches,
 )
 from pellucid.signals.speed import moving_samples, tangential_speed
@@ -231,3 +232,31 @@ def test_speed_is_the_norm_of_the_velocity():
     np.testing.assert_allclose(tangential_speed(velocity), np.sqrt((velocity**2).sum(axis=1)))
     np.testing.assert_array_equal(tangential_speed(velocity[:, 0]), np.abs(velocity[:, 0]))
     assert moving_samples(np.array([0.0, 0.04, 0.2, 1.0, 0.0, 0.3, 0.05]), 0.05) == (2, 5)
+
+
+@pytest.mark.parametrize("duration", [0.2, 0.25, 0.3, 0.4, 0.5, 0.8, 1.5])
+@pytest.mark.parametrize("lowpass", [3.0, 6.0])
+def test_the_ringing_of_the_filter_is_no_correction(duration, lowpass):
+    """A one-way movement that is short for its filter rings at up to 10 % of its peak speed, before and after it."""
+    rule = MovementRule(lowpass=lowpass)
+    time, angle = record([(2.0, duration, 0.5)], 5.0)
+    motion = kinematics(time, angle, rule)
+    (found,), _ = movements(motion, steps(time, (1.7, 0.5)), rule)
+    forward = np.flatnonzero(motion.velocity > rule.threshold * motion.velocity.max())
+    assert found.duration == pytest.approx((forward[-1] - forward[0]) / FS)
+
+
+@pytest.mark.parametrize("duration", [0.25, 0.3])
+def test_an_overshoot_of_a_fast_movement_counts_beside_the_ringing(duration):
+    rule = MovementRule()
+    time, angle = record([(2.0, duration, 0.6), (2.0 + 1.3 * duration, 0.5, -0.15)], 5.0)
+    (found,), _ = movements(kinematics(time, angle, rule), steps(time, (1.7, 0.45)), rule)
+    assert found.duration > 0.5
+
+
+def test_ringing_shrinks_with_the_duration_and_grows_with_the_order():
+    shares = [ringing_share(periods, MovementRule()) for periods in (0.5, 1.0, 1.5, 2.0, 4.0)]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] > 0.1 > 0.05 > shares[2]
+    assert shares[-1] < 0.01
+    assert ringing_share(1.0, MovementRule(order=2)) < ringing_share(1.0, MovementRule(order=8))

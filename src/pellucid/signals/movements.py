@@ -7,6 +7,10 @@ published rule [1]_. Speed has no sign: an overshoot and its correction backward
 counts small corrections at the target; the other one ends where the speed first falls below the share. What a filter at
 3 Hz does to fast movements (longer, with lower peaks) is told by doing it again with others.
 
+A low-pass without delay rings: it answers a movement that is short for its cut-off with motions in the opposite
+direction, before and after it. Such a motion counts only if it is faster than what the filter leaves of a one-way
+movement that lasts as long.
+
 Two motions belong to a neighbour: one against the direction of the target that was under way when the target came ends
 the movement before, and one towards the next target that is fastest after that target came begins the next movement.
 
@@ -18,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise, zip_longest
 from typing import Literal
 
@@ -45,6 +50,13 @@ MIN_TRAVEL_SHARE = 0.5
 MAX_CORRECTION_SHARE = 1.0 / 3.0
 """Where no target is recorded, a motion back that follows a movement without a rest and travels less than this share of
 it is its correction. That is what an overshoot of a third leaves; people's are smaller."""
+
+RINGING_MARGIN = 1.5
+"""A motion backwards counts if it is this many times as fast as the ringing of a movement of minimum jerk. The speeds
+of people are not of minimum jerk: of one-way movements with a stylus at 3 Hz the ringing reaches 1.4 times that."""
+
+MAX_RINGING_GAP_PERIODS = 0.5
+"""Ringing follows a movement, or precedes it, within this many periods of the cut-off frequency."""
 
 MIN_REST_S = 0.15
 """Shorter rests do not separate movements where there is no target."""
@@ -279,13 +291,13 @@ def _movement(
     if top <= 0.0:
         return NoMovement(stretch, "still", "no motion", "a movement")
     peak = int(np.argmax(speed))
+    # A reversal passes through rest, whether or not a sample lies there.
+    ways = np.sign(velocity) * np.sign(velocity[peak])
+    main = next(run for run in runs((speed > rule.threshold * top) & (ways > 0.0)) if run.start <= peak < run.stop)
     if rule.ends == "all":
-        first, last = moving_samples(speed, rule.threshold)
+        first, last = moving_samples(_without_ringing(speed, ways, main, motion.fs, rule), rule.threshold)
     else:
-        # A reversal passes through rest, whether or not a sample lies there.
-        same_way = (speed > rule.threshold * top) & (np.sign(velocity) == np.sign(velocity[peak]))
-        run = next(run for run in runs(same_way) if run.start <= peak < run.stop)
-        first, last = run.start, run.stop - 1
+        first, last = main.start, main.stop - 1
     if motion.lost[low + first : low + last + 1].any():
         n = int(motion.lost[low + first : low + last + 1].sum())
         return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
@@ -329,6 +341,47 @@ def _movement(
         lasted=duration if settled else duration + rest,
         settled=settled,
     )
+
+
+def _without_ringing(speed: np.ndarray, ways: np.ndarray, main: slice, fs: float, rule: MovementRule) -> np.ndarray:
+    """Return the speed (n,), 0 in motions beside the `main` run that the filter alone may have made.
+
+    `ways` is 1 in the direction of the main run and -1 against it.
+    """
+    limit = RINGING_MARGIN * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
+    top = float(speed[main].max())
+    if limit <= rule.threshold:
+        return speed
+    kept = speed.copy()
+    reach = MAX_RINGING_GAP_PERIODS / rule.lowpass * fs
+    for run in runs((ways < 0.0) & (speed > rule.threshold * top)):
+        gap = max(run.start - main.stop, main.start - run.stop)
+        if gap <= reach and speed[run].max() <= limit * top:
+            kept[run] = 0.0
+    return kept
+
+
+def ringing_share(periods: float, rule: MovementRule) -> float:
+    """Return how fast the filter of a `rule` makes a one-way movement go backwards, as a share of its peak speed.
+
+    `periods` is the duration of the movement above the rule's threshold, filtered, in periods of the cut-off frequency.
+    """
+    durations, shares = _ringing(rule.order, rule.threshold)
+    return float(np.interp(periods, durations, shares))
+
+
+@lru_cache(maxsize=64)
+def _ringing(order: int, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return filtered durations of movements of minimum jerk, and their ringing: (k,) each, at a cut-off of 1 Hz."""
+    fs, rows = 50.0, []
+    time = np.arange(-6.0, 6.0, 1.0 / fs)
+    for duration in np.geomspace(0.2, 6.0, 30):
+        s = np.clip(time / duration + 0.5, 0.0, 1.0)
+        velocity = zero_phase_lowpass(s**2 * (1.0 - s) ** 2, 1.0, order, fs)
+        inside = np.flatnonzero(velocity > threshold * velocity.max())
+        rows.append(((inside[-1] - inside[0]) / fs, max(-float(velocity.min() / velocity.max()), 0.0)))
+    durations, shares = np.array(rows).T
+    return np.maximum.accumulate(durations), shares
 
 
 def _own_samples(

@@ -316,11 +316,14 @@ def range_table(found: AssessmentResult) -> FigureTable:
     """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all."""
     rows = []
     for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
-        own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]
-        changes = [100.0 * s.change for s in own]
-        p = [s.p_value for s in own if np.isfinite(s.p_value)]
+        tried = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition)]
+        changes = [100.0 * s.change for s in tried if np.isfinite(s.change)]
+        if not changes:
+            continue
+        p = [s.p_value for s in tried if np.isfinite(s.p_value)]
         p_cells = (p_text(min(p)), p_text(max(p))) if p else (None, None)
-        cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
+        chosen = 100.0 * tried[0].change
+        cells = (_fixed(each, 1) if np.isfinite(each) else None for each in (chosen, min(changes), max(changes)))
         rows.append((found.indices[index].short, condition, *cells, *p_cells))
     title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
     return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))
