@@ -143,7 +143,7 @@ def test_the_command_saves_its_rows_and_prints_one_screen_that_answers_and_leads
     assert f"PCFr {told.value:+.1f} % (95 % CI {told.low:+.1f} to {told.high:+.1f} %)" in first
     answers = [line for line in lines if re.match(r" (Median dur|Peak vel|EMG/Acc)", line)]
     assert len(answers) == 9
-    assert all(line.split()[-1] in ("differs", "say") for line in answers)
+    assert all(line.split()[-1] in ("differs", "shown") for line in answers)
     assert "-v prints" in result.stdout
     assert f"pellucid report {whole.study.folder}" in result.output
     assert tuple(read_rows(whole.study.results_path)) == whole.found.rows
