@@ -369,3 +369,15 @@ def test_a_table_of_a_study_is_certified_as_the_study_is(tmp_path):
         for name, change in table["vmax"].pairwise.items():
             match = whole.assessed["vmax"].comparison.pairwise[name]
             assert (change.p, change.cliff) == (match.p, match.cliff)
+
+
+def test_margins_of_known_indices_are_those_of_a_study():
+    """A smaller end-point error is never worse, and SPARC has no zero to take a share of."""
+    rng = np.random.default_rng(6)
+    free = rng.normal(1.0, 0.1, 16)
+    better = 0.6 * free * np.exp(rng.normal(0.0, 0.03, 16))
+    assert pl.certify({"end_absolute": (free, better)}, {"end_absolute": 0.1}).verdict == "transparent"
+    both_ways = pl.certify({"duration": (free, better)}, {"duration": 0.1})
+    assert both_ways.verdict == "not transparent"
+    with pytest.raises(pl.PellucidError, match="sparc: found a share, expected a change in 1"):
+        pl.certify({"sparc": (-free, -better)}, {"sparc": 0.1})

@@ -15,7 +15,15 @@ import numpy as np
 
 from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
-from .certificate import ESTIMAND_METHODS, Certificate, Doubt, Estimand, certificate_from_tests, require_people
+from .certificate import (
+    CANNOT_SAY,
+    ESTIMAND_METHODS,
+    Certificate,
+    Doubt,
+    Estimand,
+    certificate_from_tests,
+    require_people,
+)
 from .certify import margin_of
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_word, too_many_levels
@@ -265,7 +273,7 @@ def _cells(
     design: Mapping[str, Sequence[Any]], factors: Sequence[str] | None, length: int
 ) -> tuple[list[tuple], list[str], list[str]]:
     """Return the cell of each of `length` rows, the factors that make it, and notes on those that do not."""
-    wanted = columns_with_role(design, DesignRole.CELL) if factors is None else list(factors)
+    wanted = columns_with_role(design, DesignRole.CELL_FACTOR) if factors is None else list(factors)
     clash = [name for name in wanted if name not in design]
     if clash:
         raise PellucidError(f"assess: found {', '.join(clash)} among indices and factors, expected it in one of both")
@@ -291,9 +299,9 @@ def _level(name: str, row: int, value: Any) -> object:
 
 def _order(design: Mapping[str, Sequence[Any]]) -> np.ndarray | None:
     """Return the place of each row in time by the columns of the design that state it; None without one."""
-    wanted = columns_with_role(design, DesignRole.PERIOD) + columns_with_role(design, DesignRole.TRIAL)
+    wanted = columns_with_role(design, DesignRole.PERIOD_FACTOR) + columns_with_role(design, DesignRole.TRIAL_FACTOR)
     known = [np.asarray(design[name], float) for name in wanted if _is_numeric(design[name])]
-    if not columns_with_role(design, DesignRole.TRIAL) or not known or not np.isfinite(known).all():
+    if not columns_with_role(design, DesignRole.TRIAL_FACTOR) or not known or not np.isfinite(known).all():
         return None
     return np.unique(np.array(known).T, axis=0, return_inverse=True)[1].ravel()
 
@@ -302,7 +310,7 @@ def _periods(
     design: Mapping[str, Sequence[Any]], who: Sequence[str], what: Sequence[str]
 ) -> Mapping[tuple[str, str], float]:
     """Return the mean period of each participant and condition; empty if it is not stated."""
-    name = next((n for n in columns_with_role(design, DesignRole.PERIOD) if _is_numeric(design[n])), None)
+    name = next((n for n in columns_with_role(design, DesignRole.PERIOD_FACTOR) if _is_numeric(design[n])), None)
     if name is None or not np.isfinite(np.asarray(design[name], float)).all():
         return {}
     found: dict[tuple[str, str], list[float]] = {}
@@ -440,6 +448,6 @@ def _why(own: Certificate) -> str:
             found.append(f"{len(own.far_people(name))} far beyond the margin")
         if own.lacks_people(name):
             found.append("not enough people are shown to lie within")
-        if found or own.verdict == "cannot say":
+        if found or own.verdict == CANNOT_SAY:
             reasons.append(f"{name} {', '.join(found) if found else 'undecided'}")
     return f" ({'; '.join(reasons)})" if reasons else ""

@@ -36,7 +36,8 @@ def certify(
         For each index the participants' values without and with the robot, in the same order.
     margins : mapping of str to float or tuple of float
         For each index the largest change that does not matter: a share such as 0.1, up or down by as large a factor,
-        or the lowest and highest change in the index's unit (with ``relative=False``).
+        or the lowest and highest change in the index's unit (with ``relative=False``). An index of `assess` whose
+        decrease is never worse, such as ``"end_absolute"``, has an upper end only.
     relative : bool
         Whether changes are ratios, with the robot over without; otherwise differences.
     alpha : float
@@ -74,6 +75,7 @@ def certify(
             raise PellucidError(
                 f"certify: found values of {', '.join(values) or 'nothing'}, expected those of {name} too"
             )
+        limits[name] = margin_of(name, margin, relative)
         free, worn = (np.asarray(x, float) for x in values[name])
         if free.shape != worn.shape or free.ndim != 1:
             raise PellucidError(f"certify, {name}: found shapes {free.shape} and {worn.shape}, expected both (n,)")
@@ -85,7 +87,6 @@ def certify(
                 "relative=False compares differences"
             )
         changes[name] = np.log(worn / free) if relative else worn - free
-        limits[name] = margin_of(name, margin, relative)
     return certificate(changes, limits, alpha=alpha, estimand=estimand, people=people)
 
 

@@ -12,21 +12,22 @@ from ..signals.amplitude_check import MAX_AMPLITUDE_COUNT
 class DesignRole(Enum):
     """What a column of the design says of a movement."""
 
-    CELL = "which movements are alike"
-    PERIOD = "when a condition came"
-    TRIAL = "when a movement came within its condition"
+    CELL_FACTOR = "which movements are alike"
+    PERIOD_FACTOR = "when a condition came"
+    TRIAL_FACTOR = "when a movement came within its condition"
 
 
 DESIGN_WORDS: Mapping[str, DesignRole] = {
-    "amplitude": DesignRole.CELL, "target": DesignRole.CELL, "direction": DesignRole.CELL,
-    "period": DesignRole.PERIOD,
-    "session": DesignRole.TRIAL, "visit": DesignRole.TRIAL, "day": DesignRole.TRIAL, "block": DesignRole.TRIAL,
-    "run": DesignRole.TRIAL, "set": DesignRole.TRIAL, "repetition": DesignRole.TRIAL, "rep": DesignRole.TRIAL,
-    "trial": DesignRole.TRIAL, "movement": DesignRole.TRIAL,
-}  # fmt: skip
-"""Words that name a factor of the design, and its role; those of `DesignRole.TRIAL` from the slowest to the fastest."""
+    **dict.fromkeys(("amplitude", "target", "direction"), DesignRole.CELL_FACTOR),
+    "period": DesignRole.PERIOD_FACTOR,
+    **dict.fromkeys(
+        ("session", "visit", "day", "block", "run", "set", "repetition", "rep", "trial", "movement"),
+        DesignRole.TRIAL_FACTOR,
+    ),
+}
+"""Words that name a factor of the design, and its role; those of a trial from the slowest to the fastest."""
 
-QUALIFIERS = frozenset((
+QUALIFIER_WORDS = frozenset((
     "number", "no", "nr", "num", "n", "id", "index", "idx", "label", "name", "code", "level",
     "angle", "position", "deg", "degree", "degrees", "rad", "m", "mm", "cm", "s", "of", "the",
 ))  # fmt: skip
@@ -43,7 +44,7 @@ def design_word(name: str) -> str:
     words = [part.lower() for part in parts]
     words = [word[:-1] if word[:-1] in DESIGN_WORDS else word for word in words]
     found = [word for word in words if word in DESIGN_WORDS]
-    return found[-1] if found and all(word in DESIGN_WORDS or word in QUALIFIERS for word in words) else ""
+    return found[-1] if found and all(word in DESIGN_WORDS or word in QUALIFIER_WORDS for word in words) else ""
 
 
 def columns_with_role(names: Iterable[str], role: DesignRole) -> list[str]:
