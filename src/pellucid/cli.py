@@ -9,12 +9,14 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from ._errors import PellucidError, UnfitRecordingError
 from ._plugins import load_plugins
+from ._printed_command import printed_command
 from .command_group import CommandGroup, example
 from .procedures.command import (
     DEPLOY_GROUP,
@@ -126,20 +128,21 @@ def init(
     made = run(folder, dataset=dataset, rig=rig, urdf=urdf, session=session, progress=sys.stderr.isatty())
     out = make_console()
     if session is not None:
-        print_line(out, f"{made}: the session {session}, to be run as it is or edited. Next: pellucid live {folder}")
+        print_line(out, f"{made}: the session {session}, to be run as it is or edited.")
+        print_line(out, f"Next: {printed_command('live', folder)}")
         return
     if urdf is not None:
         print_line(out, f"{made}: the joints of {urdf.name}. Put recordings into {folder / 'recordings'},")
-        print_line(out, f"and say in study.toml what their columns mean. Next: pellucid check {folder}")
+        print_line(out, f"and say in study.toml what their columns mean. Next: {printed_command('check', folder)}")
         return
     if isinstance(made, Path):
         print_line(out, f"{made}: the rig {rig}, to be used as it is or edited.")
-        print_line(out, f"Next: pellucid simulate {folder}")
+        print_line(out, f"Next: {printed_command('simulate', folder)}")
         return
     study = cast("Study", made)  # own files were proposed above
     print_line(out, f"{folder}: study {study.name!r}, {count_of(len(study.recordings()), 'recording')}.")
     print_items(out, [("note", note) for note in study.notes])
-    print_line(out, f"study.toml says what they mean. Next: pellucid check {folder}")
+    print_line(out, f"study.toml says what they mean. Next: {printed_command('check', folder)}")
 
 
 def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: bool, answer: list[str]) -> None:
@@ -204,13 +207,14 @@ def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines:
         print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
         raise typer.Exit(1)
     command = asked(study)[0].command
+    following = printed_command(command, folder)
     if warned:
         where = list(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
         more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
         named = f"{', '.join(where[:MAX_NAMED_CHANNELS])}{more}"
-        print_line(out, f"Fit to {command} from, but see the warnings: {named}. Next: pellucid {command} {folder}")
+        print_line(out, f"Fit to {command} from, but see the warnings: {named}. Next: {following}")
         return
-    print_line(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
+    print_line(out, f"Fit to {command} from. Next: {following}")
 
 
 def _print_faults(faults: Sequence[Fault]) -> None:
@@ -420,7 +424,8 @@ def live(
         folder, participant=participant, port=port, unattended=unattended, open_pages=browser and not unattended,
         on_ready=show,
     )  # fmt: skip
-    print_items(out, [("note", note) for note in found.notes])
+    for note in found.notes:
+        print_line(out, note)  # a note may end in a command, which no line may break
     print_line(out, f"{found.participant}: {found.done} of {found.planned} trials are recorded.")
     if found.report is not None:
         print_line(out, f"Report: {found.report}")
@@ -570,7 +575,7 @@ def export(
     if not (made / "test" / "vector_outputs.h").is_file():
         print_line(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
         return
-    print_line(console, f"{made}: read README.md there. Next: make -C {made} check")
+    print_line(console, f"{made}: read README.md there. Next: make -C {quote(str(made))} check")
 
 
 @app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid incident incident.bin"))
@@ -878,7 +883,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         return
     later = [p.command for p in asked(study)]
     following = [c for c in later[later.index(command) + 1 :] if c != command]
-    print_line(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")
+    print_line(out, f"Next: {printed_command(following[0] if following else 'report', study.folder)}")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from ._printed_command import printed_command
 from .command_group import example
 from .procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
 from .terminal import (
@@ -49,7 +50,7 @@ def simulate(
         f"{folder}: study {made.study.name!r}, {count_of(made.recordings, 'recording')}, {made.joint_time:.0f} s of "
         f"motion in {made.wall_time:.1f} s ({times:.0f} times real time).",
     )
-    print_line(out, f"Next: pellucid check {folder}")
+    print_line(out, f"Next: {printed_command('check', folder)}")
 
 
 def predict(

@@ -11,7 +11,7 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_atomic", "_errors", "_given", "_plugins", "_processes", "_tabular", "units"}
+BASE = {"_atomic", "_errors", "_given", "_plugins", "_printed_command", "_processes", "_tabular", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols", "studies"}
 JUDGING = {"fit", "control", "estimators", "assessment", "pages", "procedures"}
@@ -24,6 +24,7 @@ ALLOWED = {
     "_errors": set(),
     "_given": {"_errors"},
     "_plugins": {"_errors"},
+    "_printed_command": set(),
     "_processes": set(),
     "_tabular": {"_errors"},
     "units": {"_errors"},

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._printed_command import printed_command
 from ..assessment.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TORQUE, Index
 from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from ..datasets.registry import info
@@ -80,7 +81,7 @@ def _headline(made: Demonstration) -> str:
 def _answer(made: Demonstration) -> Answer:
     """Return the answer of the real machine's report, with its moving figure."""
     answer = joint_answer(made.real, made.real_fit)
-    following = ("Try your own recordings: `pellucid init DIR --from FILES`.",)
+    following = ("Try your own recordings: `pellucid init my-joint --from recordings`.",)
     return Answer(answer.question, answer.verdict, answer.figure, following)
 
 
@@ -244,7 +245,7 @@ def _people(made: Demonstration) -> Section:
             "people move without a robot and then frozen: what the robot does to them is a prediction.",
             f"{n} people show how a study goes and prove nothing: a signed-rank test of one controller against "
             f"{findings.control} cannot give less than p = {least}, whatever it does. The whole experiment has six "
-            "people and 400 movements of each: pellucid init DIR --rig elbow-participants.",
+            "people and 400 movements of each: `pellucid init my-people --rig elbow-participants`.",
             "Where a robot sticks and lets go, people hunt about the target, and a movement's duration counts that; "
             "some never settle before the next target comes. So durations are medians, with the share that never "
             "settled; the report shows what other rules would say.",
@@ -305,8 +306,8 @@ def _replayed(made: Demonstration) -> Section | None:
             f"The engine of `pellucid live` ran {session.law} on the virtual robot in real time for some seconds, and "
             "recorded every number that the law was given. Another program computed its "
             f"{replay.compared} commands again: {same}.",
-            "`pellucid init DIR --session elbow` starts a study whose session has a page for an operator and one for a "
-            "participant, and needs no hardware.",
+            "`pellucid init my-session --session elbow` starts a study whose session has a page for an operator and "
+            "one for a participant, and needs no hardware.",
         ),
         drawings=(draw(screens_figure, session),),
     )
@@ -361,11 +362,11 @@ def _real(made: Demonstration) -> Section:
 
 def _next(made: Demonstration) -> Section:
     rows = (
-        ("recordings of a joint", "pellucid identify DIR"),
+        ("recordings of a joint", "pellucid init my-joint --from recordings"),
         ("an orthosis and its wearer, EMG", "pellucid init my-knee --rig knee-orthosis"),
-        ("people who move under conditions", "pellucid assess DIR"),
+        ("people who move under conditions", "pellucid init my-people --from recordings"),
         ("no robot", "pellucid init my-elbow --rig able-elbow"),
-        ("this demo's robot, another controller", f"pellucid export {made.elbow.folder} --controller fc"),
+        ("this demo's robot, another controller", printed_command("export", made.elbow.folder, "--controller", "fc")),
     )
     return Section(
         "next",

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
+from .._printed_command import printed_command
 from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.estimator_faults import ESTIMATOR_FAULTS
 from ..models.fields import model_fields
@@ -90,8 +91,9 @@ def chosen_card(
     found = next((path for path in map(study.card, names) if path.is_file()), None)
     if found is None:
         raise PellucidError(
-            f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one; "
-            f"use: pellucid calibrate {study.folder}. Recordings without one held out, and the chain able, give none"
+            f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one. "
+            "Recordings without one held out, and the chain able, give none; "
+            f"use: {printed_command('calibrate', study.folder)}"
         )
     return require_fresh(study, found, read_estimator_card(found))
 

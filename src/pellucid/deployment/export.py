@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
+from .._printed_command import printed_commands
 from ..control.joint_compensation import DEFAULT_PERIOD_S
 from ..control.unmeasured_drive import warn_of_unmeasured_drive
 from ..procedures.coupling.coupling_table import CouplingTable
@@ -241,10 +242,10 @@ def values_for(
     """Return the numbers that `export` writes."""
     _require_language(study, to, period)
     if not asked(study, "identify"):
-        others = ", ".join(dict.fromkeys(procedure.command for procedure in asked(study)))
+        others = tuple(dict.fromkeys(procedure.command for procedure in asked(study)))
         raise PellucidError(
             f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
-            f"for this one there is: pellucid {others} {study.folder}"
+            f"for this one there is: {printed_commands(others, study.folder)}"
         )
     if study.find_table(CouplingTable) is not None:
         if any(given is not None for given in (card, slider, controller, exponents, load, held)):

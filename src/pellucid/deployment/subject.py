@@ -8,6 +8,7 @@ import numpy as np
 
 from .._errors import PellucidError, RecordingError
 from .._given import require_folder
+from .._printed_command import printed_command
 from ..models.hill import MUSCLE_QUANTITIES
 from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.muscle_geometry import muscle_table
@@ -74,7 +75,7 @@ def _card(study: Study, name: str | None) -> ParameterCard:
     found = [card for card in read.values() if card.kind == CARD_KIND]
     if not found:
         raise PellucidError(
-            f"{study.models_dir}: found no card of muscles, expected one: pellucid calibrate {study.folder}"
+            f"{study.models_dir}: found no card of muscles, expected one: {printed_command('calibrate', study.folder)}"
         )
     # One set of muscles over all joints is preferred to several sets for one joint each.
     joint_count = max(len(calibrated_muscles(card).joints) for card in found)

@@ -115,7 +115,7 @@ def rig_file(folder: Path) -> Path:
     require_folder(folder, f"a folder with {RIG_FILE} in it", StudyError)
     path = folder / RIG_FILE
     if not path.is_file():
-        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+        raise StudyError(f"{path}: no such file; make one with: pellucid init my-rig --rig able-elbow")
     return path
 
 

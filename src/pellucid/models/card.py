@@ -13,6 +13,7 @@ import numpy as np
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import read_given
+from .._printed_command import printed_command
 from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
 from .joint import FAMILIES, SYMBOLS_BY_NAME, JointModel
 
@@ -184,7 +185,9 @@ def read_table(path: Path) -> dict:
     try:
         table = json.loads(read_given(path).decode("utf-8"))
     except FileNotFoundError:
-        raise PellucidError(f"{path}: no such model card; run 'pellucid identify' on its study first") from None
+        # A card lies in the folder models of its study.
+        command = printed_command("identify", path.parent.parent if path.parent.name == "models" else path.parent)
+        raise PellucidError(f"{path}: no such model card; make it with: {command}") from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, PellucidError):
             raise

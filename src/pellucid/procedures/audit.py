@@ -97,10 +97,13 @@ class Audit:
         Every file, in the order in which they were given.
     verdicts : tuple of ChannelVerdict
         One for each channel, in the order of the files' columns; the clock's is the first.
+    paths : tuple of str
+        Paths of the files.
     """
 
     files: tuple[AuditedFile, ...]
     verdicts: tuple[ChannelVerdict, ...]
+    paths: tuple[str, ...] = ()
 
     @property
     def alarms(self) -> tuple[ChannelVerdict, ...]:
@@ -202,7 +205,7 @@ def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float
         audited.append(AuditedFile(name, log, inspect_log(log)))
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
-    return Audit(tuple(audited), tuple(_verdicts(audited)))
+    return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(str, paths)))
 
 
 def _paths_of(files: str | os.PathLike | Iterable[str | os.PathLike]) -> list[Path]:

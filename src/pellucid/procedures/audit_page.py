@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 from pathlib import Path
 
+from .._printed_command import printed_command
 from ..drawing.drawing import draw
 from ..pages.page import Answer, Page, Section, Tile, write_page
 from ..pages.quantities import typeset_quantities
@@ -22,6 +23,7 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
     if len(unsound) > FIRST_PANELS:
         sections.append(Section("channels", "The unsound channels", drawings=(draw(audit_figure, found),)))
     sections.append(_file_section(found))
+    study = printed_command("init", "my-study", "--from", *found.paths)
     page = Page(
         title="Audit of a log",
         kicker="pellucid audit",
@@ -33,7 +35,7 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
             "May this log be used as it is?",
             "no" if found.alarms or not found.is_sound else "yes",
             draw(first_channels, found) if readable else None,
-            ("Make a study of it: `pellucid init DIR --from FILES`.",) if found.is_sound else (),
+            (f"Make a study of it: `{study}`.",) if found.is_sound else (),
         ),
     )
     return write_page(folder, page)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from .._errors import PellucidError
+from .._printed_command import printed_command
 from ..fit.parameter import rank_verdicts
 from ..studies.study import STUDY_FILE, checksum
 from .result import fingerprint
@@ -85,8 +86,8 @@ def require_fresh(study: Study, path: Path, card: Made) -> Made:
         whose = "" if card.study == study.name else f" of the study {card.study}"
         problem = f"found a stale card{whose}: {', '.join(changed)} changed since it was made"
     raise PellucidError(
-        f"{path}: {problem}; {command} again: pellucid {command} {study.folder}. --accept-stale (accept_stale=True) "
-        "takes it all the same"
+        f"{path}: {problem}; {command} again: {printed_command(command, study.folder)} (--accept-stale, "
+        "accept_stale=True, takes it all the same)"
     )
 
 

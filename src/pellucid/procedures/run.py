@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from .._printed_command import printed_commands
 from .._processes import with_one_blas_thread
 from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
 from ..recordings.duplicates import find_duplicates
@@ -516,7 +517,7 @@ def report(
 
     missing: list[str] = []
     pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
-    commands = " and ".join(f"pellucid {command} {study.folder}" for command in dict.fromkeys(missing))
+    commands = printed_commands(tuple(dict.fromkeys(missing)), study.folder)
     if not pages:
         raise PellucidError(f"{study.folder}: found nothing that was kept and is fresh; make it with: {commands}")
     page = _one_page(pages)
@@ -631,10 +632,10 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     of_name = [p for p in registry.ALL_PROCEDURES if name in (p.command, p.name)]
     tables = ["[rig.drive]" if p.table is None else f"[{p.name}]" for p in of_name]
     wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
-    others = ", ".join(dict.fromkeys(p.command for p in asked(study)))
+    others = tuple(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
         f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that {name} does; use: "
-        f"pellucid {others} {study.folder}"
+        f"{printed_commands(others, study.folder)}"
     )
 
 

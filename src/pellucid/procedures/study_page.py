@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
+from .._printed_command import printed_command
 from ..fit.parameter import Verdict, rank_verdicts
 from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
@@ -61,7 +62,7 @@ def study_page(
 
 def paper_step(study: Study) -> str:
     """Return what to do next with figures that nothing else is made from: write them for a paper."""
-    return f"Write figures, tables and methods for a paper: `pellucid paper {study.name}`."
+    return f"Write figures, tables and methods for a paper: `{printed_command('paper', study.folder)}`."
 
 
 def figure_tables(found: Result, part: str = "") -> tuple[Table, ...]:

@@ -114,7 +114,7 @@ def init_from_files(
     with _draft_of(folder) as draft:
         _write(draft, proposal, given)
         faults = _require_accepted(draft, folder, proposal, check)
-        page = write_page(draft / PAGE_FOLDER, proposal_page(proposal)).relative_to(draft)
+        page = write_page(draft / PAGE_FOLDER, proposal_page(proposal, folder)).relative_to(draft)
         _move_content(draft, folder)
     return ProposedStudy(folder, folder / STUDY_FILE, folder / page, proposal, faults)
 

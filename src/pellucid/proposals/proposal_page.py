@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from importlib.metadata import version
+from pathlib import Path
 
+from .._printed_command import printed_command
 from ..drawing.drawing import draw
 from ..pages.page import Answer, Page, Section, Tile, without_drawing
 from ..pages.tables import Row, Table
@@ -12,7 +14,7 @@ from .propose_study import Layout, Proposal
 from .study_text import channel_mark, channel_name
 
 
-def proposal_page(proposal: Proposal) -> Page:
+def proposal_page(proposal: Proposal, folder: Path) -> Page:
     """Return the page of a proposal."""
     layouts = [proposal.main, *proposal.streams]
     guesses = sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
@@ -41,7 +43,8 @@ def proposal_page(proposal: Proposal) -> Page:
             figure,
             (
                 *(f"Answer: {q.text}" for q in open_questions[:3]),
-                "Read each comment in study.toml that marks a guess; then run `pellucid check DIR`.",
+                "Read each comment in study.toml that marks a guess. "
+                f"Then check the study: `{printed_command('check', folder)}`.",
             ),
         ),
     )

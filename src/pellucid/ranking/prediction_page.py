@@ -35,7 +35,7 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
             f"Do these controllers change how people move ({leading.words}), against no robot?",
             _verdict(found, leading),
             _figure(found, leading, share),
-            ("Record people of your own: `pellucid init DIR --session elbow`.",),
+            ("Record people of your own: `pellucid init my-session --session elbow`.",),
         ),
         sections=(
             Section(

@@ -57,7 +57,7 @@ def write_ranking(
             _verdict(tasks),
             figure,
             (
-                "Try the first on your own study: `pellucid export DIR --controller NAME`.",
+                "Try the first on your own study: `pellucid export --help` says how.",
                 *(
                     ("Few pairs separate few controllers: `pellucid rank --pairs 12`.",)
                     if pairs < MIN_TOLD_PAIRS

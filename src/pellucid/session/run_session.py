@@ -144,8 +144,8 @@ async def _serve(server: PageServer, opened: Callable[[PageServer], None], *, un
 def _session_of(study: Study) -> SessionTable:
     if study.config.session is None:
         raise StudyError(
-            f"{study.folder}: found no table [session] in study.toml, expected one; `pellucid init DIR --session NAME` "
-            "writes an example"
+            f"{study.folder}: found no table [session] in study.toml, expected one; "
+            "`pellucid init my-session --session elbow` writes an example"
         )
     return study.config.session
 

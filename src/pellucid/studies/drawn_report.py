@@ -80,7 +80,8 @@ class ReportPlace(StudyPlace):
         for folder in dict.fromkeys((self.folder.resolve(), self.made.resolve())):
             found |= {path.resolve() for path in folder.rglob("*") if self._is_drawn_from(path)}
         found |= {path for path in TEMPLATES.rglob("*") if path.suffix in (".j2", ".css", ".js")}
-        parts = [code_fingerprint(), str(with_pdf)]
+        # The page names the folder as it was given, in commands to paste.
+        parts = [code_fingerprint(), str(with_pdf), str(self.folder)]
         # relpath also works for a file outside the study's folder.
         parts += sorted(f"{os.path.relpath(path, self.folder)} {checksum(path)}" for path in found)
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()

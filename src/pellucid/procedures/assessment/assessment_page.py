@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...assessment.certificate import FAIL, PASS
 from ...assessment.indices import SHOWN_INDICES, index_names, leading_index
 from ...drawing.drawing import draw
@@ -70,9 +71,20 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
         figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study, turning,
         findings.profile_of,
     )  # fmt: skip
-    plan = f"State margins in `[assessment.margins]`, and plan how many people they take: `pellucid plan {study.name}`."
     question = f"Do these conditions change people's {lowered(each.table.index.words)}, against {findings.control}?"
-    return Answer(question, "yes" if told else "unsure", figure, (plan,))
+    return Answer(question, "yes" if told else "unsure", figure, (_next_step(study),))
+
+
+def _next_step(study: Study) -> str:
+    """Return what to do next where nothing is certified: state margins, or record the people that they need."""
+    spec = study.find_table(AssessmentTable)
+    if spec is not None and spec.index_margins:
+        # `certify_conditions` says nothing of one person alone, whatever the margins.
+        is_planned = study.config.session is not None and len(study.config.participants) > 1
+        how = f": `{printed_command('live', study.folder)}`" if is_planned else ""
+        return f"The stated margins are tested once two participants or more can be compared. Record the next one{how}."
+    command = printed_command("assess", study.folder)
+    return f"State in `[assessment.margins]` how far a robot may change each index, and assess again: `{command}`."
 
 
 def certificate_answer(findings: AssessmentResult, following: tuple[str, ...] = ()) -> Answer:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..._errors import StudyError
+from ..._printed_command import printed_command
 from ...assessment.equivalence import FAR_MARGIN_COUNT
 from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from ...pages.page import Page, Section, Tile, write_page
@@ -63,7 +64,7 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
 def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) -> Page:
     """Build the page: verdicts, protocol, margins, assumptions, results, sensitivity, exclusions, provenance."""
     verdicts = [(each.condition, each.certificate.verdict) for each in found.certified]
-    following = (f"Make this page again: `pellucid certificate {study.folder.name}`.",)
+    following = (f"Make this page again: `{printed_command('certificate', study.folder)}`.",)
     return study_page(
         f"{found.study}: certificate",
         " ".join(map(typeset_sentence, certificate_sentences(found))),
@@ -202,7 +203,7 @@ def _exclusions(found: AssessmentResult) -> Section:
 
 
 def _recipe(study: Study) -> list[tuple[str, str]]:
-    return [("Made again by", f"pellucid certificate {study.folder.name}")]
+    return [("Made again by", printed_command("certificate", study.folder))]
 
 
 def _checksums(study: Study, found: AssessmentResult) -> Table:

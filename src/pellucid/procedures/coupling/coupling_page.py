@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...drawing.drawing import draw
 from ...pages.page import Answer, Page, Section, Tile, without_drawing
 from ...pages.quantities import number, typeset_sentence, unit_text
@@ -49,7 +50,7 @@ def page(study: Study, findings: CouplingResult) -> Page:
             "no" if wrong or (known and not explained) else "yes" if explained else "unsure",
             figure,
             tuple(
-                f"Make a controller for {who}: `pellucid export {study.name} --participant {who} --to c --out DIR`."
+                f"Make a controller for {who}: `{printed_command('export', study.folder, '--participant', who)}`."
                 for who in list(findings.wearers)[:1]
             ),
         ),

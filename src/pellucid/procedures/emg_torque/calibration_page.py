@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...drawing.drawing import draw
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
@@ -63,7 +64,7 @@ def page(study: Study, findings: CalibrationResult) -> Page:
 def _next_step(study: Study, answer: Answer) -> str:
     """Return what to do next: use the torque, or record movements in which EMG could show its worth."""
     if answer.verdict == "yes":
-        return f"Take the torque live on a controller: `pellucid export {study.name} --to c --out DIR`."
+        return f"Take the torque live on a controller: `{printed_command('export', study.folder)}`."
     return (
         "EMG can tell more than angles where torque does not follow the motion: record other loads and speeds, and "
         'judge on them (`use = "validate"`).'

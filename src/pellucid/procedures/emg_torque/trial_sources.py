@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..._errors import IdentificationError, RecordingError
+from ..._printed_command import printed_command
 from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.strapped_reference import StrappedBodies, strapped_torque
 from ...estimators.torque_reference import MovedBody, human_torque
@@ -217,7 +218,8 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
             f"{study.models_dir}: found the cards {', '.join(p.stem for p in read) or 'of no body'}, expected one of "
-            f"{lacking}: the torque of the wearer needs what is moved; use: pellucid identify {study.folder}"
+            f"{lacking}: the torque of the wearer needs what is moved; use: "
+            f"{printed_command('identify', study.folder)}"
         )
     used = (orthosis[0], limbs[0], *straps[:1])
     for path, card in read.items():

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...drawing.drawing import Drawing, draw
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
@@ -145,7 +146,7 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
     following = (
         'Hold recordings out: give some of them `use = "validate"` in study.toml.'
         if not held
-        else f"Make a controller of it: `pellucid export {study.name} --controller NAME`."
+        else f"Make a controller of it: `{printed_command('export', study.folder)}`."
     )
     return Answer(
         f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} % over all of them?",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...drawing.drawing import Drawing, draw
 from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
@@ -96,12 +97,13 @@ def _answer(study: Study, fit: SliderFit) -> Answer:
     """Return whether one coherent body predicts as well as a set of parameters for each direction."""
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
+    controller = printed_command("export", study.folder, "--controller", "transparent")
     return Answer(
         "Does one body with load friction predict the current as well as a set of parameters for each direction, to "
         f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} %?",
         "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
         draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
-        (f"Make a controller of its card: `pellucid export {study.name} --controller transparent`.",),
+        (f"Make a controller of its card: `{controller}`.",),
     )
 
 

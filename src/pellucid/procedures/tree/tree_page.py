@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...drawing.drawing import draw
 from ...fit.parameter import Parameter
 from ...fit.tree.friction_terms import sum_friction
@@ -98,7 +99,7 @@ def page(study: Study, result: TreeResult) -> Page:
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
         question=f"Does the model predict every joint's effort within {MAX_GOOD_ERROR:g} % where it was not fitted?",
-        following=(f"Make a controller of it: `pellucid export {study.name} --to c --out DIR`.",),
+        following=(f"Make a controller of it: `{printed_command('export', study.folder)}`.",),
         badge=_verdict(result),
     )
 

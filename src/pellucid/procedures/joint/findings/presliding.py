@@ -9,7 +9,7 @@ from ..joint_case import JointCase
 
 RECORDING_ADVICE = (
     "Before dither or a law that acts near standstill is used, record small slow reversals of growing size around "
-    "several angles: pellucid protocol reversals."
+    "several angles. The command `protocol` writes such a motion by the name reversals."
 )
 """Advice if no recording shows the travel before friction slips."""
 
