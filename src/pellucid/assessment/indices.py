@@ -96,8 +96,11 @@ class Index:
 
     @property
     def scaled(self) -> bool:
-        """Whether a change in % is meaningful because all values are above 0."""
-        return self.percent_of is PercentOf.THE_CONTROL
+        """Whether a change in % is meaningful: all values are above 0, and control has a robot to exert them.
+
+        What a sensor shows of an interaction without a robot is its noise.
+        """
+        return self.percent_of is PercentOf.THE_CONTROL and not self.needs_robot
 
     @property
     def shown(self) -> tuple[float, str]:

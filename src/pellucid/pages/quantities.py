@@ -13,6 +13,9 @@ from ..models.friction_terms import FRICTION_FAMILIES, TERMS
 from ..models.joint import SYMBOLS_BY_NAME
 
 MINUS_SIGN = "\N{MINUS SIGN}"
+
+_NEGATIVE_ZERO_PATTERN = re.compile(r"(?<![\w.^)-])[-\N{MINUS SIGN}](0(?:\.0+)?)(?!\w|\.\d)")
+"""A number that was rounded to zero, with a minus sign."""
 _TO_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 PARAMETER_LABELS: Mapping[str, str] = MappingProxyType(
@@ -223,7 +226,7 @@ def typeset_quantities(text: str) -> str:
 
     Names of files, and options such as ``-v``, stay unchanged.
     """
-    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
+    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", without_negative_zero(text))
     text = re.sub(r"(?<=[a-z])\^2\b", "²", text)
     return re.sub(r"(?<![\w^-])-(?=\.?\d)", MINUS_SIGN, text)
 
@@ -233,10 +236,15 @@ def parameter_label(name: str) -> str:
     return PARAMETER_LABELS.get(name, name.replace("_", " "))
 
 
+def without_negative_zero(text: str) -> str:
+    """Return a text in which no number that was rounded to zero has a minus sign."""
+    return _NEGATIVE_ZERO_PATTERN.sub(r"\1", text)
+
+
 def cell_text(value: str | float | int | None) -> str:
     """Return a table's cell as text: three digits of a figure, all digits of a count, a dash for None."""
     if isinstance(value, str):
-        return "held out" if value == "heldout" else value
+        return "held out" if value == "heldout" else without_negative_zero(value)
     if value is None:
         return "–"
     return str(value) if isinstance(value, int) else number(value, digits=3)

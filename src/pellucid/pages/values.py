@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from markupsafe import Markup, escape
 
 from ..drawing.drawing import VALUE_GID_PREFIX
+from .quantities import without_negative_zero
 
 _HIDDEN_START = "\uf8f0"
 _HIDDEN_END = "\uf8f1"
@@ -62,7 +63,8 @@ def marked_up(text: str) -> Markup:
     parts, last = [], 0
     for found in _VALUE_PATTERN.finditer(text):
         name, number = found[1].translate(_SHOWN_CHARACTERS).rsplit(_ID_SEPARATOR, 1)
-        element = Markup('<data value="{}" data-id="{}">{}</data>').format(number, name, found[2])
-        parts += [escape(text[last : found.start()]), element]
+        shown = without_negative_zero(found[2])
+        element = Markup('<data value="{}" data-id="{}">{}</data>').format(number, name, shown)
+        parts += [escape(without_negative_zero(text[last : found.start()])), element]
         last = found.end()
-    return Markup("").join([*parts, escape(text[last:])])
+    return Markup("").join([*parts, escape(without_negative_zero(text[last:]))])

@@ -1,8 +1,9 @@
 """Indices that run along with a session, and what a certificate could say by now.
 
-The indices of the finished trials are those of `assess`: the same movements by the same rule. EMG waits for `assess`,
-which needs every trial of a person for its scale. What is said here takes no doubts into account (order, learning, what
-was left out), so that it never replaces the certificate.
+The indices of the finished trials are those of `assess`: the same functions measure all trials of a person together,
+and compare movements that every condition has. EMG waits for `assess`, which needs every trial of a person for its
+scale. What is said here takes no doubts into account (order, learning, what was left out), so that it never replaces
+the certificate.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from ..assessment.index_table import index_table
 from ..assessment.indices import Index, indices_along
 from ..procedures.assessment.assessment_table import AssessmentTable
 from ..procedures.assessment.certified import PLANNED_POWER, end_points
+from ..procedures.assessment.clocks import with_assumed_delays
 from ..procedures.assessment.measured_study import MeasuredStudy, join_studies, measure
-from ..procedures.assessment.pointing import labelled_amplitudes, pointing_record, with_rule
+from ..procedures.assessment.pointing import PointingRecord, labelled_amplitudes, with_rule
+from ..procedures.assessment.pointing_faults import usable_records
 from ..recordings.recording import Recording
 
 SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
@@ -52,38 +55,58 @@ class RunningVerdict:
 
 @dataclass
 class RunningIndices:
-    """Measures trials once each, and keeps what was measured."""
+    """Keeps the trials of a session, and measures each person's trials together."""
 
     spec: AssessmentTable
-    _measured: dict[str, MeasuredStudy] = field(default_factory=dict)
+    _records: dict[str, PointingRecord] = field(default_factory=dict)
+    _measured: dict[tuple, MeasuredStudy] = field(default_factory=dict)  # by person, trials and labelled amplitudes
     _along: str = "rad"
 
     def add(self, recording: Recording) -> int:
-        """Measure a trial's movements; return how many were found. A trial without movements is left out."""
+        """Take a trial; return how many movements were found. A trial that `assess` would leave out is left out."""
         try:
-            record = pointing_record(recording, self.spec)
-            found = measure([record], self.spec, with_rule(self.spec), {}, {}, named=labelled_amplitudes([record]))
+            records, _ = usable_records([recording], self.spec)
+            found = sum(len(record.movements(with_rule(self.spec))[1]) for record in records)
         except PellucidError:
             return 0
-        self._measured[recording.name] = found
-        return len(found.movements)
+        self._records |= {record.recording.name: record for record in records}
+        return found
 
     def shown(self, participant: str) -> list[ShownIndex]:
         """Return the indices of one person by condition."""
-        own = [m for m in self._measured.values() if {p for p, _ in m.recorded.values()} == {participant}]
+        own = [part for part in self._parts() if {p for p, _ in part.recorded.values()} == {participant}]
+        conditions = self._conditions(own)
         made = []
         for name in SHOWN_INDEX_NAMES:
             index = self._indices[name]
-            values = {}
-            for condition in dict.fromkeys(c for m in own for _, c in m.recorded.values()):
-                there = [m for m in own if {c for _, c in m.recorded.values()} == {condition}]
-                table = self._table(there, index, [participant], [condition])
-                if table is not None and condition in table.conditions:
-                    factor, _ = index.shown
-                    values[condition] = factor * float(table.column(condition)[0])
-            if values:
-                made.append(ShownIndex(index.words, index.shown[1], values))
+            table = self._table(own, index, [participant], conditions)
+            if table is None:
+                continue
+            factor, unit = index.shown
+            values = {condition: factor * float(table.column(condition)[0]) for condition in table.conditions}
+            made.append(ShownIndex(index.words, unit, values))
         return made
+
+    def _parts(self) -> list[MeasuredStudy]:
+        """Return each person's movements, measured as `assess` measures them."""
+        if not self._records:
+            return []
+        records, _ = with_assumed_delays(list(self._records.values()))
+        named, rule = labelled_amplitudes(records), with_rule(self.spec)
+        parts = []
+        for person in dict.fromkeys(record.recording.participant for record in records):
+            own = [record for record in records if record.recording.participant == person]
+            key = (person, tuple(record.recording.name for record in own), tuple(named))
+            if key not in self._measured:
+                self._measured = {k: part for k, part in self._measured.items() if k[0] != person}
+                self._measured[key] = measure(own, self.spec, rule, {}, {}, named=named)
+            parts.append(self._measured[key])
+        return parts
+
+    def _conditions(self, parts: Sequence[MeasuredStudy]) -> list[str]:
+        """Return the conditions that were recorded, control first."""
+        found = dict.fromkeys(condition for part in parts for _, condition in part.recorded.values())
+        return sorted(found, key=lambda condition: condition != self.spec.control)
 
     @property
     def _indices(self) -> Mapping[str, Index]:
@@ -102,19 +125,19 @@ class RunningIndices:
         points = end_points(self.spec, self._indices)
         if not points:
             return []
-        parts = list(self._measured.values())
+        parts = self._parts()
         there = [each for m in parts for each in m.recorded.values()]
         people = list(dict.fromkeys(person for person, _ in there))
         return [self._verdict(c, points, parts, people) for c in conditions if c != self.spec.control]
 
     def _verdict(self, condition, points, parts, people) -> RunningVerdict:
-        pair = (self.spec.control, condition)
+        control, recorded = self.spec.control, self._conditions(parts)
         changes: dict[str, dict[str, float]] = {}
         for name, point in points.items():
-            table = self._table(parts, point.index, people, pair)
+            table = self._table(parts, point.index, people, recorded)
             if table is None or condition not in table.conditions:
                 return RunningVerdict(condition, "cannot say yet", 0, None, f"no {point.index.words.lower()} yet")
-            base = table.column(pair[0]) if pair[0] in table.conditions and not point.index.over_control else None
+            base = table.column(control) if control in table.conditions and not point.index.over_control else None
             found = point.differences(table.column(condition), base)
             changes[name] = dict(zip(table.participants, found.tolist(), strict=True))
         both = [person for person in people if all(person in own for own in changes.values())]

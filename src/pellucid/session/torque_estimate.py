@@ -45,6 +45,11 @@ class TorqueEstimator:
         self.error = float("nan")  # RMS error in left-out trials [N*m]
         self.error_of_mean = float("nan")  # RMS error of the other trials' mean there, the simplest rival [N*m]
 
+    @property
+    def is_useful(self) -> bool:
+        """Whether the fit predicts left-out trials better than the other trials' mean does."""
+        return self.error < self.error_of_mean
+
     @staticmethod
     def features(levels: Mapping[str, np.ndarray], position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return features, shape (n, muscles + 3), of samples of shape (n,) [1, rad, rad/s]."""
@@ -73,8 +78,8 @@ class TorqueEstimator:
         self._fit = Ridge(RIDGE_PENALTY).fit(x, y)
 
     def estimate(self, levels: Mapping[str, float], position: float, velocity: float) -> TorqueEstimate | None:
-        """Return the torque now; None before enough trials, or where a sample is missing."""
-        if self._fit is None:
+        """Return the torque now; None before enough trials, where a sample is missing, or where a mean does better."""
+        if self._fit is None or not self.is_useful:
             return None
         one = {muscle: np.array([level]) for muscle, level in levels.items()}
         seen = self.features(one, np.array([position]), np.array([velocity]))

@@ -141,7 +141,7 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
             shown = {c: x.value for c, x in known.items()}
             texts = {c: str(change_value(findings, index.name, c, x)) for c, x in known.items()}
             against = "over control" if each.table.index.over_control else f"against {findings.control}"
-            unit = f"{next(iter(known.values())).unit} {against}".strip()
+            unit = f"{unit_text(next(iter(known.values())).unit)} {against}".strip()
         else:
             shown = {c: float(each.table.column(c).mean()) for c in others}
             rows = {c: f"{findings.study}.transparency.{index.name}.{c.lower()}" for c in shown}

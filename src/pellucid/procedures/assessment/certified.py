@@ -49,7 +49,7 @@ def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str,
         if share and index.percent_of is PercentOf.NOTHING_AT_ALL:
             raise StudyError(f'{where}: found "{stated}", expected {index.unit}: {index.words} has no zero to share')
         ratio = share and index.scaled
-        if ratio and index.needs_robot:
+        if share and index.needs_robot:
             raise StudyError(f'{where}: found "{stated}", expected {index.unit}: without the robot there is none')
         margin = Margin.of_ratio(size) if ratio else Margin.either_way(size)
         margin = Margin(-inf, margin.high) if index.worse is Worse.IF_MORE else margin

@@ -12,7 +12,7 @@ const ADVICE = {
 let state = null, colours = {}, charts = [], dragging = 0;
 
 const element = (tag, text = "", className = "") => Object.assign(document.createElement(tag), { textContent: text, className: className });
-const number = (value, digits = 2) => (value === null || value === undefined ? "–" : value.toFixed(digits).replace("-", "−"));
+const number = (value, digits = 2) => (value === null || value === undefined ? "–" : fixed(value, digits));
 const words = (name) => name.replace(/^emg\./, "").replaceAll("_", " ");
 
 // Samples: one growing store for the robot's channels, one for the EMG's.
@@ -171,7 +171,7 @@ function showState() {
   $("trial-bar").style.width = `${100 * state.progress}%`;
   $("plan-bar").style.width = `${(100 * state.done) / Math.max(state.of, 1)}%`;
   $("plan-count").textContent = `${state.done} of ${state.of} trials`;
-  list("judged", phase === "judged" && state.judged ? [...(state.judged.reason ? [["wrong", state.judged.reason]] : [["good", `Checked in ${number(state.judged.seconds)} s: nothing speaks against it.`]]), ...state.judged.faults.filter((f) => f.text !== state.judged.reason).map((f) => [f.severity === "refuse" ? "wrong" : f.severity === "warn" ? "warning" : "note", f.text])] : []);
+  list("judged", phase === "judged" && state.judged ? [...(state.judged.reason ? [["wrong", state.judged.reason]] : [["good", `Checked in ${number(state.judged.seconds)} s.`]]), ...state.judged.faults.filter((f) => f.text !== state.judged.reason).map((f) => [f.severity === "refuse" ? "wrong" : f.severity === "warn" ? "warning" : "note", f.text])] : []);
   $("slider-panel").hidden = !state.holding;
   if (performance.now() - dragging > 1500) $("torque").value = state.slider.value;
   $("torque").min = -state.slider.limit;
@@ -191,7 +191,10 @@ function showState() {
 }
 
 function judgedWords() {
-  return state.judged && state.judged.reason ? "Repeat this trial, for the reason below." : "The recording is sound.";
+  if (!state.judged) return "";
+  if (state.judged.reason) return "This trial will not be used as it is. Repeat it, for the reason below.";
+  const by = state.judged.used_by;
+  return by.length ? `This trial will be used by ${by.join(" and ")}.` : "No command of this study uses this trial.";
 }
 
 function list(id, rows) {
@@ -207,7 +210,7 @@ function showFigures() {
     ["Angle", now.pointer === null ? "–" : number(now.pointer * DEGREES, 1), "°", engine.position_limits.length === 2 && engine.position_limits[0] !== null ? `limits ${number(engine.position_limits[0] * DEGREES, 0)}° to ${number(engine.position_limits[1] * DEGREES, 0)}°` : "no limits known"],
     ["Command", number(now.torque, 1), "N·m", engine.effort_limit === null ? "no limit known" : `limit ${number(engine.effort_limit, 1)} N·m`],
     ["On the person", number(now.interaction, 1), "N·m", "interaction, measured"],
-    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, a mean's ${number(estimate.error_of_mean, 1)}` : "after two trials with EMG"],
+    ["Estimated from EMG", estimate ? number(estimate.torque, 1) : "–", estimate ? `± ${number(estimate.half_width, 1)} N·m` : "", estimate ? `95 %; error ${number(estimate.error, 1)}, a mean's ${number(estimate.error_of_mean, 1)}` : withoutEstimate()],
   ];
   $("figures").replaceChildren(...rows.map(([what, figure, unit, more]) => {
     const box = element("div"), value = element("span", figure + " ", "figure");
@@ -217,13 +220,19 @@ function showFigures() {
   }));
 }
 
+function withoutEstimate() {
+  const [error, ofMean] = state.estimate_errors;
+  if (error === null) return "after two trials with EMG";
+  return error < ofMean ? "a sample is missing" : `not shown: error ${number(error, 1)} N·m, a mean's ${number(ofMean, 1)}`;
+}
+
 function showLevels() {
   const rows = Object.entries(state.levels);
   $("levels").replaceChildren(...(rows.length ? rows.map(([muscle, level]) => {
     const row = element("div", "", "row"), bar = element("div", "", "bar"), fill = element("div");
     fill.style.width = `${Math.min(100 * level, 100)}%`;
     bar.append(fill);
-    row.append(element("span", words(muscle)), bar, element("span", `${(100 * level).toFixed(0)} %`));
+    row.append(element("span", words(muscle)), bar, element("span", `${fixed(100 * level, 0)} %`));
     return row;
   }) : [element("p", "No EMG yet.", "muted")]));
 }
@@ -231,7 +240,7 @@ function showLevels() {
 function showPlan(rows) {
   $("plan").replaceChildren(...rows.map((row) => {
     const item = element("li", "", row.state);
-    item.append(element("span", row.number), element("span", words(row.task) + (row.angle === null ? "" : ` ${(row.angle * DEGREES).toFixed(0)}°`)), element("span", row.condition));
+    item.append(element("span", row.number), element("span", words(row.task) + (row.angle === null ? "" : ` ${fixed(row.angle * DEGREES, 0)}°`)), element("span", row.condition));
     return item;
   }));
   const now = $("plan").querySelector(".now");
@@ -274,7 +283,7 @@ function showHealth(health) {
   $("cycles").textContent = `${health.late} of ${health.cycles} cycles late, worst ${health.worst === null ? "–" : (1e3 * health.worst).toFixed(2)} ms, 99 % within ${health.p99 === null ? "–" : (1e6 * health.p99).toFixed(0)} µs. ${rights}`;
   $("clocks").replaceChildren(...Object.entries(health.clocks).map(([name, c]) => {
     const row = element("tr");
-    row.append(element("td", name + (c.jumps ? `, ${c.jumps} jumps` : "") + (c.batches ? `, ${c.batches} batches` : "")), element("td", c.offset === null ? "–" : `${(1e3 * c.offset).toFixed(2)} ms`, "n"), element("td", c.drift === null ? "–" : `${(1e6 * c.drift).toFixed(0)} ppm`, "n"), element("td", c.lost === null ? "–" : c.lost, "n"));
+    row.append(element("td", name + (c.jumps ? `, ${c.jumps} jumps` : "") + (c.batches ? `, ${c.batches} batches` : "")), element("td", c.offset === null ? "–" : `${fixed(1e3 * c.offset, 2)} ms`, "n"), element("td", c.drift === null ? "–" : `${fixed(1e6 * c.drift, 0)} ppm`, "n"), element("td", c.lost === null ? "–" : c.lost, "n"));
     return row;
   }));
 }

@@ -143,8 +143,8 @@ function drawHolding(state) {
     pen.lineWidth = 0.012 * size;
     line(x + 0.72 * radius * Math.cos(at), y + 0.72 * radius * Math.sin(at), x + 1.12 * radius * Math.cos(at), y + 1.12 * radius * Math.sin(at));
   }
-  word(state.pointer === null ? "–" : `${(state.pointer * DEGREES).toFixed(0)}°`, x, y + 0.07 * size, 0.2 * size, colours.ink, 660);
-  word(`hold ${(state.target * DEGREES).toFixed(0)}°`, x, y + 0.17 * size, 0.05 * size, on ? colours.good : colours.heldout, 560);
+  word(state.pointer === null ? "–" : `${fixed(state.pointer * DEGREES, 0)}°`, x, y + 0.07 * size, 0.2 * size, colours.ink, 660);
+  word(`hold ${fixed(state.target * DEGREES, 0)}°`, x, y + 0.17 * size, 0.05 * size, on ? colours.good : colours.heldout, 560);
   if (state.phase === "running") word(clock(state.left), x, y + 0.3 * size, 0.04 * size, colours.muted);
 }
 
@@ -165,7 +165,7 @@ function drawContraction(state) {
   if (state.level !== null) {
     pen.fillStyle = !state.resting && state.level >= low && state.level <= high ? colours.good : colours.fitted;
     pen.fillRect(x, y(state.level), width, bottom - y(state.level));
-    word(`${(100 * state.level).toFixed(0)} %`, x + 1.4 * width, y(state.level) + 0.02 * size, 0.045 * size, colours.ink, 560, "left");
+    word(`${fixed(100 * state.level, 0)} %`, x + 1.4 * width, y(state.level) + 0.02 * size, 0.045 * size, colours.ink, 560, "left");
   }
   const what = state.phase !== "running" ? "Get ready" : state.resting ? "Relax" : state.target >= 1 ? `Pull as hard as you can: ${state.direction}` : `Pull to the band: ${state.direction}`;
   word(what, innerWidth / 2, 0.13 * innerHeight, 0.07 * size, colours.ink, 660);

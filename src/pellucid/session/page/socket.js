@@ -11,6 +11,9 @@ const session = {
   onClose: () => {},
 };
 
+// A number as text with a minus sign; one that rounds to zero has no sign.
+const fixed = (value, digits) => (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits).replace("-", "−");
+
 session.connect = function (role) {
   const socket = new WebSocket(`ws://${location.host}/socket/${role}?token=${encodeURIComponent(session.token)}`);
   socket.binaryType = "arraybuffer";

@@ -1,0 +1,82 @@
+"""What the operator sees while a session runs is what its report will say of the same trials."""
+
+import made_pointing
+import numpy as np
+import pytest
+
+from pellucid.assessment.index_table import IndexTable
+from pellucid.assessment.indices import INDICES
+from pellucid.pages.quantities import cell_text, number, typeset_quantities, without_negative_zero
+from pellucid.procedures.assessment.primary_change import change_of_table
+from pellucid.procedures.run import assess
+from pellucid.session.running_indices import SHOWN_INDEX_NAMES, RunningIndices
+from pellucid.session.torque_estimate import TorqueEstimator
+
+
+def shorter(person, condition, time, angle, target, emg_time):
+    """Lose the end of a trial, so that conditions do not have the same movements."""
+    if condition == "FC":
+        kept = time < 0.6 * time[-1]
+        return time[kept], angle[kept], target[kept], emg_time
+    return time, angle, target, emg_time
+
+
+@pytest.mark.parametrize("change", [None, shorter])
+def test_running_indices_are_those_of_the_report(tmp_path, change):
+    study = made_pointing.study(tmp_path / "people", participants=2, change=change)
+    running = RunningIndices(study.config.assessment)
+    for recording in study.recordings():
+        assert running.add(recording) > 0
+    found = assess(study)
+    for place, person in enumerate(found.participants):
+        shown = {each.words: each for each in running.shown(person)}
+        assert len(shown) >= 4
+        for name in SHOWN_INDEX_NAMES:
+            reported = found.assessed.get(name)
+            if reported is None:
+                assert INDICES[name].words not in shown
+                continue
+            factor, unit = reported.table.index.shown
+            told = shown[reported.table.index.words]
+            assert told.unit == unit
+            expected = dict(zip(reported.table.conditions, factor * reported.table.values[place], strict=True))
+            assert told.values == pytest.approx(expected, nan_ok=True)
+
+
+def test_an_interaction_is_no_percentage_of_a_sensor_s_noise():
+    table = IndexTable("torque_rms", "rad", ("P1",), ("Ctrl", "FC"), np.array([[0.2, 1.392]]))
+    change = change_of_table(table, "FC", "Ctrl", "mean")
+    assert (change.unit, change.value) == ("N*m", pytest.approx(1.192))
+    assert change_of_table(
+        IndexTable("vmax", "rad", ("P1",), ("Ctrl", "FC"), np.array([[1.0, 1.1]])), "FC", "Ctrl", "mean"
+    ).unit == "%"  # fmt: skip
+
+
+@pytest.mark.parametrize("is_related", [True, False])
+def test_an_estimate_that_loses_to_a_mean_is_not_given(is_related):
+    rng, estimator = np.random.default_rng(2), TorqueEstimator()
+    for _ in range(3):
+        levels = {"a": rng.uniform(0.0, 1.0, 200), "b": rng.uniform(0.0, 1.0, 200)}
+        features = estimator.features(levels, rng.normal(0.0, 0.01, 200), rng.normal(0.0, 0.01, 200))
+        # Without a relation, each trial has a torque of its own, which a regression takes for its features' work.
+        torque = 10.0 * (levels["a"] - levels["b"]) if is_related else rng.normal(0.0, 5.0) + rng.normal(0.0, 2.0, 200)
+        estimator.add_trial(features, torque)
+    assert (estimator.error < estimator.error_of_mean) is is_related
+    assert (estimator.estimate({"a": 0.5, "b": 0.1}, 0.0, 0.0) is not None) is is_related
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("-0.0", "0.0"), ("−0.00 N·m", "0.00 N·m"), ("it is -0.", "it is 0."), ("(-0.0 to 0.1)", "(0.0 to 0.1)"),
+        ("-0.05", "-0.05"), ("−0.003", "−0.003"), ("1-0", "1-0"), ("10^-0", "10^-0"), ("--0", "--0"), ("a-0", "a-0"),
+    ],
+)  # fmt: skip
+def test_no_number_that_rounds_to_zero_has_a_sign(text, expected):
+    assert without_negative_zero(text) == expected
+    assert cell_text(text) == expected
+
+
+def test_numbers_of_sentences_and_cells_have_no_negative_zero():
+    assert typeset_quantities(f"a gain of {-0.004:+.2f}, {-0.04:.1f} to {-0.3:.1f}") == "a gain of 0.00, 0.0 to −0.3"
+    assert number(-1e-9, 0.01) == "0.0000"[: len(number(1e-9, 0.01))]
