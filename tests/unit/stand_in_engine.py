@@ -48,6 +48,7 @@ class StandInEngine:
     state: str = "idle"
     fault: str = "none"
     freeze: bool = False  # the encoder's angle no longer changes
+    late: tuple[int, int] | None = None  # of every so many cycles of a recording, so many are lost in a row
     alive: dict = field(default_factory=lambda: {"engine": True, "recorder": True})
 
     def __post_init__(self):
@@ -177,12 +178,17 @@ class StandInEngine:
         self._grow_emg()
         path, first, first_emg = self.recording
         first, first_emg = min(first, len(self.rows) - 1), min(first_emg, self.emg_count - 1)
-        rows, emg = np.array(self.rows[first:]), self.emg_samples[first_emg : self.emg_count]
+        rows = np.array(self.rows[first:])
+        if self.late is not None:
+            every, lost = self.late
+            rows = rows[np.arange(len(rows)) % every >= lost]
+        emg = self.emg_samples[first_emg : self.emg_count]
         times = self.begun + (first_emg + np.arange(len(emg))) / EMG_RATE_HZ
         names, values = ["position", "velocity", "torque", "interaction", "target", "limb"], rows[:, [1, 2, 3, 4, 5, 1]]
         write(
             path,
-            stream(1, "robot", RATE_HZ, rows[:, 0], values, names, [""] * 6),
+            # Without a nominal rate stamps are read as they are; with one, pyxdf smooths them over lost cycles.
+            stream(1, "robot", RATE_HZ if self.late is None else 0.0, rows[:, 0], values, names, [""] * 6),
             stream(2, "emg", EMG_RATE_HZ, times, emg, list(self.muscles), ["volts"] * len(self.muscles)),
         )
         return path

@@ -184,7 +184,7 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
 
 
-def test_short_gaps_of_angles_are_interpolated_and_longer_ones_leave_the_recording_out(tmp_path):
+def test_short_gaps_of_angles_are_interpolated_and_longer_ones_end_a_piece(tmp_path):
     # A computer that stalls for some milliseconds writes such files.
     made = {}
     for name, missing in (("whole", 0), ("short", 3), ("long", 8)):
@@ -197,7 +197,8 @@ def test_short_gaps_of_angles_are_interpolated_and_longer_ones_leave_the_recordi
         made[name] = moment_trials(taken, "knee")
     names = {name: [trial.name for trial in trials] for name, trials in made.items()}
     assert names["whole"] == names["short"] == ["fitted", "judged", "rest"]
-    assert names["long"] == ["judged", "rest"]
+    assert names["long"] == ["fitted.1", "fitted.2", "judged", "rest"]
+    assert [trial.recording for trial in made["long"]] == ["fitted", "fitted", "judged", "rest"]
     whole, short = made["whole"][0], made["short"][0]
     assert np.ptp(np.diff(short.time)) < 1e-9
     assert np.abs(np.interp(whole.time, short.time, short.angles["knee"]) - whole.angles["knee"]).max() < 2e-3

@@ -11,6 +11,7 @@ from pellucid.datasets import init
 from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings
 from pellucid.procedures.assessment.pointing import pointing_record
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
 from pellucid.procedures.loaded_swing.identify_loaded_swing import swings_of
 from pellucid.procedures.run import check, identify
@@ -129,12 +130,26 @@ def test_an_isolated_muscle(data_folder, tmp_path):
         isolated_muscle(study)
 
 
-def test_torque_from_emg_leaves_a_recording_out(data_folder, tmp_path):
+def test_torque_from_emg_uses_both_sides_of_a_cut(data_folder, tmp_path):
     study = init(tmp_path / "walking", dataset="lower_limb_walking")
     names = [recording.name for recording in study.recordings()]
-    study = with_cut(study, names[0], "angle.knee", 400, 402)
-    assert [r.name for r in EmgTorqueProcedure().taken(study).recordings()] == names[1:]
-    told = [fault.message for fault in check(study) if fault.kind == "left_out"]
-    assert len(told) == 1
-    assert f"(recording {names[0]}): found a spike in angle.knee at" in told[0]
-    assert told[0].endswith("expected samples without a break, or a window of them: the recording is left out")
+    study = with_cut(study, names[0], "angle.knee", 200, 202)
+    taken = EmgTorqueProcedure().taken(study)
+    assert [r.name for r in taken.recordings()] == [f"{names[0]}.1", f"{names[0]}.2", *names[1:]]
+    trials = moment_trials(taken, "knee")
+    assert [t.recording for t in trials] == [names[0], names[0], *names[1:]]
+    assert len({t.group for t in trials}) == len(names)
+    assert max(np.abs(t.angles["knee"]).max() for t in trials) < 10.0  # the nonsense between them is in none
+    assert not [fault for fault in check(study) if fault.kind == "left_out"]
+
+
+def test_torque_from_emg_leaves_a_recording_out_of_which_too_little_is_left(data_folder, tmp_path):
+    study = init(tmp_path / "walking", dataset="lower_limb_walking")
+    recording = study.recordings()[0]
+    every = [Cut("gap", "time", t, t, i, i - 1, "a gap") for i, t in enumerate(recording.time) if i % 20 == 10]
+    study._loaded[recording.name] = replace(recording, cuts=tuple(every))
+    with_others = [r.name for r in study.recordings()[1:]]
+    assert [r.name for r in EmgTorqueProcedure().taken(study).recordings()] == with_others
+    (told,) = [fault for fault in check(study) if fault.kind == "left_out"]
+    assert told.severity == "warn"
+    assert told.message.endswith("expected 1 s of samples without a break: the recording is left out")

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pellucid import PellucidError
+from pellucid.estimators.cross_validation import Score
 from pellucid.estimators.emg_worth import EmgWorth, worth_on_recording, worth_over_trials
+from pellucid.procedures.emg_torque.worth_findings import (
+    RecordingWorth,
+    find_worth,
+    is_answer_founded,
+    worth_sentence,
+)
 
 CYCLES = 12
 SAMPLES_PER_CYCLE = 110
@@ -87,6 +96,25 @@ def test_trials_give_students_interval_of_their_gains():
 
 def test_two_trials_have_no_interval():
     assert worth_over_trials([0.9, 0.8], [0.1, 0.2]).answer == "cannot say"
+
+
+@pytest.mark.parametrize(("fitted", "lost", "is_founded"), [(2, 0, True), (2, 4, False), (3, 4, True), (1, 1, False)])
+def test_nothing_is_claimed_of_what_few_trials_are_left(fitted, lost, is_founded):
+    assert is_answer_founded(fitted, lost) is is_founded
+    worth = EmgWorth(0.36, 0.30, 0.42, margin=0.05, blocks=9, is_founded=is_founded)
+    assert worth.answer == ("worth it" if is_founded else "cannot say")
+    said = worth_sentence([RecordingWorth("knee", "held", worth)])
+    assert said.startswith("Fewer than 3 trials are left to fit") is not is_founded
+    assert ("EMG is worth it over angles alone" in said) is is_founded
+
+
+def test_pieces_of_a_recording_are_one_trial_of_an_interval():
+    scores = {"a.1": 0.9, "a.2": 0.7, "b": 0.8, "c": 0.95}
+    bare = {"a.1": 0.5, "a.2": 0.5, "b": 0.5, "c": 0.5}
+    conditions = [SimpleNamespace(name=n, score=Score(1.0, r2), bare=Score(1.0, bare[n])) for n, r2 in scores.items()]
+    chosen = SimpleNamespace(what="knee", by={"a.1": "ridge"}, by_condition=lambda: conditions)
+    (found,) = find_worth([chosen], (), 0.05, {"a.1": "a", "a.2": "a"})
+    assert found.worth == worth_over_trials([0.8, 0.8, 0.95], [0.5, 0.5, 0.5], 0.05)
 
 
 def test_a_reference_that_does_not_change_is_refused():

@@ -9,10 +9,12 @@ import pytest
 from stand_in_engine import Clock, StandInEngine
 
 from pellucid._errors import StudyError
+from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.registry import open_study
 from pellucid.session import live_session
 from pellucid.session.live_session import ARMED_PHASES, OPERATOR_AWAY_S, SAVING_LIMIT_S, LiveSession, Phase
 from pellucid.session.new_session import SHIPPED_SESSIONS, start_session_study
+from pellucid.session.recorded_trial import study_with
 from pellucid.session.run_session import choose_participant
 from pellucid.session.running_task import RunningHolding, Sensed
 from pellucid.session.trial_plan import PlannedTrial, balanced_orders, condition_order, plan_trials
@@ -149,6 +151,34 @@ def test_a_bad_trial_is_to_be_repeated_and_says_why(tmp_path):
     (entry,) = open_study(tmp_path / "s").config.recordings
     assert entry.file.endswith("_attempt2.xdf")
     assert len(list((tmp_path / "s" / "recordings").glob("*.xdf"))) == 2
+
+
+def run_knee_trial(tmp_path, late):
+    session, _engine, clock = started(tmp_path, session="knee", late=late)
+    run_until(session, clock, lambda: session.phase == Phase.judged)
+    return session
+
+
+def test_late_cycles_cut_a_trial_and_lose_none(tmp_path):
+    """A gap of some cycles: `calibrate` uses both sides of it, and the page says so."""
+    session = run_knee_trial(tmp_path, (400, 4))
+    told = session.operator_state()["judged"]
+    assert (told["reason"], told["used_by"]) == ("", ["calibrate"])
+    assert any("a gap of" in fault["text"] and "cut out" in fault["text"] for fault in told["faults"])
+    session.act("operator", "accept")
+    taken = EmgTorqueProcedure().taken(session.study)
+    assert {r.trial for r in taken.recordings()} == {session.plan[0].name}
+    assert len(taken.recordings()) > 1
+
+
+def test_a_trial_that_calibrate_leaves_out_is_to_be_repeated(tmp_path):
+    """What `calibrate` would say of the trial is said after it, by the same function."""
+    session = run_knee_trial(tmp_path, (100, 4))  # no piece of a second is left
+    (left_out,) = EmgTorqueProcedure().unfit(study_with(session.study, session.trial, session.attempt.file)).values()
+    told = session.operator_state()["judged"]
+    assert told["used_by"] == []
+    assert told["reason"] == session.reason == left_out.message
+    assert "the recording is left out" in told["reason"]
 
 
 def test_a_stop_ends_the_trial_and_a_reset_lets_it_begin_again(tmp_path):

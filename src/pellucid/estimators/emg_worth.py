@@ -56,10 +56,13 @@ class EmgWorth:
     high: float  # Upper end of the 95 % interval of the gain
     margin: float  # Gain that counts as worthwhile, stated beforehand
     blocks: int  # Number of trials, or of blocks of one recording, behind the interval
+    is_founded: bool = True  # Whether enough trials were left to fit the map for any answer
 
     @property
     def answer(self) -> Answer:
         """Answer for the stated margin."""
+        if not self.is_founded:
+            return "cannot say"
         if self.low > 0.0 and self.gain >= self.margin:
             return "worth it"
         return "not worth it" if self.high < self.margin else "cannot say"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class TorqueTrial:
     # Envelopes of the same muscles before the first sample, at the same rate, shape (k,) each; empty if there are none
     lead: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     unit: str = "N*m"  # Unit of the torque; "MVC": shares of a maximal contraction
+    piece_of: str = ""  # Name of the recording that the trial is a piece of, between two cuts; "" for a whole one
 
     def __post_init__(self):
         if self.joint not in self.angles:
@@ -55,6 +56,11 @@ class TorqueTrial:
         return len(self.time)
 
     @property
+    def recording(self) -> str:
+        """Name of the whole recording."""
+        return self.piece_of or self.name
+
+    @property
     def known_muscles(self) -> MuscleSource:
         """Source of the muscles' lengths, moment arms and constants, of a trial that must have one."""
         if self.muscles is None:
@@ -68,3 +74,30 @@ class TorqueTrial:
     def fs(self) -> float:
         """Sampling rate [Hz]."""
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+
+
+def group_pieces(trials: Sequence[TorqueTrial]) -> dict[str, list[TorqueTrial]]:
+    """Return the pieces of each recording in order, by the recording's name; a whole recording is its only piece."""
+    found: dict[str, list[TorqueTrial]] = {}
+    for trial in trials:
+        found.setdefault(trial.recording, []).append(trial)
+    return found
+
+
+def join_pieces(trials: Sequence[TorqueTrial]) -> list[TorqueTrial]:
+    """Return a trial of each recording, with the samples of its pieces one after another.
+
+    It is for statistics of a recording's samples. A filter would run over the cuts between them.
+    """
+    return [pieces[0] if len(pieces) == 1 else _joined(name, pieces) for name, pieces in group_pieces(trials).items()]
+
+
+def _joined(name: str, pieces: Sequence[TorqueTrial]) -> TorqueTrial:
+    """Return one trial of several pieces; the source of its muscles is left out, since it may hold samples."""
+    first = pieces[0]
+    return replace(
+        first, name=name, piece_of="", muscles=None, time=np.concatenate([p.time for p in pieces]),
+        torque=np.concatenate([p.torque for p in pieces]),
+        envelopes={m: np.concatenate([p.envelopes[m] for p in pieces]) for m in first.envelopes},
+        angles={j: np.concatenate([p.angles[j] for p in pieces]) for j in first.angles},
+    )  # fmt: skip

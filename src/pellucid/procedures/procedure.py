@@ -49,6 +49,10 @@ class Procedure(ABC, Generic[Table, Found]):
     whole: ClassVar[bool] = False
     """Whether it needs recordings without a break. Recordings with a cut are then left out, and named."""
 
+    shortest_piece: ClassVar[float | None] = None
+    """With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None: they
+    are left out."""
+
     takes_families: ClassVar[bool] = False
     """Whether the caller may choose the friction families that it compares."""
 
@@ -78,9 +82,13 @@ class Procedure(ABC, Generic[Table, Found]):
 
     def cut(self, study: Study) -> list[Fault]:
         """Return what is left out of the recordings, to be told beside the result."""
-        from ..studies.quality import cut_faults
+        from ..studies.quality import cut_faults, short_piece_fault
 
-        faults = [fault for recording in study.recordings() for fault in cut_faults(recording)]
+        recordings = study.recordings()
+        faults = [fault for recording in recordings for fault in cut_faults(recording)]
+        if self.shortest_piece is not None:
+            short = (short_piece_fault(recording, self.shortest_piece) for recording in recordings)
+            faults += [fault for fault in short if fault is not None]
         return faults + list(self.unfit(study).values())
 
     def unfit(self, study: Study) -> dict[str, Fault]:
@@ -88,7 +96,7 @@ class Procedure(ABC, Generic[Table, Found]):
         be missing, anything."""
         from ..studies.quality import left_out_fault
 
-        faults = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
+        faults = {r.name: left_out_fault(r, study, self.whole, self.shortest_piece) for r in study.recordings()}
         return {name: fault for name, fault in faults.items() if fault is not None}
 
     def taken(self, study: Study) -> Study:
@@ -96,7 +104,8 @@ class Procedure(ABC, Generic[Table, Found]):
         unfit = self.unfit(study)
         if unfit and len(unfit) == len(study.recordings()):
             raise RecordingError("\n".join(fault.message for fault in unfit.values()))
-        return study.without(unfit) if unfit else study
+        taken = study.without(unfit) if unfit else study
+        return taken if self.shortest_piece is None else taken.in_pieces(self.shortest_piece)
 
     @abstractmethod
     def run(self, study: Study, table: Table, *tell: Any, **options: Any) -> Found:

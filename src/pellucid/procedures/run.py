@@ -612,9 +612,18 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
         Verdict("note", text)
         for text in grouped_messages([fault for fault in cut_notes if fault.severity not in ("warn", "refuse")])
     ]
-    found = found_by(procedure, study, replace(found, verdicts=(*rank_verdicts((*found.verdicts, *warned)), *cut)))
+    unused = _unused_sentence(len(taken.left_out), len(study.recordings()))
+    verdicts = (*rank_verdicts((*found.verdicts, *warned)), *cut)
+    found = found_by(procedure, study, replace(found, headline=unused + found.headline, verdicts=verdicts))
     tell("done", 1.0)
     return found
+
+
+def _unused_sentence(lost: int, every: int) -> str:
+    """Return the first sentence of a result for which `lost` of `every` recordings were not used; else nothing."""
+    if not lost:
+        return ""
+    return f"{lost} of {every} trials {'was' if lost == 1 else 'were'} not used, for the reasons below. "
 
 
 def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:

@@ -114,6 +114,8 @@ class Recording:
     uncut : Recording or None
         Time and EMG of the whole file, if the recording is a window of a file with EMG. Filters need the samples around
         a window.
+    piece_of : str
+        Name of the recording that this is a piece of, between two cuts; "" for a whole one.
 
     Raises
     ------
@@ -141,6 +143,7 @@ class Recording:
     repeats: int = 0
     smooth_stamps: str = "automatic"
     uncut: Recording | None = field(default=None, repr=False)
+    piece_of: str = ""
 
     def __post_init__(self):
         if "time" not in self.channels:
@@ -215,6 +218,11 @@ class Recording:
     def stream_or_self(self, name: str) -> Recording:
         """Return the recording of this trial by another instrument, or this one, if its own file has what is asked."""
         return self.streams.get(name, self)
+
+    @property
+    def trial(self) -> str:
+        """Name of the trial: that of the whole recording, of which this may be a piece."""
+        return self.piece_of or self.name
 
     def __contains__(self, name: object) -> bool:
         return name in self.channels

@@ -820,6 +820,7 @@ class LiveSession:
             "judged": None if judged is None else {
                 "seconds": judged.seconds,
                 "reason": self.reason,
+                "used_by": [] if self.reason else list(judged.used_by),
                 "faults": [{"severity": f.severity, "text": f.message} for f in judged.faults[:SHOWN_FAULTS]],
             },
             "recorder": self._recorder_problem,
@@ -840,6 +841,7 @@ class LiveSession:
                 "torque": estimate.torque, "half_width": estimate.half_width, "error": self.estimator.error,
                 "error_of_mean": self.estimator.error_of_mean,
             },
+            "estimate_errors": [_finite(self.estimator.error), _finite(self.estimator.error_of_mean)],
             "levels": {} if self.levels is None else self.levels.levels,
             "faults": [asdict(fault) for fault in self.faults[-SHOWN_FAULTS:]],
             "indices": self.indices,

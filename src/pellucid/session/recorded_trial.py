@@ -38,6 +38,7 @@ class Judged:
     faults: tuple[Fault, ...]
     seconds: float  # time that the checks took [s]
     recording: Recording | None  # None if the file cannot be read
+    used_by: tuple[str, ...] = ()  # commands of the study that will use the trial
 
     @property
     def reason(self) -> str:
@@ -89,23 +90,34 @@ def study_with(study: Study, trial: PlannedTrial, file: Path) -> Study:
 
 
 def judge_trial(study: Study, trial: PlannedTrial, file: Path) -> Judged:
-    """Check one trial as `pellucid check` checks a study, and say how long that took."""
+    """Check one trial as `pellucid check` checks a study, and say how long that took.
+
+    The procedures of the study decide whether they will use the trial, by the functions with which they take their
+    recordings. A trial that one of them leaves out is refused.
+    """
     begun = time.perf_counter()
     alone = study_with(study, trial, file)
     faults: list[Fault] = []
+    used: list[str] = []
     recording = None
     try:
         recording = alone.recordings()[0]
         faults += cut_faults(recording)
         for procedure in asked(alone):
             if trial.task.protocol in _checked_protocols(study, procedure):
-                faults += procedure.unfit(alone).values()
-                faults += procedure.faults(alone, procedure.table_of(alone))
+                unfit = [replace(fault, severity="refuse") for fault in procedure.unfit(alone).values()]
+                if not unfit:
+                    taken = procedure.taken(alone)
+                    used.append(procedure.command)
+                    faults += procedure.faults(taken, procedure.table_of(taken))
+                faults += unfit
     except (PellucidError, OSError) as error:
         faults.append(Fault("refuse", "unreadable", file.name, "", str(error), "a whole recording", str(error)))
     own = [fault for fault in dict.fromkeys(faults) if fault.file in (file.name, "")]
     own.sort(key=lambda fault: fault.severity not in ("refuse", "warn"))
-    return Judged(tuple(own), time.perf_counter() - begun, recording)
+    is_refused = any(fault.severity == "refuse" for fault in own)
+    used_by = () if is_refused else tuple(dict.fromkeys(used))
+    return Judged(tuple(own), time.perf_counter() - begun, recording, used_by)
 
 
 def judge_open_trial(study: Study, trial: PlannedTrial, file: Path, why: str) -> Judged:

@@ -11,13 +11,13 @@ import numpy as np
 
 from .._errors import UnfitRecordingError
 from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
-from ..recordings.defects import clipped, garbage
+from ..recordings.defects import clipped
 from ..recordings.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.delay import SHIFTED_KIND
-from ..recordings.empty_ends import EMPTY_END_KIND
 from ..recordings.fault import Fault
 from ..recordings.optical_faults import find_optical_faults
+from ..recordings.pieces import breaking_cuts, pieces_between_cuts
 from ..recordings.recording import Recording
 from .drive_channel import DRIVE_CHANNELS, command_channel
 from .find_defects import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
@@ -146,22 +146,48 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
     return faults
 
 
-def left_out_fault(recording: Recording, study: Study, whole: bool) -> Fault | None:
-    """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`."""
-    edges = (SHIFTED_KIND, garbage.KIND, EMPTY_END_KIND)
-    cuts = [cut for part in (recording, *recording.streams.values()) for cut in part.cuts if cut.kind not in edges]
+def left_out_fault(
+    recording: Recording, study: Study, whole: bool, shortest_piece: float | None = None
+) -> Fault | None:
+    """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`.
+
+    With `shortest_piece` [s], pieces between cuts are used that are at least so long.
+    """
+    cuts = breaking_cuts(recording)
     too_much = share_faults(recording, study)
     if too_much:
-        return replace(too_much[0], severity="cut", message=f"{too_much[0].message}: the recording is left out")
+        return replace(too_much[0], severity="warn", message=f"{too_much[0].message}: the recording is left out")
     if not cuts or not whole:
         return None
-    first = min(cuts, key=lambda cut: cut.start)
+    expected = "samples without a break, or a window of them"
+    if shortest_piece is not None:
+        if pieces_between_cuts(recording, shortest_piece):
+            return None
+        expected = f"{shortest_piece:g} s of samples without a break"
+    first = cuts[0]
     found = f"{first.found} in {first.channel} at {first.start:.6g} s"
+    if len(cuts) > 1:
+        found += f" and {len(cuts) - 1} further breaks"
     message = (
-        f"{recording.path.name} (recording {recording.name}): found {found}, expected samples without a break, "
-        "or a window of them: the recording is left out"
+        f"{recording.path.name} (recording {recording.name}): found {found}, expected {expected}: the recording is "
+        "left out"
     )
-    return Fault("cut", "left_out", recording.path.name, first.channel, found, "no break", message)
+    return Fault("warn", "left_out", recording.path.name, first.channel, found, expected, message)
+
+
+def short_piece_fault(recording: Recording, shortest_piece: float) -> Fault | None:
+    """Return what of a recording is lost because pieces between cuts are shorter than `shortest_piece` [s]."""
+    kept = pieces_between_cuts(recording, shortest_piece)
+    every = pieces_between_cuts(recording, 0.0)
+    if not kept or len(kept) == len(every):
+        return None
+    lasts = [sum(float(piece.time[-1] - piece.time[0]) for piece in pieces) for pieces in (every, kept)]
+    found = f"{len(every) - len(kept)} pieces between cuts, {lasts[0] - lasts[1]:.3g} s of {lasts[0]:.3g} s"
+    expected = f"at least {shortest_piece:g} s each"
+    message = (
+        f"{recording.path.name} (recording {recording.name}): found {found}, expected {expected}: these are left out"
+    )
+    return Fault("cut", "short_piece", recording.path.name, "time", found, expected, message)
 
 
 def require_sound(recording: Recording, study: Study) -> None:

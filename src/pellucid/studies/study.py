@@ -22,6 +22,7 @@ from ..recordings.delay import shift_channels, undo_lags
 from ..recordings.empty_ends import trim_missing_ends, within_streams
 from ..recordings.joined_stream import initial_offset, join_stream
 from ..recordings.optical import OpticalRecording
+from ..recordings.pieces import pieces_between_cuts
 from ..recordings.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording
 from ..units import contradicts_unit
 from .drive_channel import command_channel
@@ -70,6 +71,7 @@ class Study:
     _apart: dict[str, Recording] = field(default_factory=dict, repr=False)  # recordings before streams were joined
     found: dict = field(default_factory=dict, repr=False)  # cache for results that procedures need more than once
     _left_out: frozenset[str] = field(default=frozenset(), repr=False)
+    _shortest_piece: float | None = field(default=None, repr=False)  # [s]; None: recordings are not taken in pieces
     out: Path | None = None
     allow_outside: bool = False
     accept_stale: bool = False
@@ -231,12 +233,23 @@ class Study:
         found = []
         for i, (entry, name, path) in enumerate(chosen):
             on_progress(f"reading {name}", i / len(chosen))
-            found.append(self._load(entry, name, path, files))
+            loaded = self._load(entry, name, path, files)
+            pieces = (loaded,) if self._shortest_piece is None else pieces_between_cuts(loaded, self._shortest_piece)
+            found.extend(pieces)
         return tuple(found)
 
     def without(self, names: Iterable[str]) -> Study:
         """Return the same study without the recordings `names`."""
         return replace(self, _left_out=self._left_out | frozenset(names))
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """Names of the recordings that this study is without."""
+        return self._left_out
+
+    def in_pieces(self, shortest: float) -> Study:
+        """Return the same study, whose recordings with cuts are taken as the pieces between them of `shortest` [s]."""
+        return replace(self, _shortest_piece=shortest)
 
     def recording(self, name: str) -> Recording:
         """Return one recording by its name.

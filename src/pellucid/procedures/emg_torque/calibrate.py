@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +19,7 @@ from ...estimators.smoothing import smoothing_delay
 from ...estimators.strapped_reference import StrappedBodies
 from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_reference import MovedBody
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.useful_repairs import apply_useful_repairs
 from ...fit.parameter import Verdict
 from ...fit.posterior.ensemble import require_sampler
@@ -72,7 +72,7 @@ from .together_findings import (
 from .torque_card import torque_card
 from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
 from .used_muscles import ignored_channel_verdicts
-from .worth_findings import RecordingWorth, find_worth, worth_sentence, worth_tables
+from .worth_findings import RecordingWorth, find_worth, is_answer_founded, worth_sentence, worth_tables
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
@@ -130,7 +130,10 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         found.chosen[what] = recommend_estimator(evaluated, what)
     chosen, bands = tuple(found.chosen.values()), _invalid_band_sentences(found)
     valid = [t for t in found.traces if t.recording not in found.sessions or found.sessions[t.recording].is_valid]
-    worth = find_worth(chosen, valid, table.worthwhile_gain)
+    fitted = {trial.recording for trial in trials if not trial.heldout}
+    founded = is_answer_founded(len(fitted), len(study.left_out))
+    names = {trial.name: trial.recording for trial in trials}
+    worth = find_worth(chosen, valid, table.worthwhile_gain, names, is_founded=founded)
     stepped = estimator_cards(study, found, together)
     stiffness = find_stiffness(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
@@ -219,7 +222,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
         again = rescale is not None
-        judged = [session.repair(t, rescale, c) if again and (c := compared[t.name]).changed else t for t in held]
+        judged = [session.repair(t, rescale, c) if again and (c := compared[t.recording]).changed else t for t in held]
         found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
@@ -247,39 +250,51 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and ESTIMATOR_FAMILIES[name].shows_muscles and not causal:
             found.muscles[joint], found.shown[joint] = fit, held[0]
-        for trial in held:
-            changed = found.sessions[trial.name].changed
+        for recording, pieces in group_pieces(held).items():
+            # A filter ends at a cut, so that each piece is predicted alone; the recording has one score.
+            changed, torque = found.sessions[recording].changed, _together(t.torque for t in pieces)
             without = None
             if changed and ESTIMATOR_FAMILIES[name].muscles and len(changed) < len(session.muscles):
-                without = score(trial.torque, fit.predict(session.predict_channels(trial, changed)))
-            unrepaired, (trial, repaired, made) = trial, predicted[trial.name]
-            half = fit.half_width(trial) if ESTIMATOR_FAMILIES[name].shows_muscles else None
+                filled = (fit.predict(session.predict_channels(t, changed)) for t in pieces)
+                without = score(torque, _together(filled))
+            used = [predicted[t.name] for t in pieces]
+            made = _together(each for _, _, each in used)
+            repaired = tuple(dict.fromkeys(muscle for _, muscles, _ in used for muscle in muscles))
+            shows = ESTIMATOR_FAMILIES[name].shows_muscles
+            half = _together(fit.half_width(t) for t, _, _ in used) if shows else None
+            unrepaired = _together(fit.predict(t) for t in pieces) if changed and again else None
             found.evaluated.append(
                 EstimatorEvaluation(
-                    joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
+                    joint, name, causal, recording, score(torque, made), fit.choice.score, fit.choice.words,
                     examined=away,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
-                    coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
-                    held=None if away is None else float(np.mean(np.abs(trial.torque - made) <= away.half_width)),
-                    partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
+                    coverage=None if half is None else float(np.mean(np.abs(torque - made) <= half)),
+                    held=None if away is None else float(np.mean(np.abs(torque - made) <= away.half_width)),
+                    partial=partial_errors(torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
-                    as_recorded=score(unrepaired.torque, fit.predict(unrepaired)) if changed and again else None,
+                    as_recorded=None if unrepaired is None else score(torque, unrepaired),
                     repaired=repaired,
-                    torque_unit=trial.unit,
+                    torque_unit=pieces[0].unit,
                 )
             )  # fmt: skip
             if not causal:
-                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {}, ERROR_BAND_SHARE)
-                trace = traces.setdefault((joint, trial.name), empty)
+                time = _together(t.time for t in pieces)
+                empty = TorqueTrace(joint, recording, time, torque, {}, {}, ERROR_BAND_SHARE)
+                trace = traces.setdefault((joint, recording), empty)
                 trace.predicted[name] = made
-                if away is not None and found.sessions[trial.name].is_valid:
+                if away is not None and found.sessions[recording].is_valid:
                     trace.half_width[name] = np.full(len(made), away.half_width)
     found.traces.extend(
-        traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
+        traces[joint, name] for joint in joints for name in group_pieces(trials[joint]) if (joint, name) in traces
     )
     # All joints have the same recordings.
     found.trials.extend(trials[joints[0]])
     return found
+
+
+def _together(parts: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the samples of a recording's pieces one after another, shape (n,)."""
+    return np.concatenate([np.atleast_1d(part) for part in parts])
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,20 @@ if TYPE_CHECKING:
     from ...recordings.fault import Fault
     from .calibrate import CalibrationResult
 
+MIN_PIECE_S = 1.0
+"""Pieces of a recording between two cuts are used from this length on [s].
+
+It is ten times the memory of the slowest filter of angles and torques, which runs on each piece by itself. Chosen by
+judgement; no measurement is recorded.
+"""
+
 
 class EmgTorqueProcedure(Procedure[EmgTorqueTable, "CalibrationResult"]):
     """Torque of joints from EMG, by several methods, on held-out data."""
 
     name, command = "emg_torque", "calibrate"
     whole = True
+    shortest_piece = MIN_PIECE_S
     table = EmgTorqueTable
 
     def faults(self, study: Study, table: EmgTorqueTable) -> list[Fault]:

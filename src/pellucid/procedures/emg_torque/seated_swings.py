@@ -84,7 +84,7 @@ class WearerSwings:
             envelopes=envelopes,
             angles={"knee": np.interp(motion.time, recording.time, recording["angle.knee"])},
             torque=torque,
-            group=recording.name,
+            group=recording.trial,
             heldout=recording.use != "fit",
             participant=recording.participant,
             checksum=recording.checksum,

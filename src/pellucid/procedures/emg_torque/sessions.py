@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
 from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import TorqueTrial, join_pieces
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
@@ -60,10 +60,10 @@ def compare_sessions(
 
     `study` [emg_torque].
     """
-    session, raw = FittedSession.from_trials(fitted), find_raw_changes(study)
+    session, raw = FittedSession.from_trials(join_pieces(fitted)), find_raw_changes(study)
     watched = find_watched_changes(study)
     found: dict[str, ChannelComparison] = {}
-    for trial in held:
+    for trial in join_pieces(held):
         compared = session.compare(trial)
         # Where no estimate is valid, the watch would name whatever differs.
         costly = [c for c in watched.get(trial.name, ()) if compared.is_valid and c.muscle not in compared.changed]
@@ -81,14 +81,19 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     found: dict[str, tuple[ChannelChange, ...]] = {}
     read = [(r, r.stream_or_self(study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
-    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]
+    lasts: dict[str, float] = {}
+    for r, _ in wired:
+        lasts[r.trial] = lasts.get(r.trial, 0.0) + float(r.time[-1] - r.time[0])
+    long = [(r, s) for r, s in wired if lasts[r.trial] >= MIN_RECORDING_S]
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]
         judged = [(r, s) for r, s in own if r.use != "fit" and r.protocol != MAXIMAL_PROTOCOL]
         if fitted and judged:
             before = RawChannels.from_recordings([_raw_emg(study, r, s) for r, s in fitted])
-            found |= {r.name: before.changes(RawChannels.from_recordings([_raw_emg(study, r, s)])) for r, s in judged}
+            for trial in dict.fromkeys(r.trial for r, _ in judged):
+                pieces = [_raw_emg(study, r, s) for r, s in judged if r.trial == trial]
+                found[trial] = before.changes(RawChannels.from_recordings(pieces))
     return found
 
 
@@ -104,11 +109,11 @@ def session_faults(study: Study) -> list[Fault]:
     try:
         found = _compare_study(study)
         changes = {name: compared.changes for name, compared in found.items()}
-        if any(r.name not in found for r in study.recordings("validate")):
+        if any(r.trial not in found for r in study.recordings("validate")):
             changes = {**find_raw_changes(study), **changes}
     except PellucidError:  # Other checks report this error
         return []
-    files = {r.name: r.stream_or_self(asked.emg).path.name for r in study.recordings()}
+    files = {r.trial: r.stream_or_self(asked.emg).path.name for r in study.recordings()}
     faults = []
     for name, changed in changes.items():
         where = f"{files[name]} (recording {name})"

@@ -15,9 +15,9 @@ from ..._errors import IdentificationError
 from ..._processes import results_with_helpers
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill_together import HillTogether, TrialByJoint, fit_together
+from ...estimators.hill_together import HillTogether, fit_together
 from ...estimators.never_recorded import UnrecordedMuscles, fit_unrecorded_muscles
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .calibration_findings import CalibrationFindings
 from .evaluated import TorqueTrace
@@ -113,7 +113,7 @@ def _evaluate_fits(
     """Fit both ways and score them on held-out recordings, or on groups of trials left out in turn."""
     fitted = {joint: [t for t in own if not t.heldout] for joint, own in across.items()}
     held = {joint: [t for t in own if t.heldout] for joint, own in across.items()}
-    names = [t.name for t in next(iter(held.values()))]
+    names = list(group_pieces(next(iter(held.values()))))
     # Without held-out recordings, each group of trials is predicted by muscles fitted to the others.
     left_out = () if names else next(iter(fitted.values()))
     runs = [(how, out) for how in FIT_WORDS for out in (None, *dict.fromkeys(t.group for t in left_out))]
@@ -123,16 +123,19 @@ def _evaluate_fits(
     scores, shown = [], {}
     for how, fit in fits.items():
         if names:
-            made = {name: (fit, _trial_by_joint(held, name)) for name in names}
+            made = {name: (fit, _pieces_by_joint(held, name)) for name in names}
         else:
-            made = {t.name: (by_run[how, t.group], _trial_by_joint(fitted, t.name)) for t in left_out}
+            groups = {name: pieces[0].group for name, pieces in group_pieces(left_out).items()}
+            made = {name: (by_run[how, group], _pieces_by_joint(fitted, name)) for name, group in groups.items()}
         each = []
-        for name, (by, trial) in made.items():
-            torque, half = by.predict(trial), by.half_width(trial, ERROR_BAND_SHARE)
+        for name, (by, pieces) in made.items():
+            torque = _over_pieces([by.predict(trial) for trial in pieces])
+            half = _over_pieces([by.half_width(trial, ERROR_BAND_SHARE) for trial in pieces])
             for joint in fit.joints:
-                reference = trial[joint].torque
-                each.append(_score_joint(how, joint, trial, torque, half))
-                trace = TorqueTrace(joint, name, trial[joint].time, reference, {}, {}, ERROR_BAND_SHARE)
+                reference = np.concatenate([trial[joint].torque for trial in pieces])
+                each.append(_score_joint(how, joint, name, reference, torque, half))
+                time = np.concatenate([trial[joint].time for trial in pieces])
+                trace = TorqueTrace(joint, name, time, reference, {}, {}, ERROR_BAND_SHARE)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean_score(how, joint, each) for joint in fit.joints]
@@ -147,18 +150,22 @@ def _add_unrecorded_muscles(
     """Return the result with muscles that no electrode drives, and their scores on held-out recordings."""
     fit, scores = found.fit, []
     never = fit_unrecorded_muscles(fit, fitted)
-    for name in [] if never is None else [t.name for t in next(iter(held.values()))]:
-        trial = _trial_by_joint(held, name)
-        torque, half = never.predict(trial), fit.half_width(trial, ERROR_BAND_SHARE)
-        scores += [_score_joint(UNRECORDED_VARIANT, joint, trial, torque, half) for joint in fit.joints]
+    for name in [] if never is None else group_pieces(next(iter(held.values()))):
+        pieces = _pieces_by_joint(held, name)
+        torque = _over_pieces([never.predict(trial) for trial in pieces])
+        half = _over_pieces([fit.half_width(trial, ERROR_BAND_SHARE) for trial in pieces])
+        for joint in fit.joints:
+            reference = np.concatenate([trial[joint].torque for trial in pieces])
+            scores.append(_score_joint(UNRECORDED_VARIANT, joint, name, reference, torque, half))
     return replace(found, never=never, beside=tuple(scores))
 
 
-def _score_joint(how: str, joint: str, trial: TrialByJoint, torque: Mapping, half: Mapping) -> TogetherScore:
-    """Score a joint's predicted torque, and the coverage of its band."""
-    reference = trial[joint].torque
+def _score_joint(
+    how: str, joint: str, name: str, reference: np.ndarray, torque: Mapping, half: Mapping
+) -> TogetherScore:
+    """Score a joint's predicted torque over a recording, and the coverage of its band."""
     inside = float(np.mean(np.abs(reference - torque[joint]) <= half[joint]))
-    return TogetherScore(how, joint, trial[joint].name, score(reference, torque[joint]), inside)
+    return TogetherScore(how, joint, name, score(reference, torque[joint]), inside)
 
 
 def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[TorqueTrial]]) -> TogetherFindings:
@@ -169,10 +176,14 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
     fit = found.fit
     posterior = calibration_posterior(fit.fit, title=f"Posterior of the muscles of {found.what}")
     scores = []
-    for name in () if posterior.unsettled else [t.name for t in next(iter(across.values())) if t.heldout]:
-        trial = _trial_by_joint(across, name)
-        torque, half = fit.predict_with_posterior(posterior, trial, ERROR_BAND_SHARE)
-        scores += [_score_joint(POSTERIOR_VARIANT, joint, trial, torque, half) for joint in fit.joints]
+    held = [t for t in next(iter(across.values())) if t.heldout]
+    for name in () if posterior.unsettled else group_pieces(held):
+        pieces = _pieces_by_joint(across, name)
+        made = [fit.predict_with_posterior(posterior, trial, ERROR_BAND_SHARE) for trial in pieces]
+        torque, half = (_over_pieces([each[i] for each in made]) for i in (0, 1))
+        for joint in fit.joints:
+            reference = np.concatenate([trial[joint].torque for trial in pieces])
+            scores.append(_score_joint(POSTERIOR_VARIANT, joint, name, reference, torque, half))
     return replace(found, posterior=posterior, beside=(*found.beside, *scores))
 
 
@@ -187,9 +198,15 @@ def _joint_words(joints: Sequence[str]) -> str:
     return f"{', '.join(joints[:-1])} and {joints[-1]}"
 
 
-def _trial_by_joint(across: Mapping[str, Sequence[TorqueTrial]], name: str) -> dict[str, TorqueTrial]:
-    """Return the trials of one recording, by joint."""
-    return {joint: next(t for t in own if t.name == name) for joint, own in across.items()}
+def _pieces_by_joint(across: Mapping[str, Sequence[TorqueTrial]], name: str) -> list[dict[str, TorqueTrial]]:
+    """Return the pieces of one recording, each as its trials by joint."""
+    own = {joint: [t for t in trials if t.recording == name] for joint, trials in across.items()}
+    return [dict(zip(own, pieces, strict=True)) for pieces in zip(*own.values(), strict=True)]
+
+
+def _over_pieces(parts: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return what was predicted by joint for a recording's pieces, one after another."""
+    return {joint: np.concatenate([np.asarray(part[joint]) for part in parts]) for joint in parts[0]}
 
 
 def _mean_score(how: str, joint: str, each: Sequence[TogetherScore]) -> TogetherScore:

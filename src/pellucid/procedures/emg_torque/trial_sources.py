@@ -90,13 +90,14 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
                 envelopes=relative_envelopes(study, recording, top[recording.participant], causal=causal),
                 angles=angles,
                 torque=np.interp(recording.time, time, torque),
-                group=recording.name,
+                group=recording.trial,
                 heldout=recording.use != "fit",
                 participant=recording.participant,
                 checksum=recording.checksum,
                 muscles=muscle_source(study, recording, joint),
                 lead=_lead_envelopes(study, recording),
                 unit=unit,
+                piece_of=recording.piece_of,
             )
         )
     return [_thin_trial(trial) for trial in trials]
@@ -178,6 +179,7 @@ def step_trials(
                 participant=participant,
                 checksum=recording.checksum,
                 muscles=muscle_source(study, recording, joint),
+                piece_of=recording.piece_of,
             )
         )
     return trials
@@ -185,12 +187,13 @@ def step_trials(
 
 def number_repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     """Return the repetition of each recording: as study.toml says, or the number of recordings so far at its angle."""
-    angles, made = [], {}
+    angles: dict[str, float] = {}  # by trial: pieces of one recording are of one repetition
+    made: dict[str, int] = {}
     for recording in recordings:
         angle = float(np.nanmedian(recording["position"]))
-        earlier = sum(abs(angle - other) < SAME_ANGLE_TOLERANCE_RAD for other in angles)
+        earlier = sum(abs(angle - a) < SAME_ANGLE_TOLERANCE_RAD for t, a in angles.items() if t != recording.trial)
         made[recording.name] = recording.repetition or earlier + 1
-        angles.append(angle)
+        angles.setdefault(recording.trial, angle)
     return made
 
 
@@ -261,9 +264,9 @@ def _body_of_card(card: ParameterCard) -> MovedBody:
 def _lead_envelopes(study: Study, recording: Recording) -> dict[str, np.ndarray]:
     """Return envelopes before the recording's first sample, if they were recorded and the recording is not a window."""
     stream = recording.stream_or_self(study.table(EmgTorqueTable).emg)
-    spec = next(each for each in study.config.recordings if each.name == recording.name)
+    spec = study.config.entry_of(recording.name)
     count = int((recording.time[0] - stream.time[0]) * recording.fs)
-    if study.table(EmgTorqueTable).chain != "none" or spec.window is not None or count < 1:
+    if study.table(EmgTorqueTable).chain != "none" or (spec is not None and spec.window is not None) or count < 1:
         return {}
     time = recording.time[0] - np.arange(count, 0, -1) / recording.fs
     return {

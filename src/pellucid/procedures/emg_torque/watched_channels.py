@@ -16,7 +16,7 @@ from ...estimators.channel_watch import add_channel_watch
 from ...estimators.emg_session import ChannelChange
 from ...estimators.live_torque import LiveTorque
 from ...estimators.torque_map import fit_torque_map
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import TorqueTrial, join_pieces
 from ...models.emg_estimator import EmgEstimatorCard
 from ...studies.study import Study
 from .emg_torque_table import EmgTorqueTable
@@ -43,7 +43,7 @@ def find_watched_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
         card = _watched_card(study, joint, fitted) if fitted and fitted[0].unit == "N*m" else None
         if card is None or card.watch is None:
             continue
-        for trial in held:
+        for trial in join_pieces(held):
             for change in _find_changes(card, trial):
                 found.setdefault(trial.name, {}).setdefault(change.muscle, change)
     return {name: tuple(changes.values()) for name, changes in found.items()}

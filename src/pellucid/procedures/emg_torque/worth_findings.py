@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...estimators.emg_worth import EmgWorth, worth_on_recording, worth_over_trials
+from ...estimators.emg_worth import MIN_TRIALS_FOR_INTERVAL, EmgWorth, worth_on_recording, worth_over_trials
 from ..result import FigureTable
 from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
 from .evaluated import TorqueTrace
 
 MAX_BRIEF_WORTH_ROWS = 6
 """Largest number of joints and recordings in the table on a terminal without ``-v``."""
+
+TOO_FEW_TRIALS_SENTENCE = (
+    f"Fewer than {MIN_TRIALS_FOR_INTERVAL} trials are left to fit: too few to say whether EMG is worth it. "
+)
+"""Sentence before the figures of maps that were fitted to too few of the study's trials."""
 
 
 @dataclass(frozen=True)
@@ -31,19 +36,30 @@ class RecordingWorth:
 
 
 def find_worth(
-    chosen: Sequence[RecommendedEstimator], traces: Sequence[TorqueTrace], margin: float
+    chosen: Sequence[RecommendedEstimator],
+    traces: Sequence[TorqueTrace],
+    margin: float,
+    recordings: Mapping[str, str],
+    *,
+    is_founded: bool = True,
 ) -> tuple[RecordingWorth, ...]:
-    """Return the gain of every recommended estimator over angles alone.
+    """Return the gain of every recommended estimator over angles alone; no answer of it if that is not `is_founded`.
 
     A recording's answer uses the predictions on that recording and nothing else. `traces` holds the predictions on
-    every test recording on which estimates are valid.
+    every test recording on which estimates are valid, `recordings` the recording's name of each trial: pieces of one
+    recording are no independent trials.
     """
     found, made = [], {(trace.what, trace.recording): trace for trace in traces}
     for each in chosen:
         if each.by:
             scores = [one for one in each.by_condition() if one.bare is not None]
             if scores:
-                worth = worth_over_trials([s.score.r2 for s in scores], [s.bare.r2 for s in scores if s.bare], margin)
+                pieces: dict[str, list[tuple[float, float]]] = {}
+                for one in scores:
+                    pair = (one.score.r2, one.bare.r2 if one.bare else np.nan)
+                    pieces.setdefault(recordings.get(one.name, one.name), []).append(pair)
+                means = np.array([np.mean(pairs, axis=0) for pairs in pieces.values()])
+                worth = worth_over_trials(means[:, 0], means[:, 1], margin)
                 found.append(RecordingWorth(each.what, "", worth))
             continue
         for judged in each.judged:
@@ -53,7 +69,16 @@ def find_worth(
                 fs = (len(trace.time) - 1) / float(trace.time[-1] - trace.time[0])
                 worth = worth_on_recording(trace.reference, *predicted, fs, margin)
                 found.append(RecordingWorth(each.what, judged.recording, worth))
-    return tuple(found)
+    return tuple(replace(each, worth=replace(each.worth, is_founded=is_founded)) for each in found)
+
+
+def is_answer_founded(fitted: int, lost: int) -> bool:
+    """Return whether `fitted` trials suffice to answer whether EMG is worth it, where `lost` ones were not used.
+
+    A study whose trials are all used answers for the trials that it planned. Where some were lost, the ones that are
+    left must be as many as an interval over trials requires.
+    """
+    return not lost or fitted >= MIN_TRIALS_FOR_INTERVAL
 
 
 def _signed(value: float) -> str:
@@ -79,7 +104,8 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
         "not worth it": "EMG is not worth it over angles alone for",
         "cannot say": "Whether EMG is worth it cannot be said for",
     }
-    return "".join(f"{words[answer]} {_list_with_end(parts)}. " for answer, parts in by_answer.items())
+    few = "" if all(each.worth.is_founded for each in worth) else TOO_FEW_TRIALS_SENTENCE
+    return few + "".join(f"{words[answer]} {_list_with_end(parts)}. " for answer, parts in by_answer.items())
 
 
 def _list_with_end(parts: Sequence[str], most: int = 3) -> str:

@@ -14,7 +14,7 @@ from ..cut import Cut
 from ..recording import make_cut
 from .rest import is_at_rest, is_own_speed
 from .scale import Scale
-from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, joint_ending
+from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, is_out_of_contact, joint_ending
 
 KIND = "clipped"
 
@@ -61,7 +61,10 @@ def is_at_limit(watched: WatchedRecording, name: str, value: float) -> bool:
 
 
 def is_dwell(watched: WatchedRecording, name: str, first: int, last: int) -> bool:
-    """Whether a flat run is what the joint did: it rested at its largest position, or moved at a constant speed."""
+    """Whether a flat run is what the joint did: it rested at its largest position, moved at a constant speed, or was
+    out of contact."""
+    if is_out_of_contact(watched, name, first, last):
+        return True
     head, channels = name.partition(".")[0], watched.recording.channels
     if head in INERTIAL_CHANNELS:
         return is_at_rest(watched, name, first, last)

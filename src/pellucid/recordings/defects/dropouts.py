@@ -13,7 +13,14 @@ import numpy as np
 from ..cut import Cut
 from ..recording import make_cut
 from .clipped import is_at_limit
-from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, joint_ending, repeats_next
+from .watched import (
+    INERTIAL_CHANNELS,
+    WatchedRecording,
+    find_runs,
+    is_out_of_contact,
+    joint_ending,
+    repeats_next,
+)
 
 KIND = "dropout"
 
@@ -64,6 +71,8 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
         for i in _outstanding_runs(length, len(x), MIN_LENGTH_RATIO_WITH_HIGH_LEAP).tolist():
             a, b = int(first[i]), int(first[i] + length[i] - 1)
             if length[i] > MAX_DROPOUT_S * watched.recording.fs or _is_at_extreme(watched, name, x, a):
+                continue
+            if is_out_of_contact(watched, name, a, b):
                 continue
             lost = _has_leaps(x, a, b, MIN_LEAP_RATIO if i in much_longer else MIN_HIGH_LEAP_RATIO)
             if i in much_longer and not lost and not _is_motion(name):
