@@ -12,6 +12,8 @@ from pathlib import Path
 
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
+from mkdocs.plugins import event_priority
 from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
 
@@ -28,12 +30,18 @@ TEX = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', r
 """An equation as the Markdown extension leaves it: TeX between brackets, `\\(` within a line and `\\[` on its own."""
 
 
+@event_priority(100)
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made, or that lie outside docs/."""
+    """Add the pages that are made, or that lie outside docs/.
+
+    It comes before every plugin, so that `mkdocs-jupyter` finds the notebooks among the files and renders them.
+    """
     for source, name in ROOT_PAGES.items():
         files.append(File.generated(config, name, content=moved_links((ROOT / source).read_text("utf-8"))))
     for notebook in sorted((ROOT / "examples").glob("*.ipynb")):
-        files.append(File.generated(config, f"examples/{notebook.name}", abs_src_path=str(notebook)))
+        # A file with its folder, not a generated one, whose content mkdocs-jupyter does not find.
+        place = notebook.relative_to(ROOT).as_posix()
+        files.append(File(place, str(ROOT), config.site_dir, config.use_directory_urls))
     files.append(File.generated(config, "api.md", content="\n".join(api_page())))
     files.append(File.generated(config, "gallery.md", content="\n".join(gallery_page())))
     files.append(File.generated(config, "site.css", abs_src_path=str(Path(__file__).with_name("site.css"))))
@@ -59,6 +67,17 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
         return convert(tex, display="block" if match[2] == "[" else "inline")
 
     return TEX.sub(as_mathml, html)
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Refuse a site in which a notebook is no page."""
+    site = Path(config.site_dir)
+    raw = [path.relative_to(site).as_posix() for path in site.rglob("*.ipynb")]
+    names = [path.stem for path in ROOT.glob("examples/*.ipynb")]
+    lacking = [name for name in names if not (site / f"examples/{name}.html").is_file()]
+    if raw or lacking:
+        found = ", ".join(raw or lacking)
+        raise PluginError(f"found notebooks that are not rendered: {found}; expected a page of each")
 
 
 def moved_links(text: str) -> str:

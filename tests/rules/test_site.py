@@ -19,3 +19,23 @@ def test_every_page_is_in_the_menu_once():
 def test_no_page_asks_another_server():
     assert "font: false" in SETTINGS
     assert "http" not in SETTINGS
+
+
+def test_headings_have_the_words_that_users_search_for():
+    """The site's search weighs headings more than text."""
+    headings = [
+        line.lower()
+        for path in (ROOT / "docs").glob("*.md")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if line.startswith("#")
+    ]
+    for words in ("lsl", "how many participants"):
+        assert any(words in line for line in headings), words
+
+
+def test_notebooks_are_files_that_the_plugin_renders_and_the_build_looks():
+    """A hook that comes after the plugin, or a generated file, leaves a notebook as it is: JSON."""
+    hook = (ROOT / "website" / "pages.py").read_text(encoding="utf-8")
+    assert re.search(r"@event_priority\(\d+\)\ndef on_files", hook)
+    assert "File(place, str(ROOT)" in hook
+    assert re.search(r"def on_post_build.*?\.ipynb.*?raise PluginError", hook, re.DOTALL)
