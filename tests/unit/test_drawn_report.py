@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from pellucid.cli import app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
+from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import identify
 from pellucid.recordings.kept_columns import FILE_ENDING
 from pellucid.studies.drawn_report import KEPT_COLUMNS_ENDING, ReportPlace
@@ -25,7 +26,11 @@ def reported(tmp_path_factory):
 
 @pytest.fixture
 def folder(reported, tmp_path):
-    return shutil.copytree(reported, tmp_path / "study")
+    """A copy, noted as drawn there: a page names its folder in commands, so that a copied page alone is drawn again."""
+    copy = shutil.copytree(reported, tmp_path / "study")
+    assert page_of(copy) is None
+    ReportPlace(copy).note_drawn(copy / "report" / "index.html", open_study(copy).files(), with_pdf=False)
+    return copy
 
 
 def page_of(folder):

@@ -128,9 +128,10 @@ def test_figures_are_files_too(written):
 
 def test_the_same_fit_gives_the_same_bytes(fit, written, tmp_path):
     again = write_report(fabricate.study(tmp_path / "bench", fabricate.fit()), fit)
-    assert again.read_bytes() == written.read_bytes()
+    # The page's commands name its folder as it was given; all else is equal.
+    first, other = (str(page.parents[1]).encode() for page in (written, again))
     for one in sorted(written.parent.glob("*.*")):
-        assert (again.parent / one.name).read_bytes() == one.read_bytes(), one.name
+        assert (again.parent / one.name).read_bytes().replace(other, first) == one.read_bytes(), one.name
 
 
 @pytest.mark.parametrize(
