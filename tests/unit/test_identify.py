@@ -111,7 +111,7 @@ def test_a_broken_card_is_refused(tmp_path, text, message):
 
 
 def test_a_missing_card_says_what_to_do(tmp_path):
-    with pytest.raises(PellucidError, match="run 'pellucid identify'"):
+    with pytest.raises(PellucidError, match="make it with: pellucid identify"):
         read_card(tmp_path / "models" / "joint.json")
 
 
