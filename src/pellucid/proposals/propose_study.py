@@ -16,12 +16,14 @@ from ..inference.clocks import UNIT_SECONDS
 from ..inference.commands import find_resting_limit
 from ..inference.derivatives import UNIT_RATIOS
 from ..inference.emg_spectrum import swings_fast
+from ..inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
 from ..inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
 from ..inference.processing_choice import ProcessingChoice, choose_processing
 from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from ..inference.static_postures import find_postures
 from ..recordings.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..recordings.readers.urdf import read_urdf
+from ..recordings.recording import LOCKED_SPRING_PROTOCOL
 from ..recordings.stated_units import unit_from_text
 from ..studies.study_file import channel_unit, rig_units
 from ..units import to_si_factor
@@ -124,6 +126,7 @@ class Proposal:
     remarks: tuple[str, ...]  # what was left out and noticed
     repeated: RepeatedMotion | None = None
     robot_joints: tuple[str, ...] = ()  # joints of the robot's file, empty if it does not have those of the recordings
+    spring: LockedSpring | None = None  # the spring on the bench that the recordings show
 
     @property
     def rate(self) -> float | None:
@@ -145,14 +148,21 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         recordings = _with_paired_columns(recordings, main, paired)
         main = _with_paired_roles(main, paired)
     drive = _drive_kind(main, streams) if not person else None
+    spring = _locked_spring(main, drive)
+    if spring is not None:
+        main = replace(main, roles=with_locked_spring(main.roles, spring))
+        recordings = [replace(r, protocol=LOCKED_SPRING_PROTOCOL) for r in recordings]
     motion, motion_sure, gravity = _motion(main, streams, drive)
+    if spring is not None:
+        motion, gravity = ("rotary", "none") if _is_torque(main, drive) else (motion, "none")
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
     main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
     main, limit = _with_limit(_with_full_duty(main), drive)
     if limit is not None:
         facts["limit"] = limit
-    repeated = _repeated(recordings, main, drive)
+    # The same deflection with another torque is another spring, and no payload.
+    repeated = _repeated(recordings, main, drive) if spring is None else None
     questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts":
@@ -191,6 +201,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         remarks=tuple(dict.fromkeys(remarks)),
         repeated=repeated,
         robot_joints=robot_joints,
+        spring=spring,
     )
 
 
@@ -240,6 +251,20 @@ def _without_idle_unknowns(layout: Layout, drive: str | None) -> Layout:
         for role in layout.roles.roles
     )
     return replace(layout, roles=replace(layout.roles, roles=roles))
+
+
+def _locked_spring(main: Layout, drive: str | None) -> LockedSpring | None:
+    """Return the spring on the bench that every recording of the main layout shows, None if they are of a joint."""
+    effort = _main_effort([main], drive)
+    if effort is None or main.tables[0].rows == 0:
+        return None
+    tables = [{n: np.asarray(x, float) for n, x in _own_names(t, main.tables[0]).items()} for t in main.tables]
+    return spring_of_tables(main.roles, tables, effort[1])
+
+
+def _is_torque(main: Layout, drive: str | None) -> bool:
+    effort = _main_effort([main], drive)
+    return effort is not None and effort[1].quantity == "torque" and effort[1].unit_is_certain
 
 
 def _grouped(tables: Sequence[GivenTable]) -> list[list[GivenTable]]:

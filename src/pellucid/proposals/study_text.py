@@ -387,7 +387,9 @@ def _processing(proposal: Proposal) -> list[str]:
         return []
     unit = "m/s" if proposal.motion == "prismatic" else "rad/s"
     role = next(r for r in proposal.main.channels if r.quantity in ("position", "motor_position"))
+    # A spring shows its stiffness where it is held, too, and has no dead band.
     factor = 2.0 * math.pi / USUAL_COUNTS if role.unit == "counts" else to_si_factor(role.unit, None)[0]
+    dead_band = f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"'
     lines = [
         "",
         "[processing]",
@@ -395,7 +397,7 @@ def _processing(proposal: Proposal) -> list[str]:
         f'lowpass = "{choice.lowpass:g} Hz"',
         "order = 4",
         f"decimate = {choice.decimate}",
-        _line(f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"', "slower, friction has no certain sign"),
+        *([] if proposal.spring is not None else [_line(dead_band, "slower, friction has no certain sign")]),
         _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled"),
     ]
     return lines
@@ -403,6 +405,8 @@ def _processing(proposal: Proposal) -> list[str]:
 
 def _model(proposal: Proposal) -> list[str]:
     if proposal.drive is None or proposal.gravity is None or proposal.motion == "prismatic" or proposal.robot_joints:
+        return []
+    if proposal.spring is not None:
         return []
     why = {
         "none": f"{MARK_GUESS}: the sine of the angle explains nothing of the effort",
@@ -456,8 +460,10 @@ def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[
         lines.append(f"streams = {{ {inner} }}")
     for key in ("participant", "condition", "protocol"):
         value = getattr(recording, key)
+        is_spring = key == "protocol" and proposal.spring is not None
+        comment = f"{MARK_GUESS}: {proposal.spring.why}" if is_spring and proposal.spring else ""
         if value:
-            lines.append(f"{key} = {_text(value)}")
+            lines.append(_line(f"{key} = {_text(value)}", comment))
     lines.append(f'use = "{recording.use}"')
     window = recording.window or _sound_window(recording, proposal)
     if window is not None:

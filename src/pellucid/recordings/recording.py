@@ -18,6 +18,9 @@ from .optical import OpticalRecording
 MAXIMAL_PROTOCOL = "mvc"
 """Protocol of a maximal contraction. Its EMG alone is used, so that its file may lack every other channel."""
 
+LOCKED_SPRING_PROTOCOL = "locked_spring"
+"""Protocol of a recording in which one end of a spring is locked and the other is driven."""
+
 BLOCK_SAMPLES = 100_000
 """The time steps of a recording with at least this many samples are examined in blocks of this size, which saves
 memory."""

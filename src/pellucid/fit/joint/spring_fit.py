@@ -5,8 +5,10 @@ r"""Identify a spring on the bench, such as a series-elastic element whose far e
 
 with q the deflection, f half the width of its hysteresis and J what moves with the end that is driven. z moves by dq/w
 and stays within -1 and 1 (an elastic-plastic element), so that hysteresis builds up over the way w. A spring that
-hardens or softens has a cubic term, which is fitted if it is told by the test that chooses friction families: it must
-save 5 % of the error on blocks left out, and its p value must be below 5 %.
+hardens or softens has a cubic term. A spring with backlash does not pull while q is within a gap; beyond the gap, q
+counts from the gap's edge. Either is fitted if the test that chooses friction families needs it: it must save 5 % of
+the error on blocks left out, and its p value must be below 5 %. The deflection counts from 0, or from the middle of its
+range where that range does not contain 0, as an angle does whose zero is elsewhere.
 """
 
 from __future__ import annotations
@@ -30,6 +32,24 @@ SPRING_PARAMETERS = ("stiffness", "damping", "hysteresis", "inertia", "offset")
 
 CUBIC_PARAMETER = "cubic_stiffness"
 """Name of the parameter of a spring that hardens (> 0) or softens (< 0)."""
+
+BACKLASH_PARAMETER = "backlash"
+"""Name of the parameter of a spring that does not pull within a gap: the width of the gap."""
+
+SPRING_SHAPES = ("linear", "cubic", "backlash")
+"""Shapes of a spring, the simplest first."""
+
+FIRST_GAP_SHARES = (0.03, 0.1, 0.25, 0.5)
+"""Widths of the gap from which its edges are searched, divided by the range of the deflection."""
+
+MAX_GAP_SHARE = 0.8
+"""A gap is at most this share of the range: beyond its edges the spring must be seen."""
+
+GAP_ITERATION_COUNT = 30
+"""Largest number of Gauss-Newton steps of the search for the gap's edges; it needs about ten."""
+
+GAP_TOLERANCE = 1e-4
+"""The search ends when the edges move by less than this share of the range."""
 
 MASS_UNITS = {("N*m", "rad"): "kg*m^2", ("N", "m"): "kg"}
 """Unit of an inertia by those of effort and deflection, where it has a name of its own."""
@@ -55,45 +75,72 @@ class SpringFit:
     Attributes
     ----------
     parameters : tuple of Parameter
-        Stiffness, damping, hysteresis, inertia, offset, and the cubic stiffness of a spring that is not linear. Their
-        intervals allow for coloured residuals and for physics that the model has not: see `fit_spring`.
-    is_linear : bool
-        Whether the spring has no cubic term.
+        Stiffness, damping, hysteresis, inertia, offset, and the cubic stiffness or the backlash of a spring that is not
+        linear. Their intervals allow for coloured residuals and for physics that the model has not: see `fit_spring`.
+    shape : str
+        ``"linear"``, ``"cubic"`` or ``"backlash"``.
     deflection : tuple of float
         Smallest and largest fitted deflection [rad or m].
     effort_error : float
         100 ||effort - model|| / ||effort|| over the fitted samples [%].
     linear_error : float
-        The same of the spring without a cubic term [%].
+        The same of the spring without a cubic term and without a gap [%].
     """
 
     parameters: tuple[Parameter, ...]
-    is_linear: bool
+    shape: str
     deflection: tuple[float, float]
     effort_error: float
     linear_error: float
     way: float  # way over which hysteresis builds up from its middle [rad or m]
-    values: np.ndarray = field(repr=False)  # (p,) parameters
+    geometry: SpringGeometry
+    values: np.ndarray = field(repr=False)  # (p,) coefficients of the columns
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the spring has neither a cubic term nor a gap."""
+        return self.shape == "linear"
 
     def predict(self, motion: Motion) -> np.ndarray:
         """Return the effort in the rows of a motion, fitted or held out, shape (m,), in the effort's unit."""
-        return spring_columns(motion, self.way, cubic=not self.is_linear) @ self.values
+        return spring_columns(motion, self.way, self.geometry, cubic=self.shape == "cubic") @ self.values
 
 
-def spring_columns(motion: Motion, way: float, *, cubic: bool) -> np.ndarray:
+@dataclass(frozen=True)
+class SpringGeometry:
+    """From where a deflection counts, and within which edges the spring does not pull [rad or m]."""
+
+    origin: float = 0.0  # position at which the deflection is 0
+    gap: tuple[float, float] | None = None  # lower and upper edge of the gap, as positions
+
+    def deflection(self, motion: Motion) -> np.ndarray:
+        """Return the deflection in a motion, shape (n,), without what lies within the gap."""
+        if self.gap is None:
+            return motion.position - self.origin
+        return motion.position - motion.smooth(np.clip(motion.position, *self.gap))
+
+    def edge_columns(self, motion: Motion) -> np.ndarray:
+        """Return in the rows of a motion whether it is below and whether it is above the gap, shape (m, 2)."""
+        assert self.gap is not None
+        sides = np.column_stack([motion.position < self.gap[0], motion.position > self.gap[1]]).astype(float)
+        return motion.rows(np.column_stack([motion.smooth(side) for side in sides.T]))
+
+
+def spring_columns(motion: Motion, way: float, geometry: SpringGeometry, *, cubic: bool) -> np.ndarray:
     """Return the columns of a spring in the rows of a motion, shape (m, 5), or (m, 6) with a `cubic` term.
 
     Hysteresis builds up over the `way` [rad or m].
     """
+    deflection = geometry.deflection(motion)
     columns = [
-        motion.position,
+        deflection,
         motion.velocity,
         motion.smooth(bending(motion.position, way)),
         motion.acceleration,
         np.ones_like(motion.position),
     ]
     if cubic:
-        columns.append(motion.position**3)
+        columns.append(deflection**3)
     return motion.rows(np.column_stack(columns))
 
 
@@ -150,36 +197,56 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
             f"found {len(target)} samples in which the spring moves, expected {10 * (len(SPRING_PARAMETERS) + 1)} or "
             "more with an effort: deflect it both ways, slowly and fast"
         )
-    span = float(np.ptp(np.concatenate([m.position for m in motions])))
+    position = np.concatenate([m.position for m in motions])
+    low, high = float(position.min()), float(position.max())
+    span = high - low
     if not span > 0.0:
         raise IdentificationError("found a deflection that never changes, expected one that does, both ways")
+    plain = SpringGeometry(0.0 if low <= 0.0 <= high else 0.5 * (low + high))
 
-    def stacked(way: float, *, cubic: bool) -> np.ndarray:
-        return np.concatenate([spring_columns(m, way, cubic=cubic) for m in motions])
+    def stacked(way: float, geometry: SpringGeometry = plain, *, cubic: bool = False) -> np.ndarray:
+        return np.concatenate([spring_columns(m, way, geometry, cubic=cubic) for m in motions])
 
     left = [float(np.sum(solve_spring(stacked(span * w, cubic=True), target, lengths)[2] ** 2)) for w in WAY_SHARE_GRID]
     way = span * float(WAY_SHARE_GRID[int(np.argmin(left))])
-    linear, cubic = stacked(way, cubic=False), stacked(way, cubic=True)
-    _require_told_apart(linear)
+    tried = {"linear": stacked(way), "cubic": stacked(way, cubic=True)}
+    _require_told_apart(tried["linear"])
+    gap = _find_gap(motions, target, lengths, way, (low, high))
+    geometries = dict.fromkeys(SPRING_SHAPES, plain)
+    if gap is not None:
+        geometries["backlash"] = gap
+        # Beside the spring the edges of its gap are free, which either side shows.
+        tried["backlash"] = np.hstack([stacked(way, gap), _edges(motions, gap)])
     crossed = {
-        name: cross_validated_residuals(_as_solution(x, target, lengths), lengths)
-        for name, x in (("linear", linear), ("cubic", cubic))
+        name: cross_validated_residuals(_as_solution(x, target, lengths), lengths) for name, x in tried.items()
     }
-    is_linear = compare_held_out(crossed).first(("linear", "cubic")) == "linear"
-    columns = linear if is_linear else cubic
+    shape = compare_held_out(crossed).first(tuple(tried))
+    geometry, columns = geometries[shape], tried[shape]
     values, statistical, residual = solve_spring(columns, target, lengths)
-    q, v = cubic[:, 0], cubic[:, 1]
-    other_ways = [stacked(ratio * way, cubic=False)[:, 2] - cubic[:, 2] for ratio in NEGLECTED_WAY_RATIOS]
-    richer = np.column_stack([cubic, q * np.abs(q), v * np.abs(v), *other_ways])
+    q, v = stacked(way, geometry)[:, 0], columns[:, 1]
+    other_ways = [stacked(ratio * way)[:, 2] - columns[:, 2] for ratio in NEGLECTED_WAY_RATIOS]
+    hardens = [] if shape == "cubic" else [q**3]
+    richer = np.column_stack([columns, *hardens, q * np.abs(q), v * np.abs(v), *other_ways])
     others, unsure, _ = solve_spring(richer, target, lengths)
     count = len(values)
+    unsure = unsure[:count, :count]
+    if gap is not None and shape == "backlash":
+        to_backlash = np.zeros(count)
+        to_backlash[-2:] = 1.0 / values[0], -1.0 / values[0]  # a side that pulls less has its edge farther out
+        statistical, unsure = (_with_backlash(c, to_backlash) for c in (statistical, unsure))
+        width = gap.gap[1] - gap.gap[0] if gap.gap else 0.0
+        others = np.append(others[:count - 2], width + to_backlash @ others[:count])
+        values = np.append(values[:-2], width)
+        columns = np.column_stack([columns[:, :-2], values[0] * (columns[:, -2] - columns[:, -1]) / 2.0])
+        count -= 1
     errors = np.sqrt(np.maximum(np.diag(statistical), 0.0))
     # Physics that may be there moves a parameter, and makes it less sure.
-    total = np.sqrt((others[:count] - values) ** 2 + np.maximum(errors**2, np.diag(unsure)[:count]))
-    names = SPRING_PARAMETERS if is_linear else (*SPRING_PARAMETERS, CUBIC_PARAMETER)
+    total = np.sqrt((others[:count] - values) ** 2 + np.maximum(errors**2, np.diag(unsure)))
+    more = {"linear": (), "cubic": (CUBIC_PARAMETER,), "backlash": (BACKLASH_PARAMETER,)}[shape]
+    names = (*SPRING_PARAMETERS, *more)
     rate = {"damping": f"*s/{coordinate}", "inertia": f"*s^2/{coordinate}", CUBIC_PARAMETER: f"/{coordinate}^3"}
     added = {"hysteresis": "", "offset": "", "stiffness": f"/{coordinate}"} | rate
-    units = {name: f"{effort}{more}" for name, more in added.items()}
+    units = {name: f"{effort}{more}" for name, more in added.items()} | {BACKLASH_PARAMETER: coordinate}
     if (effort, coordinate) in MASS_UNITS:
         units["inertia"] = MASS_UNITS[effort, coordinate]
     return SpringFit(
@@ -192,13 +259,64 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
             )
             for i, (name, value, whole, own) in enumerate(zip(names, values, total, errors, strict=True))
         ),
-        is_linear,
-        (float(q.min()), float(q.max())),
+        shape,
+        (low, high),
         100.0 * float(np.linalg.norm(residual)) / size,
-        100.0 * float(np.linalg.norm(solve_spring(linear, target, lengths)[2])) / size,
+        100.0 * float(np.linalg.norm(solve_spring(tried["linear"], target, lengths)[2])) / size,
         way,
-        values,
+        geometry,
+        values[: 6 if shape == "cubic" else 5],
     )  # fmt: skip
+
+
+def _find_gap(
+    motions: Sequence[Motion], target: np.ndarray, lengths: Sequence[int], way: float, ends: tuple[float, float]
+) -> SpringGeometry | None:
+    """Return the gap with which a spring explains the effort best, None if no start leads to one.
+
+    A side on which the spring pulls more or less than its edge says moves that edge (Gauss-Newton).
+    """
+    span, best, least = ends[1] - ends[0], None, np.inf
+    middle = _zero_crossing(motions, ends)
+    for share in FIRST_GAP_SHARES:
+        edges = np.array([middle - 0.5 * share * span, middle + 0.5 * share * span])
+        for _ in range(GAP_ITERATION_COUNT):
+            gap = SpringGeometry(gap=(float(edges[0]), float(edges[1])))
+            spring = np.concatenate([spring_columns(m, way, gap, cubic=False) for m in motions])
+            columns = np.hstack([spring, _edges(motions, gap)])
+            if not all(np.any(side > 0.5) for side in columns[:, -2:].T):
+                break
+            values, _, _ = solve_spring(columns, target, lengths)
+            if not values[0] > 0.0:
+                break
+            moved = -values[-2:] / values[0]
+            edges = np.clip(edges + moved, *ends)
+            if not 0.0 < edges[1] - edges[0] < MAX_GAP_SHARE * span:
+                break
+            if np.abs(moved).max() < GAP_TOLERANCE * span:
+                left = float(np.sum(solve_spring(spring, target, lengths)[2] ** 2))
+                if left < least:
+                    best, least = gap, left
+                break
+    return best
+
+
+def _zero_crossing(motions: Sequence[Motion], ends: tuple[float, float]) -> float:
+    """Return the position at which the spring pulls neither way, by a straight line of effort over position."""
+    q, effort = (np.concatenate([getattr(m, name) for m in motions]) for name in ("position", "effort"))
+    slope, start = np.polyfit(q - q.mean(), effort - 0.5 * (effort.max() + effort.min()), 1)
+    return float(np.clip(q.mean() - start / slope if slope else q.mean(), *ends))
+
+
+def _edges(motions: Sequence[Motion], gap: SpringGeometry) -> np.ndarray:
+    return np.concatenate([gap.edge_columns(m) for m in motions])
+
+
+def _with_backlash(covariance: np.ndarray, to_backlash: np.ndarray) -> np.ndarray:
+    """Return a covariance with the gap's width in place of the last two coefficients, those of its edges."""
+    to_own = np.eye(len(covariance))[:-2]
+    change = np.vstack([to_own, to_backlash])
+    return change @ covariance @ change.T
 
 
 def _require_told_apart(columns: np.ndarray) -> None:

@@ -24,7 +24,7 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
     takes_families = True
 
     def faults(self, study: Study, table: None) -> list[Fault]:
-        from .held_joint import is_held_throughout, is_locked_spring
+        from .held_joint import is_held_throughout, is_locked_spring, with_spring_advice
         from .joint_faults import joint_faults
 
         if is_locked_spring(study):
@@ -34,8 +34,8 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
         if is_held_throughout(study):
             from .static_postures import posture_faults
 
-            return posture_faults(study)
-        return joint_faults(study)
+            return with_spring_advice(study, posture_faults(study))
+        return with_spring_advice(study, joint_faults(study))
 
     def run(
         self,
@@ -46,18 +46,25 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
         families: Sequence[str] | None = None,
         thorough: bool = True,
     ) -> JointResult | PostureResult | SpringResult:
-        from .held_joint import is_held_throughout, is_locked_spring
+        from ..._errors import IdentificationError
+        from .held_joint import is_held_throughout, is_locked_spring, spring_advice
         from .identify_joint import identify_joint
 
         if is_locked_spring(study):
             from .spring_recordings import identify_spring
 
             return identify_spring(study)
-        if is_held_throughout(study):
-            from .static_postures import identify_postures
+        try:
+            if is_held_throughout(study):
+                from .static_postures import identify_postures
 
-            return identify_postures(study)
-        return identify_joint(study, tell, families=families, thorough=thorough)
+                return identify_postures(study)
+            return identify_joint(study, tell, families=families, thorough=thorough)
+        except IdentificationError as error:
+            advice = spring_advice(study)
+            if not advice:
+                raise
+            raise IdentificationError(f"{error}; {advice}") from error
 
     def page(self, study: Study, found: JointResult | PostureResult | SpringResult) -> Page:
         from .joint_page import page

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import PellucidError
-from ...fit.joint.spring_fit import CUBIC_PARAMETER, SpringFit, fit_spring
+from ...fit.joint.spring_fit import BACKLASH_PARAMETER, CUBIC_PARAMETER, SpringFit, fit_spring
 from ...fit.parameter import Verdict
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, unit_text
@@ -105,12 +105,16 @@ def _verdicts(fit: SpringFit, errors: tuple[tuple[str, str, float], ...]) -> tup
             Verdict("note", "No recording is held out.", 'Mark one `use = "validate"` to test it.', "locked_spring")
         )
     if not fit.is_linear:
-        cubic = next(p for p in fit.parameters if p.name == CUBIC_PARAMETER)
-        text = (
-            f"The spring {'hardens' if cubic.value > 0.0 else 'softens'} with its deflection: without that the error "
-        )
-        text += f"would be {fit.linear_error:.2g} % where it is {fit.effort_error:.2g} %. "
-        text += "The stiffness is that in the middle."
+        saved = f"With it the error is {fit.effort_error:.2g} %, without it {fit.linear_error:.2g} %."
+        found = {p.name: p for p in fit.parameters}
+        if BACKLASH_PARAMETER in found:
+            gap = found[BACKLASH_PARAMETER]
+            scale, unit = (float(np.degrees(1.0)), "deg") if gap.unit == "rad" else (1e3, "mm")
+            width = number(scale * gap.value, scale * gap.standard_error)
+            text = f"The spring has {width} {unit} of backlash. {saved} The stiffness is that beyond the gap."
+        else:
+            changes = "hardens" if found[CUBIC_PARAMETER].value > 0.0 else "softens"
+            text = f"The spring {changes} with its deflection. {saved} The stiffness is that in the middle."
         made.append(Verdict("note", text, "", "locked_spring"))
     return tuple(made)
 
@@ -139,9 +143,8 @@ def spring_page(study: Study, found: SpringResult) -> Page:
     stated = f"{stiffness.value:.4g} {stiffness.unit}"
     label = f"Effort ({unit_text(drive_model(rig).effort_unit)})"
     loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label)
-    tile = Tile(
-        "Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), "in the middle"
-    )
+    where = "beyond the gap" if found.fit.shape == "backlash" else "in the middle"
+    tile = Tile("Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), where)
     return study_page(
         title=f"{found.study}: a spring on the bench",
         headline=found.headline,

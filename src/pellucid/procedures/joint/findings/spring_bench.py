@@ -11,29 +11,21 @@ from ....fit.joint.spring_fit import solve_spring
 from ....fit.parameter import Verdict
 from ....models.joint import GRAVITY
 from ....pages.quantities import number, unit_text
+from ....signals.spring_evidence import (
+    MAX_SPRING_UNEXPLAINED_SHARE,
+    MIN_EXCESS,
+    MIN_LEVER_M,
+    STANDARD_ERRORS,
+    USUAL_LEVER_M,
+)
 from ..joint_case import JointCase
 
 MIN_UNEXPLAINED_SHARE = 0.5
 """The joint's model fails if it leaves at least this share of the effort's variance."""
 
-MAX_SPRING_UNEXPLAINED_SHARE = 0.1
-"""A spring explains the effort if it leaves at most this share of its variance."""
-
-MIN_LEVER_M = 0.01
-"""A weight whose inertia allows no longer lever than this is none [m]: it is most likely a spring."""
-
-USUAL_LEVER_M = 0.05
-"""The motion shows inertia if that of the weight at this lever [m] would exceed what is left unexplained."""
-
-MIN_EXCESS = 3.0
-"""It must do so by this factor (RMS)."""
-
 MAX_ALIKE_SHARE = 0.01
 """A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
 more."""
-
-STANDARD_ERRORS = 1.96
-"""Half the width of an interval in standard errors."""
 
 
 def find(case: JointCase) -> Iterator[Verdict]:

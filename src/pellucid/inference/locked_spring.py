@@ -1,0 +1,187 @@
+"""Find a spring on the bench: its output is locked, its motor is pushed against it, and the effort is recorded.
+
+Two angles show it where one of them hardly moves and the effort follows their difference. One angle shows it where the
+effort follows it and no weight can be the cause: its inertia would be larger, or it would be too heavy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..signals.filters import central_difference, zero_phase_lowpass
+from ..signals.spring_evidence import SpringEvidence, spring_evidence
+from ..units import to_si_factor
+from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
+from .name_evidence import read_name
+from .processing_choice import choose_processing
+
+MAX_LOCKED_SHARE = 0.1
+"""The output is locked if its range is at most this share of the motor's; the lock gives a little."""
+
+MAX_DEFLECTION_RAD = float(np.radians(5.0))
+"""Within this travel a spring that no weight could be is told from a joint by its stiffness alone [rad]."""
+
+MIN_STIFFNESS_NM_PER_RAD = 500.0
+"""A weight of so many N*m at 90 deg is more than a wearable robot or its wearer has at one joint [N*m/rad]."""
+
+MIN_ROWS = 200
+"""Shorter recordings are not examined."""
+
+MAX_ROWS = 60_000
+"""At most this many rows of a recording are examined."""
+
+RANGE_PERCENTILES = (0.5, 99.5)
+"""An angle's range lies between these percentiles, so that single outliers do not widen it."""
+
+
+@dataclass(frozen=True)
+class LockedSpring:
+    """A spring on the bench, by its columns."""
+
+    driven: str  # column of the angle of the driven end
+    locked: str | None  # column of the angle of the locked end, None without one
+    why: str  # reason, for a comment in study.toml
+    sign: int = 1  # -1 if the effort pulls against driven minus locked
+
+    @property
+    def columns(self) -> tuple[str, str | None, int]:
+        """The columns and the sign, which recordings of one bench have in common."""
+        return self.driven, self.locked, self.sign
+
+
+def spring_of_tables(
+    roles: TableRoles, tables: Sequence[Mapping[str, np.ndarray]], effort: ColumnRole
+) -> LockedSpring | None:
+    """Return the spring that every table of a layout shows, by their columns of shape (n,); None if one does not."""
+    if roles.rate is None or len(roles.joints) > 2:
+        return None
+    if roles.joints and sum(r.quantity in DRIVE_QUANTITIES and not r.is_command for r in roles.roles) > 1:
+        return None
+    main = next((r for r in roles.roles if r.quantity in ("position", "angle") and not r.is_command), None)
+    if main is None or main.keys or main.unit == "counts":
+        return None
+    names = [main.column] + [r.column for r in roles.roles if _is_further_angle(r, main)]
+    slides = main.unit_is_certain and main.unit in ("m", "mm", "cm", "um")
+    factor = to_si_factor(main.unit, None)[0] if main.unit_is_certain and not slides else None
+    is_torque = effort.quantity == "torque" and effort.unit in ("N*m", "Nm")
+    found = []
+    for table in tables:
+        own = find_locked_spring(
+            {name: table[name] for name in names if name in table},
+            table[effort.column],
+            roles.rate,
+            radians_per_unit=factor,
+            is_torque=is_torque,
+            slides=slides,
+        )
+        if own is None or (found and own.columns != found[0].columns):
+            return None
+        found.append(own)
+    return found[0] if found else None
+
+
+def _is_further_angle(role: ColumnRole, main: ColumnRole) -> bool:
+    """Whether a column holds another measured angle in the unit of the main one."""
+    if role is main or role.is_command:
+        return False
+    evidence, own = read_name(role.column), read_name(main.column)
+    return evidence.quantity == "position" and not evidence.is_command and evidence.unit == own.unit
+
+
+def with_locked_spring(roles: TableRoles, spring: LockedSpring) -> TableRoles:
+    """Return roles in which the position is the spring's deflection, and no column belongs to a joint of several."""
+    made = []
+    for role in roles.roles:
+        if role.column == spring.locked:
+            why = f'the locked end, which "{spring.driven}" is counted from'
+            role = replace(role, quantity=None, label="", why=why)
+        elif role.column == spring.driven:
+            keys = dict(role.keys) | ({"minus": spring.locked} if spring.locked else {})
+            keys |= {"sign": -1} if spring.sign < 0 else {}
+            role = replace(role, quantity="position", label="", why=spring.why, is_certain=True, keys=keys)
+        elif role.label in roles.joints:
+            role = replace(role, label="")
+        made.append(role)
+    return replace(roles, roles=tuple(made), joints=())
+
+
+def find_locked_spring(
+    angles: Mapping[str, np.ndarray],
+    effort: np.ndarray,
+    rate: float,
+    *,
+    radians_per_unit: float | None,
+    is_torque: bool,
+    slides: bool = False,
+) -> LockedSpring | None:
+    """Return the spring that angles, shape (n,) each in one unit, and an effort, shape (n,), show; None without one.
+
+    Parameters
+    ----------
+    angles : mapping of str to ndarray
+        Measured angles or lengths by column, the main one first.
+    effort : ndarray
+        Measured effort.
+    rate : float
+        Sampling rate [Hz].
+    radians_per_unit : float or None
+        Size of an angle's unit; None where it is not known.
+    is_torque : bool
+        Whether the effort is a torque in N*m.
+    slides : bool
+        Whether the angles are lengths, which no weight's effort follows.
+    """
+    if len(effort) < MIN_ROWS:
+        return None
+    rows = slice(0, MAX_ROWS)
+    taken = {name: x[rows] for name, x in angles.items()}
+    spans = {name: _span(x) for name, x in taken.items()}
+    for driven, moved in taken.items():
+        for locked, still in taken.items():
+            if locked == driven or not 0.0 <= spans[locked] <= MAX_LOCKED_SHARE * spans[driven]:
+                continue
+            for sign in (1, -1):
+                found = _evidence(sign * (moved - still), effort[rows], rate)
+                if found is not None and found.follows:
+                    against = "" if sign > 0 else ", with the other sign"
+                    why = f'"{locked}" is locked, and the effort follows "{driven}" minus "{locked}"{against}'
+                    return LockedSpring(driven, locked, f"{why}: {_said(found)}", sign)
+    driven = next(iter(taken), None)
+    found = _evidence(taken[driven], effort[rows], rate) if driven is not None else None
+    if driven is None or found is None or not found.follows:
+        return None
+    if slides or found.is_no_weight:
+        why = f'the effort follows "{driven}", without the inertia of a weight: {_said(found)}'
+        return LockedSpring(driven, None, why)
+    if radians_per_unit is None or not is_torque or found.travel * radians_per_unit > MAX_DEFLECTION_RAD:
+        return None
+    if found.stiffness / radians_per_unit < MIN_STIFFNESS_NM_PER_RAD:
+        return None
+    why = f'the effort follows "{driven}", which hardly moves, and no joint weighs as much: {_said(found)}'
+    return LockedSpring(driven, None, why)
+
+
+def _said(found: SpringEvidence) -> str:
+    return f"a spring explains {100.0 * (1.0 - found.unexplained_share):.1f} % of the effort"
+
+
+def _span(x: np.ndarray) -> float:
+    known = x[np.isfinite(x)]
+    return float(np.ptp(np.percentile(known, RANGE_PERCENTILES))) if len(known) else float("nan")
+
+
+def _evidence(deflection: np.ndarray, effort: np.ndarray, rate: float) -> SpringEvidence | None:
+    known = np.isfinite(deflection) & np.isfinite(effort)
+    if known.sum() < MIN_ROWS or np.ptp(deflection[known]) == 0.0:
+        return None
+    place = np.arange(len(deflection))
+    q, y = (np.interp(place, place[known], x[known]) for x in (deflection, effort))
+    lowpass = choose_processing(q, rate).lowpass
+    q, y = (zero_phase_lowpass(x, lowpass, 4, rate) for x in (q, y))
+    v = central_difference(q, rate)
+    edge = min(round(rate / lowpass), len(q) // 10)
+    inner = slice(edge, len(q) - edge)
+    return spring_evidence(q[inner], v[inner], central_difference(v, rate)[inner], y[inner])
