@@ -45,8 +45,8 @@ BAD_COLUMNS = {
         "most 10 %; a window without them, or [processing] cut_share",
     ),
     "clipped channel": (
-        {"i": lambda i: np.clip(i, -0.3, 0.3)},
-        "at the largest value 0.3 A, expected flat tops in at most 2 % of the samples, which are cut out; if it is a "
+        {"i": lambda i: np.clip(i + 2.0 * np.sin(11.0 * np.arange(len(i)) / 200.0), -0.9, 0.9)},
+        "at the largest value 0.9 A, expected flat tops in at most 2 % of the samples, which are cut out; if it is a "
         "limit that is meant to act, say so: "
         'current = { clip = "accept" } or [rig.drive] limit',
     ),

@@ -30,7 +30,7 @@ HALF_ADDED = {
         "unexplained: has no words, or does not say what to do",
     ),
     "a defect that no study searches for": (
-        "defects", "studies/find_defects.py", "spikes, clipped, frozen)\n", "spikes, clipped)\n",
+        "defects", "studies/find_defects.py", "sensor_range, clipped, frozen)\n", "sensor_range, clipped)\n",
         "frozen_encoder: no study searches for it",
     ),
     "a defect whose search is no longer called": (

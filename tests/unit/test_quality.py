@@ -64,10 +64,15 @@ def test_missing_samples_elsewhere_are_noted(make_study):
     assert (one(study).severity, one(study).channel) == ("note", "emg.biceps")
 
 
+def pushed(columns):
+    """Columns in which another effort acts on the joint, so that the motion does not tell what the drive did."""
+    return columns | {"i": columns["i"] + 2.0 * np.sin(11.0 * columns["t"])}
+
+
 @pytest.mark.parametrize("share", [0.8, 0.5])
 @pytest.mark.parametrize(("name", "channel"), [("i", "current"), ("q", "position")])
 def test_a_clipped_channel(make_study, name, channel, share):
-    columns = make_study.swing()
+    columns = pushed(make_study.swing())
     limit = share * columns[name].max()
     study = make_study(columns | {name: np.minimum(columns[name], limit)})
     found = [f for f in faults(study) if f.kind == "clipped"]
@@ -77,8 +82,15 @@ def test_a_clipped_channel(make_study, name, channel, share):
     assert 'clip = "accept"' in found[0].expected
 
 
-def test_a_few_clipped_samples_are_cut_out(make_study):
+def test_a_current_that_the_motion_exceeds_is_cut_out_whatever_its_share(make_study):
     columns = make_study.swing()
+    study = make_study(columns | {"i": np.minimum(columns["i"], 0.6 * columns["i"].max())})
+    assert {(f.severity, f.kind, f.channel) for f in faults(study)} == {("cut", "sensor_range", "current")}
+    assert sum(cut.samples for cut in study.recording("sweep").cuts) > 0.1 * len(study.recording("sweep"))
+
+
+def test_a_few_clipped_samples_are_cut_out(make_study):
+    columns = pushed(make_study.swing())
     columns["i"] = np.minimum(columns["i"], 0.95 * columns["i"].max())
     found = faults(make_study(columns))
     assert {(f.severity, f.kind, f.channel) for f in found} == {("cut", "clipped", "current")}
@@ -86,7 +98,7 @@ def test_a_few_clipped_samples_are_cut_out(make_study):
 
 
 def test_a_known_limit_or_an_accepted_one_is_a_note(make_study):
-    columns = make_study.swing()
+    columns = pushed(make_study.swing())
     limit = 0.7 * columns["i"].max()
     columns["i"] = np.clip(columns["i"], -limit, limit)
     known = make_study(columns, ("[channels]", f'limit = "{limit} A"\n[channels]'))

@@ -81,14 +81,15 @@ class Procedure(ABC, Generic[Table, Found]):
         """
 
     def cut(self, study: Study) -> list[Fault]:
-        """Return what is left out of the recordings, to be told beside the result."""
-        from ..studies.quality import cut_faults, short_piece_fault
+        """Return what is left out of the recordings, and what may be clipped, to be told beside the result."""
+        from ..studies.quality import clipped_effort_faults, cut_faults, sensor_range_faults, short_piece_fault
 
-        recordings = study.recordings()
-        faults = [fault for recording in recordings for fault in cut_faults(recording)]
-        if self.shortest_piece is not None:
-            short = (short_piece_fault(recording, self.shortest_piece) for recording in recordings)
-            faults += [fault for fault in short if fault is not None]
+        faults: list[Fault] = []
+        for recording in study.recordings():
+            faults += cut_faults(recording)
+            faults += sensor_range_faults(recording, study) + clipped_effort_faults(recording, study)
+            short = None if self.shortest_piece is None else short_piece_fault(recording, self.shortest_piece)
+            faults += [short] if short is not None else []
         return faults + list(self.unfit(study).values())
 
     def unfit(self, study: Study) -> dict[str, Fault]:

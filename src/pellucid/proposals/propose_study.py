@@ -21,6 +21,7 @@ from ..inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
 from ..inference.processing_choice import ProcessingChoice, choose_processing
 from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from ..inference.static_postures import find_postures
+from ..recordings.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..recordings.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..recordings.readers.urdf import read_urdf
 from ..recordings.recording import LOCKED_SPRING_PROTOCOL
@@ -767,11 +768,10 @@ def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | Non
     role = found[1]
     recordings = [
         _decoded(t, replace(role, column=list(t.columns)[list(main.tables[0].columns).index(role.column)]))
-        for t in main.tables
-        if len(t.columns) == len(main.tables[0].columns) and role.column in main.tables[0].columns
+        for t in _alike_tables(main)
     ]
     limit = find_resting_limit(recordings)
-    if limit is None:
+    if limit is None or not _is_drives_limit(main, role, recordings):
         return main, None
     said = f'"{role.column}" rests at {limit:.6g} again and again'
     if role.quantity != "duty":
@@ -783,6 +783,32 @@ def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | Non
         replace(r, keys={**r.keys, "scale": 1.0 / limit}, unit_why=why) if r is role else r for r in main.roles.roles
     )
     return replace(main, roles=replace(main.roles, roles=roles)), FileFact(100.0, "%", said)
+
+
+def _is_drives_limit(main: Layout, role: ColumnRole, efforts: Sequence[np.ndarray]) -> bool:
+    """Whether the largest number of an effort is the drive's limit, and not the end of its sensor's range.
+
+    A torque or a force is measured, so that the motion must agree with its largest values. A current, a voltage and a
+    duty are limited by their drive unless the motion shows that there was more.
+    """
+    position = next((r for r in main.channels if r.quantity in ("position", "motor_position")), None)
+    rate = main.roles.rate
+    is_measured = role.quantity in ("torque", "force")
+    if position is None or rate is None:
+        return not is_measured
+    factor = to_si_factor(position.unit, None)[0] if position.unit != "counts" else 1.0
+    pairs = [
+        (effort, [factor * _decoded(table, replace(position, column=own))])
+        for effort, table in zip(efforts, _alike_tables(main), strict=True)
+        for own in [list(table.columns)[list(main.tables[0].columns).index(position.column)]]
+    ]
+    if any(sensor_ends(effort, motion, rate) for effort, motion in pairs):
+        return False
+    return not is_measured or any(agrees_at_limit(effort, motion, rate) for effort, motion in pairs)
+
+
+def _alike_tables(main: Layout) -> list[GivenTable]:
+    return [t for t in main.tables if len(t.columns) == len(main.tables[0].columns)]
 
 
 def _with_torque(main: Layout) -> Layout:

@@ -17,14 +17,14 @@ class Fault:
         ``"warn"``: it is used, but its results are doubtful; ``"note"``: it is used.
     kind : str
         ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"repeated_packets"``,
-        ``"gap"``, ``"rate"``, ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``,
-        ``"garbage"``, ``"excluded"``, ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``. A joint's
-        drive has also ``"dead_effort"``, ``"copied_effort"``, ``"echoed"``, ``"worn"`` or ``"delay"``, a joined file
-        ``"clock"``, a recorded velocity
-        ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or ``"velocity_delay"``. A robot with several
-        joints has also ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``, ``"velocity"``, ``"resting_joint"``,
-        ``"joined_joints"``, ``"sign"`` or ``"limits"``, markers ``"lost_marker"`` and ``"overlap"``, and EMG
-        ``"changed_channel"`` and ``"another_condition"``.
+        ``"gap"``, ``"rate"``, ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"sensor_range"``,
+        ``"frozen_encoder"``, ``"garbage"``, ``"excluded"``, ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or
+        ``"magnitude"``. A joint's drive has also ``"dead_effort"``, ``"copied_effort"``, ``"echoed"``, ``"worn"`` or
+        ``"delay"``, a joined file ``"clock"``, a recorded velocity ``"velocity_mismatch"``, ``"velocity_sign"``,
+        ``"velocity_scale"`` or ``"velocity_delay"``. A robot with several joints has also ``"robot"``, ``"payload"``,
+        ``"gains"``, ``"lengths"``, ``"velocity"``, ``"resting_joint"``, ``"joined_joints"``, ``"sign"`` or
+        ``"limits"``, markers ``"lost_marker"`` and ``"overlap"``, and EMG ``"changed_channel"`` and
+        ``"another_condition"``.
     file, channel : str
         File and channel with the fault; in a motion capture's file, the marker or ``"time"``.
     found, expected : str

@@ -16,7 +16,7 @@ import numpy as np
 
 from .clock import first_deliveries
 from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
-from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, spikes
+from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, sensor_range, spikes
 from .defects.clipped import flat_tops
 from .defects.watched import INERTIAL_CHANNELS, find_runs
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
@@ -313,6 +313,7 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
         moving = {n: replace(c, samples=c.samples[~repeats]) if n in table else c for n, c in moving.items()}
     for channel in moving.values():
         found += _channel_findings(channel, moving)
+    found = _told_from_clipping(found, moving, _rate(table, log.time, ~repeats if repeats.any() else None))
     dead = {f.channel for f in found if f.kind == constant.KIND}
     found += [f for f in _frozen_findings(moving) if f.channel not in dead]
     found += _relation_findings(moving, {f.channel for f in found if f.kind == constant.KIND})
@@ -589,6 +590,35 @@ def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
             value, count = float(x[first[0]]), int(length.sum())
             text = f"clipped at {value:.4g}{channel.unit} in {count} of {len(x)} rows"
             yield LogFinding("clipped", channel.name, text, size=abs(value))
+
+
+def _rate(table: Mapping[str, LogChannel], time: str | None, kept: np.ndarray | None) -> float:
+    """Return the rate of the rows [Hz], 0 where no clock in seconds tells it."""
+    if time not in table or table[time].quantity.unit != "s":
+        return 0.0
+    stamps = table[time].samples if kept is None else table[time].samples[kept]
+    step = float(np.nanmedian(np.diff(stamps))) if len(stamps) > 2 else 0.0
+    return 1.0 / step if step > 0.0 else 0.0
+
+
+def _told_from_clipping(
+    found: Sequence[LogFinding], channels: Mapping[str, LogChannel], rate: float
+) -> list[LogFinding]:
+    """Return findings in which an effort that is cut where the motion shows more is clipped, and not saturated."""
+    positions = [c.samples for c in channels.values() if c.quantity.kind == "position" and c.quantity.role != "command"]
+    told = []
+    for finding in found:
+        own = channels.get(finding.channel)
+        is_measured = own is not None and own.quantity.role in ("", "measured")
+        if finding.kind == limited.KIND and own is not None and is_measured and rate > 0.0:
+            alike = [q for q in positions if len(q) == len(own.samples)]
+            ends = sensor_range.sensor_ends(own.samples, alike, rate) if alike else ()
+            if ends:
+                unit = own.quantity.unit
+                said = "; ".join(f"{end.samples} rows {sensor_range.describe_end(end, unit)}" for end in ends)
+                finding = replace(finding, kind="clipped", found=said)
+        told.append(finding)
+    return told
 
 
 def _relation_findings(channels: Mapping[str, LogChannel], dead: set[str]) -> Iterator[LogFinding]:

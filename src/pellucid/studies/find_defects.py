@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from ..recordings.cut import Cut
-from ..recordings.defects import clipped, dropouts, frozen, gaps, missing, silent, spikes
+from ..recordings.defects import clipped, dropouts, frozen, gaps, missing, sensor_range, silent, spikes
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.recording import Recording
 from .drive_channel import command_channel
@@ -15,7 +15,7 @@ from .drive_channel import command_channel
 if TYPE_CHECKING:
     from .study_file import ChannelSpec, JointTable, Processing, StudyFile
 
-KINDS: tuple[ModuleType, ...] = (missing, gaps, silent, dropouts, spikes, clipped, frozen)
+KINDS: tuple[ModuleType, ...] = (missing, gaps, silent, dropouts, spikes, sensor_range, clipped, frozen)
 """Modules that find one kind of defect each, with ``KIND`` and ``find(watched)``. A later module does not see the
 samples that an earlier one has cut. Other defects are no stretch of a channel: rows of garbage, another clock, a
 constant, echoed or worn recording. `studies.study`, `procedures` and `recordings.log` search for them."""

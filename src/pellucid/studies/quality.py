@@ -11,7 +11,7 @@ import numpy as np
 
 from .._errors import UnfitRecordingError
 from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
-from ..recordings.defects import clipped
+from ..recordings.defects import clipped, limited, sensor_range
 from ..recordings.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
 from ..recordings.defects.watched import WatchedRecording
 from ..recordings.delay import SHIFTED_KIND
@@ -20,7 +20,14 @@ from ..recordings.optical_faults import find_optical_faults
 from ..recordings.pieces import breaking_cuts, pieces_between_cuts
 from ..recordings.recording import Recording
 from .drive_channel import DRIVE_CHANNELS, command_channel
-from .find_defects import MAX_CLIPPED_SHARE, find_defects, max_bridged_gap, needed_kinds, watched_part
+from .find_defects import (
+    MAX_CLIPPED_SHARE,
+    find_defects,
+    max_bridged_gap,
+    needed_kinds,
+    regressed_joints,
+    watched_part,
+)
 from .rollover import find_rollover, wrap_setting
 
 if TYPE_CHECKING:
@@ -35,6 +42,9 @@ _RESTING_CHANNELS = {"time", "reference", "enabled", "supply", "temperature"}
 
 # Channels, by the first part of their names, that may roll over. Other quantities with the same units do not turn.
 _ROLLING_CHANNELS = {"position", "motor_position", "reference", "angle"}
+
+# Channels, by the first part of their names, that a sensor with an end measures.
+_MEASURED_EFFORTS = {"torque", "force", "moment", "interaction"}
 
 EXPECTED_ENTRY = "with its column and unit"
 """End of a message that asks for a channel in study.toml."""
@@ -86,6 +96,57 @@ def cut_faults(recording: Recording) -> list[Fault]:
     return faults
 
 
+def sensor_range_faults(recording: Recording, study: Study) -> list[Fault]:
+    """Return a warning for each end of a sensor's range beyond which efforts were, cut out or accepted by the study."""
+    processing = study.processing_of(recording)
+    watched = watched_part(recording, study.config, study.specs_of(recording), processing)
+    is_cut = any(cut.kind == sensor_range.KIND for cut in recording.cuts)
+    if not is_cut and not watched.accepted & set(watched.drives.values()):
+        return []
+    others = tuple(cut for cut in recording.cuts if cut.kind != sensor_range.KIND)
+    faults = []
+    for drive, end in sensor_range.find_sensor_ends(replace(watched, recording=replace(recording, cuts=others))):
+        share = 100.0 * end.samples / len(recording)
+        found = f"{end.samples} samples ({share:.2g} %) "
+        found += sensor_range.describe_end(end, recording.channels[drive].unit)
+        is_kept = drive in watched.accepted
+        done = f'they are fitted because of clip = "accept" for {drive}' if is_kept else "they are left out of the fit"
+        wanted = f"a sensor with a larger range; {done}"
+        where = f"{recording.path.name} (recording {recording.name}), channel {drive}"
+        message = f"{where}: found {found}, expected {wanted}"
+        faults.append(Fault("warn", sensor_range.KIND, recording.path.name, drive, found, wanted, message))
+    return faults
+
+
+def clipped_effort_faults(recording: Recording, study: Study) -> list[Fault]:
+    """Return a warning for each measured effort that ends at one value, in studies that regress no joint.
+
+    In those, such as of a strap, or of EMG with a reference torque, no model of the motion tells whether the sensor or
+    the effort ended there. Studies of joints decide by their motion (`inspect`).
+    """
+    if regressed_joints(study.config):
+        return []
+    specs, faults = study.specs_of(recording), []
+    for part in (recording, *recording.streams.values()):
+        for name, channel in part.channels.items():
+            is_accepted = name in specs and specs[name].clip == "accept"
+            if name.partition(".")[0] not in _MEASURED_EFFORTS or is_accepted:
+                continue
+            samples = np.where(part.sound & part.enabled, channel.samples, np.nan)
+            limits = limited.find_limits(samples)
+            if not limits:
+                continue
+            count = sum(limit.samples for limit in limits)
+            values = " and ".join(f"{limit.value:.4g}" for limit in limits)
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            found = f"{count} samples ({100.0 * count / len(part):.2g} %) at {values}{unit}, as of a sensor that clips"
+            wanted = f'efforts within the range of the sensor, or {name} = {{ clip = "accept" }} if none was larger'
+            where = f"{part.path.name} (recording {recording.name}), channel {name}"
+            message = f"{where}: found {found}, expected {wanted}"
+            faults.append(Fault("warn", clipped.KIND, part.path.name, name, found, wanted, message))
+    return faults
+
+
 def clock_faults(recording: Recording, study: Study) -> list[Fault]:
     """Return the faults of the clocks of a recording and its streams: packets delivered twice, stamps that jitter."""
     repeated = (_repeat_fault(each) for each in (recording, *recording.streams.values()))
@@ -129,7 +190,9 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
     allows."""
     faults, share = [], study.processing_of(recording).cut_share
     for part in (recording, *recording.streams.values()):
-        found = [cut for cut in part.cuts if cut.by == "automatic" and cut.kind != SHIFTED_KIND]
+        # What is within a sensor's range is sound, however much is beyond it.
+        uncounted = (SHIFTED_KIND, sensor_range.KIND)
+        found = [cut for cut in part.cuts if cut.by == "automatic" and cut.kind not in uncounted]
         if not found:
             continue
         on = int(part.enabled.sum())

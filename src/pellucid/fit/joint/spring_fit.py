@@ -108,7 +108,7 @@ class SpringFit:
 
 @dataclass(frozen=True)
 class SpringGeometry:
-    """From where a deflection counts, and within which edges the spring does not pull [rad or m]."""
+    """The position from which a deflection counts, and the gap in which the spring does not pull [rad or m]."""
 
     origin: float = 0.0  # position at which the deflection is 0
     gap: tuple[float, float] | None = None  # lower and upper edge of the gap, as positions
@@ -120,7 +120,7 @@ class SpringGeometry:
         return motion.position - motion.smooth(np.clip(motion.position, *self.gap))
 
     def edge_columns(self, motion: Motion) -> np.ndarray:
-        """Return in the rows of a motion whether it is below and whether it is above the gap, shape (m, 2)."""
+        """Return whether each row of a motion is below, and whether it is above the gap, shape (m, 2)."""
         assert self.gap is not None
         sides = np.column_stack([motion.position < self.gap[0], motion.position > self.gap[1]]).astype(float)
         return motion.rows(np.column_stack([motion.smooth(side) for side in sides.T]))
