@@ -9,7 +9,8 @@ from two_bodies import FS
 
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.strap.coupled_impedance import CouplingFit, Instrument
-from pellucid.fit.strap.identified_strap import PRIOR_IMU_GAIN, identify_strap
+from pellucid.fit.strap.identified_strap import MODEL_TEST_LEVEL, PRIOR_IMU_GAIN, identify_strap
+from pellucid.fit.strap.strap_discrepancy import strap_discrepancy
 from pellucid.fit.strap.strap_fit import StrapRecord, fit_strap_model
 from pellucid.fit.strap.strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
 from pellucid.fit.strap.strap_torque import StrappedSwing, StrapTorque
@@ -125,6 +126,45 @@ def test_physics_that_no_model_has_is_missed():
     found = identify_strap(swings, slipped, begun(len(swings)))
     assert not found.fits or found.model.features
     assert found.stiffness.standard_error > 2.0 * found.stiffness.statistical_error
+
+
+def misjudged(swings, torques, rng):
+    """Return torques from an orthosis whose constants are off by two standard errors in all, with these errors."""
+    errors = np.array([0.006, 0.02, 0.1, 0.08])  # inertia, viscous friction, weight, dry friction [SI]
+    off = rng.standard_normal(4)
+    off *= 2.0 / np.linalg.norm(off)
+    made = []
+    for swing, torque in zip(swings, torques, strict=True):
+        v = np.gradient(swing.position, swing.time)
+        columns = [np.gradient(v, swing.time), v, np.sin(swing.position), np.tanh(v / 0.02)]
+        sensitivity = np.column_stack(columns)
+        moved = torque.torque + sensitivity @ (errors * off)
+        made.append(StrapTorque(moved, sensitivity, np.diag(errors**2), torque.known))
+    return made
+
+
+def test_an_orthosis_that_is_known_roughly_is_no_fault_of_the_straps_model():
+    """A spring and a damper are the exact model; the constants of the orthosis are within their stated errors."""
+    rng, rejected = np.random.default_rng(3), []
+    for seed in range(6):
+        swings, torques = straps((), noise=0.0007, seed=seed)
+        known = misjudged(swings, torques, rng)
+        certain = [replace(t, covariance=np.zeros_like(t.covariance)) for t in known]
+        rejected += [is_plain_rejected(swings, said) for said in (known, certain)]
+    assert sum(rejected[0::2]) == 0
+    # The test keeps its power: constants that are said to be certain leave the misfit to the strap.
+    assert sum(rejected[1::2]) >= 2
+    swings, torques = straps(("hardening",))
+    assert is_plain_rejected(swings, misjudged(swings, torques, rng))
+
+
+def is_plain_rejected(swings, torques):
+    """Whether a spring and a damper are said not to hold."""
+    records = [StrapRecord(s, t, SHIFT, 0.1) for s, t in zip(swings, torques, strict=True)]
+    start = {"stiffness": 20.0, "damping": 0.6}
+    fit = fit_strap_model(KELVIN_VOIGT, records, gain=PRIOR_IMU_GAIN, noise=1e-5, start=start)
+    statistical = fit.covariance() + fit.moved_by_body(records)
+    return strap_discrepancy(fit, records, statistical).holds < MODEL_TEST_LEVEL
 
 
 def test_derivatives_of_the_fit_are_those_of_differences():

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ..block_test import p_value_of_larger_loss
 from ..discrepancy import excess_covariance, fit_discrepancy_share
@@ -132,22 +133,48 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     effect = posterior[:count, count:] * np.sqrt(prior[count:])
     cause = iter(np.argmax(np.abs(effect), axis=1)) if words else iter(())
     causes = tuple(words[next(cause)] if is_open and words else "" for is_open in open_)
+    body, correlation = fit.body_columns(records)
+    unsure = noise * np.linalg.pinv(correlation)
     return StrapDiscrepancy(
-        covariance, causes, _model_test_p_value(fit, x, np.concatenate([known, noise * prior[count:]]))
+        covariance, causes, _model_test_p_value(fit, w, columns, body, (np.diag(known), noise * prior[count:], unsure))
     )
 
 
-def _model_test_p_value(fit: StrapFit, x: np.ndarray, prior: np.ndarray) -> float:
-    """Return the p value of the model predicting held-out blocks no worse than with further columns, x (m, p + k)."""
+def _model_test_p_value(
+    fit: StrapFit,
+    own: np.ndarray,
+    columns: np.ndarray,
+    body: np.ndarray,
+    priors: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> float:
+    """Return the p value of the model predicting held-out blocks no worse than with the neglected effects.
+
+    The arrays hold the columns of the model, (m, p), of the neglected effects, (m, k), and of the uncertain constants
+    of the body, (m, b). The last are free on both sides, within their errors: they are the orthosis's, and no fault of
+    the strap's model. `priors` are the information matrices of the model and the body, and between them the vector of
+    the neglected effects, in units of the residual's.
+    """
     blocks = held_out_blocks(fit.lengths)
-    alone = fit.loss(blocks)
-    whole, moment = x.T @ x + np.diag(prior), x.T @ fit.residual
-    moment[: len(prior) - (x.shape[1] - int((~fit.held).sum()))] = 0.0
-    beside = []
-    for block in blocks:
-        z, r = x[block], fit.residual[block]
-        step = np.linalg.solve(whole - z.T @ z, moment - z.T @ r)
-        beside.append((r - z @ step) ** 2 + fit.penalty / len(x))
+    known, neglected, unsure = priors
+    alone = _held_out_losses(fit, np.hstack([own, body]), (known, unsure), blocks)
+    beside = _held_out_losses(fit, np.hstack([own, body, columns]), (known, unsure, np.diag(neglected)), blocks)
     if np.mean(np.concatenate(beside)) >= (1.0 - MIN_DISCREPANCY_GAIN) * np.mean(np.concatenate(alone)):
         return 1.0
     return p_value_of_larger_loss(alone, beside)[0]
+
+
+def _held_out_losses(
+    fit: StrapFit, x: np.ndarray, priors: Sequence[np.ndarray], blocks: Sequence[slice]
+) -> list[np.ndarray]:
+    """Return the squared residuals of each held-out block by one step of ridge regression, with the prior's cost.
+
+    The columns `x`, (m, q), begin with those of the model, whose gradient and prior cancel at the optimum.
+    """
+    whole, moment = x.T @ x + block_diag(*priors), x.T @ fit.residual
+    moment[: len(priors[0])] = 0.0
+    made = []
+    for block in blocks:
+        z, r = x[block], fit.residual[block]
+        step = np.linalg.solve(whole - z.T @ z, moment - z.T @ r)
+        made.append((r - z @ step) ** 2 + fit.penalty / len(x))
+    return made

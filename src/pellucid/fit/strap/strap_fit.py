@@ -179,20 +179,27 @@ class StrapFit:
     def moved_by_body(self, records: Sequence[StrapRecord]) -> np.ndarray:
         """Return the part of the covariance that is due to the uncertain body whose balance gave the torque."""
         open_ = ~self.held
+        moved, body = self.body_columns(records)
+        z = self.jacobian[:, open_]
+        push = np.zeros((len(open_), moved.shape[1]))
+        push[open_] = -np.linalg.solve(self.curvature()[np.ix_(open_, open_)], z.T @ moved)
+        return push @ body @ push.T
+
+    def body_columns(self, records: Sequence[StrapRecord]) -> tuple[np.ndarray, np.ndarray]:
+        """Return how one standard error of each uncertain constant of the body moves the limb's angle, shape (m, b),
+        without drift, and the correlation of these errors, shape (b, b)."""
         sd = np.sqrt(np.diag(records[0].body))
+        known = np.flatnonzero(sd > 0.0)
         moved = []
         for record, shift in zip(records, self.shifts, strict=True):
             limb = record.response(self.model, self.values)[0]
             off = [
-                record.response(self.model, self.values, record.torque + column * step)[0] - limb
-                for column, step in zip(record.sensitivity.T, sd, strict=True)
+                record.response(self.model, self.values, record.torque + record.sensitivity[:, i] * sd[i])[0] - limb
+                for i in known
             ]
-            moved.append(record.swiftly(self.gain * record.at_imu(np.column_stack(off), shift)))
-        z = self.jacobian[:, open_]
-        push = np.zeros((len(open_), len(sd)))
-        push[open_] = -np.linalg.solve(self.curvature()[np.ix_(open_, open_)], z.T @ np.vstack(moved))
-        body = records[0].body / np.outer(np.where(sd > 0.0, sd, 1.0), np.where(sd > 0.0, sd, 1.0))
-        return push @ body @ push.T
+            columns = np.column_stack(off) if off else np.zeros((len(limb), 0))
+            moved.append(record.swiftly(self.gain * record.at_imu(columns, shift)))
+        return np.vstack(moved), records[0].body[np.ix_(known, known)] / np.outer(sd[known], sd[known])
 
     @property
     def noise(self) -> float:
