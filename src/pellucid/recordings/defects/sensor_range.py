@@ -229,8 +229,7 @@ def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | N
     (predicted, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
     margin = max(MIN_RESIDUAL_RATIO * error, MIN_RANGE_SHARE * half)
     beyond = usable & (sign * predicted > top + margin)
-    runs = find_runs(beyond)[0]
-    if beyond.sum() < max(MIN_BEYOND_SAMPLES, 3 * MIN_BEYOND_RUNS) or len(runs) < MIN_BEYOND_RUNS:
+    if beyond.sum() < MIN_BEYOND_SAMPLES:
         return None
     if np.mean(sign * recorded[beyond] >= top - (1.0 - MIN_RECORDED_SHARE) * half) < MIN_RECORDED_SHARE:
         return None
@@ -250,6 +249,8 @@ def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | N
         for a, length in zip(firsts, lengths, strict=True)
         if beyond[a : a + length].any()
     )
+    if len(cut) < MIN_BEYOND_RUNS:
+        return None
     value = float(np.median(of.effort[beyond]))
     return SensorEnd(value, sign * float(np.max(sign * predicted[beyond])), cut)
 
