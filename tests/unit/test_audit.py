@@ -235,3 +235,10 @@ def test_a_wide_log_takes_time_in_proportion_to_its_channels(tmp_path):
     pl.audit(wide_table(tmp_path, 1500))
     # Pairs of 1,500 channels are 100 times those of 150.
     assert process_time() - began < 30.0 * narrow
+
+
+def test_a_file_of_few_rows_says_so(tmp_path):
+    path = tmp_path / "short.sto"
+    path.write_text("name\nnRows=2\nnColumns=2\nendheader\ntime\tx\n0\t1\n1\t2\n")
+    verdicts = {v.channel: (v.verdict, v.level) for v in pl.audit(path).verdicts}
+    assert verdicts == {"time": ("too short", "note"), "x": ("sound", "sound")}

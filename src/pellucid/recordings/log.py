@@ -284,8 +284,8 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
         found.append(LogFinding("truncated", log.time or "time", f"the file ends with {log.lost}", NOTE_LEVEL))
     channels = {c.name: c for c in log.channels if len(c.samples) >= MIN_LOG_SAMPLES}
     if not channels:
-        rows = max((len(c.samples) for c in log.channels), default=0)
-        text = f"{rows} rows: at least {MIN_LOG_SAMPLES} are needed to examine a log"
+        count = max((len(c.samples) for c in log.channels), default=0)
+        text = f"{count} rows: at least {MIN_LOG_SAMPLES} are needed to examine a log"
         return (*found, LogFinding("short", log.time or "time", text, NOTE_LEVEL))
     longest = max((len(c.samples) for c in channels.values()), default=0)
     table = {n: c for n, c in channels.items() if len(c.samples) == longest}
