@@ -1070,9 +1070,9 @@ def _with_speeds_of(layout: Layout, unit: str) -> Layout:
     ratios = {(of, by): ratio for of, by, ratio in UNIT_RATIOS}
     units = {}
     for pair in layout.roles.pairs:
-        fitting = [by for of, by in pair.units if of == unit]
+        fitting = [(abs(abs(pair.ratio) / ratios[of, by] - 1.0), by) for of, by in pair.units if of == unit]
         if fitting:
-            units[pair.by] = min(fitting, key=lambda by, found=pair.ratio: abs(abs(found) / ratios[unit, by] - 1.0))
+            units[pair.by] = min(fitting)[1]
     roles = tuple(
         replace(r, unit=units.get(r.column, f"{unit}/s"), unit_why="as the position, per second", unit_is_certain=True)
         if r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain
