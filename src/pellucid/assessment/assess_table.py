@@ -40,7 +40,7 @@ from .doubts import (
 )
 from .equivalence import UNDECIDED, equivalence
 from .index_table import shared_cells
-from .learning import thirds
+from .learning import Thirds, thirds
 
 DEFAULT_MAX_LEFT_OUT = 0.10
 """Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""
@@ -379,9 +379,8 @@ def _certificate(
             own.append(period_doubt(seen, at_period[:, to] - at_period[:, at], margin, alpha=alpha, method=method))
             if np.isfinite(logs).all():
                 own.append(carry_over_doubt(logs, at_period, at, to, margin, alpha=alpha))
-        thirds_of = None if rows.order is None else [_thirds(rows, name, both, c) for c in pair]
-        if thirds_of is not None and None not in thirds_of:
-            base, worn = thirds_of
+        base, worn = (_thirds(rows, name, both, c) for c in pair)
+        if base is not None and worn is not None:
             drift = np.array([b.drift - a.drift for a, b in zip(base, worn, strict=True)])
             late = np.array([b.last - a.last for a, b in zip(base, worn, strict=True)])
             own.append(learning_doubt(drift, seen + late, margin, alpha=alpha, method=method))
@@ -395,16 +394,19 @@ def _certificate(
     return certificate_from_tests(tests, alpha, doubts, people=people)
 
 
-def _thirds(rows: _Rows, index: str, people: Sequence[str], condition: str):
+def _thirds(rows: _Rows, index: str, people: Sequence[str], condition: str) -> list[Thirds] | None:
     """Return the first and last third of a condition's movements, by participant; None without an order or too few."""
+    order = rows.order
+    if order is None:
+        return None
     made = []
     for person in people:
         own = [
             i for i, (w, c) in enumerate(zip(rows.who, rows.what, strict=True))
             if (w, c) == (person, condition) and rows.values[index][i] > 0.0
         ]  # fmt: skip
-        own.sort(key=lambda i: rows.order[i])
-        if len({rows.order[i] for i in own}) < len(own):
+        own.sort(key=order.__getitem__)
+        if len(set(order[own].tolist())) < len(own):
             return None
         found = thirds([float(np.log(rows.values[index][i])) for i in own], [rows.cells[i] for i in own])
         if found is None:
