@@ -230,7 +230,7 @@ class Study:
             for name, path in self._paths(entry)
             if name not in self._left_out
         ]
-        found = []
+        found: list[Recording] = []
         for i, (entry, name, path) in enumerate(chosen):
             on_progress(f"reading {name}", i / len(chosen))
             loaded = self._load(entry, name, path, files)

@@ -59,7 +59,7 @@ def find_worth(
                     pair = (one.score.r2, one.bare.r2 if one.bare else np.nan)
                     pieces.setdefault(recordings.get(one.name, one.name), []).append(pair)
                 means = np.array([np.mean(pairs, axis=0) for pairs in pieces.values()])
-                worth = worth_over_trials(means[:, 0], means[:, 1], margin)
+                worth = worth_over_trials(means[:, 0].tolist(), means[:, 1].tolist(), margin)
                 found.append(RecordingWorth(each.what, "", worth))
             continue
         for judged in each.judged:
