@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,11 @@ def knee_pair(
             held = None
             if plain is not None and margins is None and kind not in ("no_control", "zero_impedance"):
                 held = holds_margins(rig, name, one.build, plain)
-            safety = {"gain": margins and margins.gain_db, "delay": margins and margins.delay, "holds": held}
+            safety: dict[str, Any] = {
+                "gain": margins and margins.gain_db,
+                "delay": margins and margins.delay,
+                "holds": held,
+            }
             safety["fault_energy"] = worst_knee_fault(worn, kind, one.build, drive)
             for task in (SWING_TASK, WALKING_TASK):
                 controller = one.build()
