@@ -67,7 +67,7 @@ def spring_of_tables(
     slides = main.unit_is_certain and main.unit in ("m", "mm", "cm", "um")
     factor = to_si_factor(main.unit, None)[0] if main.unit_is_certain and not slides else None
     is_torque = effort.quantity == "torque" and effort.unit in ("N*m", "Nm")
-    found = []
+    found: list[LockedSpring] = []
     for table in tables:
         own = find_locked_spring(
             {name: table[name] for name in names if name in table},
@@ -149,9 +149,11 @@ def find_locked_spring(
                     against = "" if sign > 0 else ", with the other sign"
                     why = f'"{locked}" is locked, and the effort follows "{driven}" minus "{locked}"{against}'
                     return LockedSpring(driven, locked, f"{why}: {_said(found)}", sign)
-    driven = next(iter(taken), None)
-    found = _evidence(taken[driven], effort[rows], rate) if driven is not None else None
-    if driven is None or found is None or not found.follows:
+    if not taken:
+        return None
+    driven = next(iter(taken))
+    found = _evidence(taken[driven], effort[rows], rate)
+    if found is None or not found.follows:
         return None
     if slides or found.is_no_weight:
         why = f'the effort follows "{driven}", without the inertia of a weight: {_said(found)}'

@@ -594,7 +594,7 @@ def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
 
 def _rate(table: Mapping[str, LogChannel], time: str | None, kept: np.ndarray | None) -> float:
     """Return the rate of the rows [Hz], 0 where no clock in seconds tells it."""
-    if time not in table or table[time].quantity.unit != "s":
+    if time is None or time not in table or table[time].quantity.unit != "s":
         return 0.0
     stamps = table[time].samples if kept is None else table[time].samples[kept]
     step = float(np.nanmedian(np.diff(stamps))) if len(stamps) > 2 else 0.0
