@@ -149,7 +149,7 @@ def same_by_array(study):
 def require_tests_agree_without_margins(study):
     """Without margins the badge asks whether the leading index differs, as its test says."""
     found = study.found
-    answer = assessment_page._answer(SimpleNamespace(name="study"), found)
+    answer = assessment_page._answer(SimpleNamespace(name="study", folder="study", find_table=lambda kind: None), found)
     told = [row for row in change_table(found).rows if row[0] == found.indices["duration_median"].short]
     assert answer.verdict == ("yes" if any(row[3] == "differs" for row in told) else "unsure")
     assert "cannot say" not in str(change_table(found).rows)

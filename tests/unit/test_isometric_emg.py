@@ -279,9 +279,17 @@ def test_a_gap_within_a_recording_or_half_of_it_still_leaves_it_out(own_files):
         write_table(own_files, "others", table)
 
 
-def test_nothing_left_to_fit_is_said(own_files):
+def test_both_sides_of_a_gap_are_fitted(own_files):
     table = read_table(own_files, "ramps")
     table[8000:8100, 0] = np.nan
+    write_table(own_files, "ramps", table)
+    assert pellucid.calibrate(study(own_files)).evaluated
+
+
+def test_nothing_left_to_fit_is_said(own_files):
+    table = read_table(own_files, "ramps")
+    for gap in range(0, len(table), 600):
+        table[gap : gap + 100, 0] = np.nan
     write_table(own_files, "ramps", table)
     with pytest.raises(IdentificationError, match="found 0 recordings to fit and 1 to judge"):
         pellucid.calibrate(study(own_files))

@@ -38,7 +38,7 @@ def test_each_is_identified_and_saved_whatever_the_others_do(folders):
             continue
         rows = {row.id: row.value for row in read_rows(folder / "results.json")}
         inertia = next(p for p in each.parameters if p.name == "inertia")
-        assert rows[f"{each.study}.symmetric.inertia"] == inertia.value
+        assert rows[f"{each.study}.headline.inertia"] == inertia.value
     heads, rows = table_of(found)
     assert heads[:3] == ("study", "warnings", "inertia [kg·m²]")
     assert [row[:2] for row in rows][1] == ("empty", "failed")

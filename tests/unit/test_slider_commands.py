@@ -238,7 +238,7 @@ def test_a_carriage_beyond_its_rail(elbow):
 def test_a_bench_joint_from_the_commands(tmp_path):
     folder = tmp_path / "my bench.1"
     result = run(cli.app, ["init", str(folder), "--rig", "bench-joint"])
-    assert f"Next: pellucid simulate {folder}" in result.output
+    assert f"Next: pellucid simulate '{folder}'" in " ".join(result.output.split("\n"))
     rig = folder / "lab" / "rig.toml"
     text = rig.read_text(encoding="utf-8").replace("duration = 20.0", "duration = 4.0")
     rig.write_text(text, encoding="utf-8")

@@ -15,7 +15,7 @@ from ..signals.filters import central_difference, zero_phase_lowpass
 from ..signals.spring_evidence import SpringEvidence, spring_evidence
 from ..units import to_si_factor
 from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
-from .name_evidence import read_name
+from ..recordings.name_evidence import read_name
 from .processing_choice import choose_processing
 
 MAX_LOCKED_SHARE = 0.1

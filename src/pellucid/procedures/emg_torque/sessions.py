@@ -81,10 +81,7 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     found: dict[str, tuple[ChannelChange, ...]] = {}
     read = [(r, r.stream_or_self(study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
-    lasts: dict[str, float] = {}
-    for r, _ in wired:
-        lasts[r.trial] = lasts.get(r.trial, 0.0) + float(r.time[-1] - r.time[0])
-    long = [(r, s) for r, s in wired if lasts[r.trial] >= MIN_RECORDING_S]
+    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]  # pieces of a trial one by one
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]
