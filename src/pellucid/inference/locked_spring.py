@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..recordings.name_evidence import read_name
 from ..signals.filters import central_difference, zero_phase_lowpass
 from ..signals.spring_evidence import SpringEvidence, spring_evidence
 from ..units import to_si_factor
 from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
-from ..recordings.name_evidence import read_name
 from .processing_choice import choose_processing
 
 MAX_LOCKED_SHARE = 0.1
