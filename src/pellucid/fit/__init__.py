@@ -1,1 +1,0 @@
-"""From recordings to parameters: regression, physical consistency, closed-loop methods, uncertainty, verdicts."""
