@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pellucid import datasets
-from pellucid.procedures.registry import open_study
-from pellucid.studies import Study
-from pellucid.studies.study import STUDY_FILE
+from pellucid.study import Study, datasets
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import STUDY_FILE
 
 from ._size import is_smallest
 

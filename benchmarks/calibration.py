@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.estimators.families.linear import PENALTY_CANDIDATES
-from pellucid.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.emg.estimators.families.linear import PENALTY_CANDIDATES
+from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 
 from ._size import sized
 from ._walking import walking_study

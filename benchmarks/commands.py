@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.studies.effort import drive_model
+from pellucid.joint.study.aligned_motions import aligned_motions
+from pellucid.study.effort import drive_model
 
 from ._size import sized
 from .identification import study_at

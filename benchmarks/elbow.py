@@ -11,20 +11,20 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from pellucid_lab.elbow.instruments import play, read_all
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.study import record_in_memory
 from scipy import optimize
 
-from pellucid.fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
-from pellucid.fit.slider.three_steps import three_steps
-from pellucid.lab.elbow.instruments import play, read_all
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.study import record_in_memory
+from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
+from pellucid.joint.slider.markers import slider_geometry
+from pellucid.joint.slider.slider_motion import REGRESSION_STRIDE, SliderMotion
+from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
+from pellucid.joint.slider.study.recorded_slider import slider_motions
+from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
-from pellucid.procedures.slider.identify_slider import STEP_PROTOCOLS, fit_slider
-from pellucid.procedures.slider.recorded_slider import slider_motions
-from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import REGRESSION_STRIDE, SliderMotion
 
 from ._size import sized
 from .identification import _row, interleaved

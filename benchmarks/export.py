@@ -10,13 +10,13 @@ from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pellucid.control.control_law import LAWS
-from pellucid.control.coupling import Coupling
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.residual_compensator import design
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.controllers.residual_compensator import design
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
 from pellucid.models.slider_card import SliderCard

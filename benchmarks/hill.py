@@ -16,8 +16,8 @@ import numpy as np
 from scipy import optimize
 
 from pellucid import _core
-from pellucid.models.hill import FreeParameter, HillData, HillModel
-from pellucid.models.muscle_geometry import muscle_table
+from pellucid.emg.models.hill import FreeParameter, HillData, HillModel
+from pellucid.emg.models.muscle_geometry import muscle_table
 
 from ._peers import peer
 from ._size import sized

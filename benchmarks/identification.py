@@ -16,22 +16,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 from scipy import optimize, signal
 
 from pellucid._errors import DatasetError
-from pellucid.datasets import init, names
-from pellucid.fit.joint.closed_loop import solve_output_error
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.replay import SIGN_SMOOTHING_SHARE
-from pellucid.fit.regression import stack
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
+from pellucid.joint.fit.closed_loop import solve_output_error
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.replay import SIGN_SMOOTHING_SHARE
+from pellucid.joint.study.aligned_motions import aligned_motions
+from pellucid.joint.study.identify_joint import machine_of
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.procedures.joint.identify_joint import machine_of
-from pellucid.studies.effort import drive_model
-from pellucid.studies.study import Study
+from pellucid.numerics.regression import stack
+from pellucid.study.datasets import init, names
+from pellucid.study.effort import drive_model
+from pellucid.study.study import Study
 
 from ._peers import peer
 from ._size import sized

@@ -12,13 +12,13 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 from pellucid import _core
-from pellucid.control.control_law import ControlLaw
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.law_fuzz import step_times
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.law_fuzz import step_times
 from pellucid.models.simulate import substeps_for
 
 from ._plain_laws import PLAIN_LAWS

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem, MuscleSamples, solve_calibration
-from pellucid.models.hill import HillData
-from pellucid.models.muscle_geometry import muscle_table
+from pellucid.emg.fit.muscle_calibration import MuscleProblem, MuscleSamples, solve_calibration
+from pellucid.emg.models.hill import HillData
+from pellucid.emg.models.muscle_geometry import muscle_table
 
 from ._size import sized
 from .identification import _row, interleaved

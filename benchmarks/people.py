@@ -11,11 +11,10 @@ from __future__ import annotations
 import time
 
 import numpy as np
-
-from pellucid.lab.pointing.conditions import Conditions, identify_cards, published_conditions
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import PointingRig, elbow_participants, elbow_people
-from pellucid.lab.pointing.session import CONTROL_CONDITION, simulate_session
+from pellucid_lab.pointing.conditions import Conditions, identify_cards, published_conditions
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import PointingRig, elbow_participants, elbow_people
+from pellucid_lab.pointing.session import CONTROL_CONDITION, simulate_session
 
 from ._size import sized
 

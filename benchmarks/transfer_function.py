@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, signal
 
-from pellucid.fit.transfer.transfer_function_fit import fit_records
-from pellucid.models.transfer_function import TransferFunction
-from pellucid.signals.input_output import InputOutput
+from pellucid.orthosis.input_output import InputOutput
+from pellucid.orthosis.transfer.transfer_function_fit import fit_records
+from pellucid.orthosis.transfer_function import TransferFunction
 
 from ._size import sized
 from .identification import _row, interleaved

@@ -73,10 +73,10 @@ print(np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)[0])
 
 IN_MEMORY = f"""
 import numpy as np
-from pellucid.lab.pointing.conditions import identify_cards, published_conditions
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_people
-from pellucid.lab.pointing.session import simulate_session
+from pellucid_lab.pointing.conditions import identify_cards, published_conditions
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_people
+from pellucid_lab.pointing.session import simulate_session
 rig = elbow_people()
 conditions = published_conditions(identify_cards(rig.robot), {COMMON_EXPONENTS})
 for i, person in enumerate(draw_people(rig, np.random.default_rng(1))):

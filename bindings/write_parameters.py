@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from pellucid.control.control_law import LAWS
+from pellucid.controllers.control_law import LAWS
 from pellucid.models.fields import Field, model_fields
 
 MODELS = {

@@ -15,7 +15,7 @@ NAMES = names_in(Path(__file__).parent)
 def main() -> None:
     names, out = read_arguments("evidence", NAMES, "evidence.json")
     rows, failed = run_all("evidence", names, lambda module: module.rows())
-    from pellucid.studies.results import write_rows
+    from pellucid.study.results import write_rows
 
     width = max((len(row.id) for row in rows), default=0)
     for row in rows:

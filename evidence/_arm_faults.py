@@ -16,15 +16,10 @@ from functools import cache
 
 import numpy as np
 from benchmarks._size import sized
-
-from pellucid._processes import ordered_results
-from pellucid.control.instruments import Instruments
-from pellucid.control.supervisor_faults import NO_FAULT
-from pellucid.control.tree_laws import TreeLaw, carried, with_force_sensor
-from pellucid.lab.arm.card_law import SENSOR_LINKS, Point, card_of, identified, sensor_points
-from pellucid.lab.arm.human_motion import JOINTS, HumanMotion, generated_motion
-from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
-from pellucid.lab.arm.single_faults import (
+from pellucid_lab.arm.card_law import SENSOR_LINKS, Point, card_of, identified, sensor_points
+from pellucid_lab.arm.human_motion import JOINTS, HumanMotion, generated_motion
+from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
+from pellucid_lab.arm.single_faults import (
     FORCE_QUANTUM_N,
     KINDS,
     ArmFaultTrial,
@@ -32,11 +27,16 @@ from pellucid.lab.arm.single_faults import (
     ForceReading,
     compare_with_healthy,
 )
-from pellucid.lab.arm.wearer import Person, drawn_people
-from pellucid.lab.arm.worn_trial import WornTrial, run
-from pellucid.lab.drive_reading import LAGS_S, DriveReading, stated_readings
+from pellucid_lab.arm.wearer import Person, drawn_people
+from pellucid_lab.arm.worn_trial import WornTrial, run
+from pellucid_lab.drive_reading import LAGS_S, DriveReading, stated_readings
+
+from pellucid._processes import ordered_results
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
 from pellucid.models.tree_card import TreeCard
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 SEED = 20290201
 """Seed of the arms, wearers and instruments of the proof: nothing was chosen on them."""

@@ -19,7 +19,7 @@ from benchmarks._size import sized
 from scipy.signal import butter, sosfilt
 
 import pellucid as pl
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 TUNED_SEEDS = range(0, 200)
 """Seeds on which thresholds were set."""

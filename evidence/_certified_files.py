@@ -14,9 +14,9 @@ import numpy as np
 from benchmarks._size import sized
 from typer.testing import CliRunner
 
-from pellucid.assessment.equivalence import Margin
-from pellucid.assessment.group_sequential import looks
-from pellucid.assessment.transparent_studies import SimulatedStudies, are_transparent
+from pellucid.people.equivalence import Margin
+from pellucid.people.group_sequential import looks
+from pellucid.people.transparent_studies import SimulatedStudies, are_transparent
 
 SEED = 20261127
 """Seed of every random draw."""

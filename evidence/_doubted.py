@@ -11,15 +11,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pellucid.assessment.certificate import PASS, Doubt, certificate_from_tests
-from pellucid.assessment.crossover import is_balanced, period_effect
-from pellucid.assessment.curves import compare_curves
-from pellucid.assessment.equivalence import Margin, equivalence
-from pellucid.assessment.lasting_bounds import lasting_bounds
-from pellucid.assessment.learning import thirds
-from pellucid.assessment.measured import MovementDuration
-from pellucid.assessment.mixed_model import mixed_model
-from pellucid.assessment.signed_rank import signed_rank
+from pellucid.people.certificate import PASS, Doubt, certificate_from_tests
+from pellucid.people.crossover import is_balanced, period_effect
+from pellucid.people.curves import compare_curves
+from pellucid.people.equivalence import Margin, equivalence
+from pellucid.people.lasting_bounds import lasting_bounds
+from pellucid.people.learning import thirds
+from pellucid.people.measured import MovementDuration
+from pellucid.people.mixed_model import mixed_model
+from pellucid.people.signed_rank import signed_rank
 
 SEED = 20261123
 """Seed of every random draw."""

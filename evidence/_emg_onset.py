@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks._size import sized
 from scipy import signal
 
-from pellucid.signals.emg_onset import activations
-from pellucid.studies.results import ResultRow
+from pellucid.emg.signals.emg_onset import activations
+from pellucid.study.results import ResultRow
 
 SEED = 20270305
 SAMPLING_RATE_HZ = 2000.0

@@ -17,21 +17,21 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.estimators.channel_watch import add_channel_watch
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.emg_session import FittedSession
-from pellucid.estimators.live_torque import LiveTorque
-from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.models.emg_estimator import EmgEstimatorCard
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
-from pellucid.procedures.emg_torque.estimator_cards import estimator_cards, map_estimator
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
-from pellucid.recordings.recording import Channel, Recording
-from pellucid.signals.emg_chain import emg_chain
-from pellucid.signals.emg_quality import find_mains
-from pellucid.studies import Study
-from pellucid.studies.results import ResultRow
+from pellucid.emg.estimators.channel_watch import add_channel_watch
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.live_torque import LiveTorque
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.models.emg_estimator import EmgEstimatorCard
+from pellucid.emg.signals.emg_chain import emg_chain
+from pellucid.emg.signals.emg_quality import find_mains
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_estimator
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.files.recording import Channel, Recording
+from pellucid.study import Study
+from pellucid.study.results import ResultRow
 
 SEED = 20261126
 SPOILT_COUNT = sized(300, smallest=6)
@@ -212,7 +212,7 @@ def raw_rows() -> Iterator[ResultRow]:
     yield row("mains.found", 100.0 * np.mean(found), "%", words, "simulated")
     script = (
         "import resource, numpy as np\n"
-        "from pellucid.signals.emg_chain import emg_chain\n"
+        "from pellucid.emg.signals.emg_chain import emg_chain\n"
         "x = 1e-4 * np.random.default_rng(1).standard_normal(int(640 * 2000))\n"
         "for _ in range(4): emg_chain('hill').zero_phase(x, 2000.0)\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"

@@ -17,25 +17,26 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
-from pellucid.control.coupling import ON_CARDS
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.elbow_laws import ELBOW_LIMITS
-from pellucid.control.supervised import SUPERVISOR_NAMES
-from pellucid.deployment.constants_file import read_constants
-from pellucid.deployment.export import export
-from pellucid.lab.knee.chosen_constants import chosen
-from pellucid.lab.knee.identified_wearer import WearerCard
-from pellucid.lab.knee_pointing.conditions import LEG_CONDITIONS
-from pellucid.lab.safety.fault_table import draw_worn_robot
-from pellucid.lab.safety.worn_knee import LAWS as KNEE_LAWS
-from pellucid.lab.safety.worn_knee import WornKnee, draw_worn_knee
-from pellucid.lab.safety.worn_robot import COMMON_EXPONENTS, LAWS, WornRobot
-from pellucid.lab.study_text import study_text
+from pellucid_lab.knee.chosen_constants import chosen
+from pellucid_lab.knee.identified_wearer import WearerCard
+from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS
+from pellucid_lab.ranking.knee import ranked_controllers
+from pellucid_lab.safety.fault_table import draw_worn_robot
+from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS
+from pellucid_lab.safety.worn_knee import WornKnee, draw_worn_knee
+from pellucid_lab.safety.worn_robot import COMMON_EXPONENTS, LAWS, WornRobot
+from pellucid_lab.study_text import study_text
+
+from pellucid.controllers.coupling import ON_CARDS
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import ELBOW_LIMITS
+from pellucid.controllers.export.constants_file import read_constants
+from pellucid.controllers.export.export import export
+from pellucid.controllers.supervised import SUPERVISOR_NAMES
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
-from pellucid.procedures.registry import open_study
-from pellucid.ranking.knee import ranked_controllers
-from pellucid.studies.study import Study
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import Study
 
 FLOAT32_TOLERANCE = 1e-6
 """Largest relative difference that rounding to float32 explains: half a unit in its last place is 6e-8 [1]."""
@@ -88,7 +89,7 @@ def _is_same(lab: float, exported: float) -> bool:
 
 def _exported(study: Study, out: Path, **asked: Any) -> Mapping[str, float]:
     """Return the numbers of an export of `study`, whose test vector is not played: numbers alone are compared."""
-    with patch("pellucid.deployment.c_folder.record_outputs", return_value=[]):
+    with patch("pellucid.controllers.export.c_folder.record_outputs", return_value=[]):
         return read_constants(export(study, out=out, **asked))
 
 

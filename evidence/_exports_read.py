@@ -14,20 +14,20 @@ from types import ModuleType
 import numpy as np
 
 from pellucid import _core
-from pellucid.deployment.simulator_folder import write_simulator_folder
-from pellucid.deployment.simulator_model import (
+from pellucid.controllers.export.simulator_folder import write_simulator_folder
+from pellucid.controllers.export.simulator_model import (
     joint_simulator_model,
     tree_simulator_model,
 )
+from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers
+from pellucid.emg.files.osim_writer import write_osim
+from pellucid.emg.models.hill import HillMuscle
+from pellucid.emg.models.muscle_card import CalibratedMuscles
 from pellucid.models.card import CardParameter, ModelCard
-from pellucid.models.hill import HillMuscle
 from pellucid.models.joint import SYMBOLS_BY_NAME
-from pellucid.models.muscle_card import CalibratedMuscles
 from pellucid.models.tree_card import JointRange, TreeCard
-from pellucid.recordings.muscle_remark import MuscleRemark, osim_numbers
-from pellucid.recordings.osim_writer import write_osim
-from pellucid.studies.results import ResultRow
-from pellucid.studies.study_file import JointLimits
+from pellucid.study.results import ResultRow
+from pellucid.study.study_file import JointLimits
 
 LARGEST_DIFFERENCE = 1e-6
 """Largest accepted difference of an effort, over the RMS of the efforts that are compared."""

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.procedures.registry import open_study
-from pellucid.studies.study import Study
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import Study
 
 RATE_HZ = 500.0
 """Rate of the controller and of the recordings."""

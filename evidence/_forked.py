@@ -98,7 +98,7 @@ def _start(cases, run, share):
 
 
 def _readers():
-    from pellucid.recordings.readers import _apart
+    from pellucid.files.readers import _apart
 
     return [process for pid, process in _apart._running.items() if pid == os.getpid()]
 

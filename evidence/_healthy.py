@@ -286,7 +286,7 @@ def healthy(folder: Path, n: int = 2000, *, endings: Collection[str] | None = No
 
     An ending that nothing here writes gets every other format's files: a new reader is tried too.
     """
-    from pellucid.recordings.readers.read import readers_by_ending
+    from pellucid.files.readers.read import readers_by_ending
 
     known = swing(n)
     others = tuple(each for many in WRITERS.values() for each in many)

@@ -23,12 +23,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pellucid.datasets.registry import template
-from pellucid.proposals.given_files import read_given
-from pellucid.proposals.propose_study import Proposal, propose_study
-from pellucid.proposals.study_text import study_text
-from pellucid.recordings.stated_units import split_unit
-from pellucid.studies.results import ResultRow
+from pellucid.files.stated_units import split_unit
+from pellucid.start.given_files import read_given
+from pellucid.start.propose_study import Proposal, propose_study
+from pellucid.start.study_text import study_text
+from pellucid.study.datasets.registry import template
+from pellucid.study.results import ResultRow
 from pellucid.units import to_si_factor
 
 UNIT_TOLERANCE = 1e-6

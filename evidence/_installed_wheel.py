@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 ROOT = Path(__file__).parents[1]
 

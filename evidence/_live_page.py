@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.session_devices import virtual_knee
 
-from pellucid.lab.session_devices import virtual_knee
 from pellucid.live.engine import LiveEngine
-from pellucid.procedures.registry import open_study
-from pellucid.session.live_session import LiveSession, Phase
-from pellucid.session.new_session import start_session_study
-from pellucid.session.page_server import PageServer
-from pellucid.session.run_session import choose_participant
-from pellucid.studies.results import ResultRow
+from pellucid.live.session.live_session import LiveSession, Phase
+from pellucid.live.session.new_session import start_session_study
+from pellucid.live.session.page_server import PageServer
+from pellucid.live.session.run_session import choose_participant
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.results import ResultRow
 
 PAIR_COUNT = sized(5, smallest=1)
 """Number of alternating pairs of a bare page and the session's pages."""

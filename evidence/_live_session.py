@@ -11,7 +11,8 @@ import sys
 import time
 from pathlib import Path
 
-from pellucid.lab.live import virtual_elbow
+from pellucid_lab.live import virtual_elbow
+
 from pellucid.live.engine import LiveEngine
 from pellucid.live.setup import EngineSetup
 

@@ -12,21 +12,21 @@ from functools import partial
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.elbow.rig import able_elbow, drawn_rigs, with_fastened_load
+from pellucid_lab.pointing.conditions import identify_cards, interaction_rms
+from pellucid_lab.pointing.people import Person, draw_people
+from pellucid_lab.pointing.rig import PointingRig, elbow_participants
+from pellucid_lab.pointing.session import PointingSession, simulate_session
 
 from pellucid._processes import ordered_results
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.joint_compensation import identified_body
-from pellucid.control.supervised import supervised
-from pellucid.control.transparent_laws import expecting_load
-from pellucid.fit.joint.lifted_load import Lift, estimate_load
-from pellucid.lab.elbow.rig import able_elbow, drawn_rigs, with_fastened_load
-from pellucid.lab.pointing.conditions import identify_cards, interaction_rms
-from pellucid.lab.pointing.people import Person, draw_people
-from pellucid.lab.pointing.rig import PointingRig, elbow_participants
-from pellucid.lab.pointing.session import PointingSession, simulate_session
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.joint_compensation import identified_body
+from pellucid.controllers.supervised import supervised
+from pellucid.controllers.transparent_laws import expecting_load
+from pellucid.joint.fit.lifted_load import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 SEED = 20261127
 """Seed of the drawn robots, wearers and loads; no constant was chosen on them."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.fit.slider.axis_offset import AxisOffset, estimate_axis_offset
-from pellucid.signals.filters import zero_phase_lowpass
-from pellucid.studies.results import ResultRow
+from pellucid.joint.slider.axis_offset import AxisOffset, estimate_axis_offset
+from pellucid.numerics.filters import zero_phase_lowpass
+from pellucid.study.results import ResultRow
 
 SEED = 20261203
 """Seed of the drawn wearers. The method was made on 20261129; this seed was drawn once it was done."""

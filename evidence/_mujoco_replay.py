@@ -27,8 +27,8 @@ from benchmarks._size import sized
 from scipy.optimize import least_squares
 
 from evidence._exports_read import program_beside
-from pellucid.recordings.readers import read_columns
-from pellucid.studies.results import ResultRow
+from pellucid.files.readers import read_columns
+from pellucid.study.results import ResultRow
 
 if TYPE_CHECKING:
     from mujoco import MjModel

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from evidence._healthy import WRITERS, swing
-from pellucid.recordings.readers import read_columns
-from pellucid.studies.results import ResultRow
+from pellucid.files.readers import read_columns
+from pellucid.study.results import ResultRow
 
 Found = Mapping[str, np.ndarray]
 """Columns by the name that Pellucid gives them."""

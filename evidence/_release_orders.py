@@ -3,7 +3,7 @@
 The plant is the seated rig's: muscles with elastic tendons and fibres that differ from anatomy in every constant,
 synergists whose shares wander, EMG with noise, hum and cross-talk, and flexors that no electrode sees. The model that
 is calibrated has rigid tendons and fixed shares. Every person is drawn with a seed that no constant was chosen on;
-orders and quantities are the paper's or stated in `pellucid.papers.hill.release_orders`.
+orders and quantities are the paper's or stated in `pellucid_lab.papers.hill.release_orders`.
 """
 
 from collections.abc import Iterator
@@ -11,13 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks._size import sized
-
-from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings
-from pellucid.lab.seated.protocol import SeatedTrial, rich_swing
-from pellucid.lab.seated.rig import SeatedRig, load_seated_rig
-from pellucid.lab.seated.subject import draw_subject
-from pellucid.lab.seated.wearer import swing_path
-from pellucid.papers.hill.release_orders import (
+from pellucid_lab.papers.hill.release_orders import (
     ALL_AT_ONCE,
     DELAY_QUANTITY,
     RELEASE_METHODS,
@@ -27,10 +21,16 @@ from pellucid.papers.hill.release_orders import (
     calibrate_in_order,
     torque_error,
 )
-from pellucid.papers.hill.training import TRAINED_QUANTITIES
-from pellucid.papers.hill.trials import active_swing, take_subject
-from pellucid.protocols.fourier import play
-from pellucid.studies.results import ResultRow
+from pellucid_lab.papers.hill.training import TRAINED_QUANTITIES
+from pellucid_lab.papers.hill.trials import active_swing, take_subject
+from pellucid_lab.seated.protocol import SeatedTrial, rich_swing
+from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
+from pellucid_lab.seated.subject import draw_subject
+from pellucid_lab.seated.wearer import swing_path
+
+from pellucid.numerics.protocols.fourier import play
+from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
+from pellucid.study.results import ResultRow
 
 from ._loads import mean_interval, ratio_interval
 

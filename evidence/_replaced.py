@@ -17,12 +17,12 @@ from unittest import mock
 
 import numpy as np
 
-from pellucid.procedures.result import _write as write_card_of_any_kind
-from pellucid.procedures.run import check, run
-from pellucid.recordings.optical import OpticalRecording
-from pellucid.recordings.recording import Channel
-from pellucid.studies import study as study_module
-from pellucid.studies.study import Study
+from pellucid.files.optical import OpticalRecording
+from pellucid.files.recording import Channel
+from pellucid.study import study as study_module
+from pellucid.study.procedures.result import _write as write_card_of_any_kind
+from pellucid.study.procedures.run import check, run
+from pellucid.study.study import Study
 
 EFFORT_CHANNELS = ("current", "voltage", "torque", "force", "duty", "effort", "command", "moment")
 """First parts of the names of channels that hold an effort, or what asks for one."""

@@ -19,9 +19,9 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.studies.results import ResultRow
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
+from pellucid.study.results import ResultRow
 
 SEED = 281126
 """Seed of every random draw. No threshold was set on it."""

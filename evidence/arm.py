@@ -17,10 +17,31 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.arm.card_law import card_of, identified, motions_of, sensor_points
+from pellucid_lab.arm.free_shoulder import compare_shoulders
+from pellucid_lab.arm.human_motion import JOINTS
+from pellucid_lab.arm.protocol import ArmTrial, limits_of
+from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
+from pellucid_lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
+from pellucid_lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
+from pellucid_lab.arm.worn_trial import motion_of
+from pellucid_lab.papers.able.arm_identification import (
+    LOAD_FRICTION_FAMILY,
+    IdentifiedArm,
+    directional_many,
+    draw_test_motions,
+    identified_many,
+)
+from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
 
 from pellucid._processes import ordered_results
-from pellucid.control.instruments import Instruments
-from pellucid.control.tree_stability import (
+from pellucid.arm.fit.fit_tree import fit_tree
+from pellucid.arm.fit.segments_out import heldout_errors
+from pellucid.arm.fit.tree_estimate import TreeEstimate
+from pellucid.arm.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
+from pellucid.arm.study.tree_excitation import tree_information
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     LinearShares,
     TreeCoupling,
@@ -31,29 +52,8 @@ from pellucid.control.tree_stability import (
     margins_over,
     passivity,
 )
-from pellucid.fit.tree.fit_tree import fit_tree
-from pellucid.fit.tree.segments_out import heldout_errors
-from pellucid.fit.tree.tree_estimate import TreeEstimate
-from pellucid.lab.arm.card_law import card_of, identified, motions_of, sensor_points
-from pellucid.lab.arm.free_shoulder import compare_shoulders
-from pellucid.lab.arm.human_motion import JOINTS
-from pellucid.lab.arm.protocol import ArmTrial, limits_of
-from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
-from pellucid.lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
-from pellucid.lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
-from pellucid.lab.arm.worn_trial import motion_of
-from pellucid.papers.able.arm_identification import (
-    LOAD_FRICTION_FAMILY,
-    IdentifiedArm,
-    directional_many,
-    draw_test_motions,
-    identified_many,
-)
-from pellucid.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
-from pellucid.procedures.tree_excitation import tree_information
-from pellucid.protocols.step_by_step import step_by_step
-from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
-from pellucid.studies.results import ResultRow
+from pellucid.numerics.protocols.step_by_step import step_by_step
+from pellucid.study.results import ResultRow
 
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""

@@ -25,14 +25,14 @@ from benchmarks._size import sized
 from scipy.special import log_ndtr
 
 from pellucid._processes import ordered_results
-from pellucid.assessment.certificate import CANNOT_SAY, ESTIMAND_METHODS, Estimand, certificate
-from pellucid.assessment.equivalence import Margin, Method
-from pellucid.assessment.equivalence_power import Active, equivalence_power, find_equivalence_participants
-from pellucid.assessment.group_sequential import looks
-from pellucid.assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
-from pellucid.assessment.signed_rank import signed_rank
-from pellucid.assessment.transparent_studies import SimulatedStudies, are_transparent
-from pellucid.studies.results import ResultRow
+from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, Estimand, certificate
+from pellucid.people.equivalence import Margin, Method
+from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
+from pellucid.people.group_sequential import looks
+from pellucid.people.mean_test import HIDDEN_SHARE, MIN_PEOPLE
+from pellucid.people.signed_rank import signed_rank
+from pellucid.people.transparent_studies import SimulatedStudies, are_transparent
+from pellucid.study.results import ResultRow
 
 from . import _certified_files, _doubted
 

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.pointing.prediction import Prediction, predict_effects
+from pellucid_lab.pointing.rig import elbow_participants
 
-from pellucid.assessment.cluster import cluster
-from pellucid.lab.pointing.prediction import Prediction, predict_effects
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.studies.results import ResultRow
+from pellucid.people.cluster import cluster
+from pellucid.study.results import ResultRow
 
 PEOPLE_COUNT = sized(10, smallest=1)
 """Number of people of the prediction."""

@@ -35,24 +35,24 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.bench.rig import BenchRig, bench_joint
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid_lab.study import record_in_memory, write_study
 
 import pellucid as pl
 from pellucid._processes import ordered_results
-from pellucid.datasets.init import init
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
-from pellucid.fit.slider.three_steps import STEP_PROTOCOLS
-from pellucid.lab.bench.rig import BenchRig, bench_joint
-from pellucid.lab.elbow.protocol import trials
-from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid.lab.study import record_in_memory, write_study
-from pellucid.models.carried_friction import SteadyStates
+from pellucid.joint.fit.carried_friction import SteadyStates
+from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
+from pellucid.joint.slider.markers import slider_geometry
+from pellucid.joint.slider.slider_motion import SliderMotion
+from pellucid.joint.slider.study.recorded_slider import slider_motions
+from pellucid.joint.slider.three_steps import STEP_PROTOCOLS
 from pellucid.models.friction_terms import is_friction
+from pellucid.models.parameter import Parameter
 from pellucid.models.slider_joint import SliderJointModel
-from pellucid.procedures.slider.recorded_slider import slider_motions
-from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import SliderMotion
-from pellucid.studies.results import ResultRow
+from pellucid.study.datasets.init import init
+from pellucid.study.results import ResultRow
 
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written
 from ._foreign_plants import drawn_plants, record_plant

@@ -22,33 +22,33 @@ from benchmarks._walking import DATASET as WALKING
 from benchmarks._walking import walking_study
 from scipy import signal
 
-from pellucid.datasets import init
-from pellucid.datasets.fetch import DATA_VARIABLE
-from pellucid.datasets.fetch import path as data_set
-from pellucid.deployment.c_folder import OUTPUT_FILE
-from pellucid.deployment.estimator_folder import write_estimator_folder
-from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.estimators.condition_choice import ERROR_BAND_SHARE
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.emg_session import FittedSession
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.live_torque import FAULTS, LiveTorque
-from pellucid.estimators.raw_session import RawChannels
-from pellucid.estimators.session_watch import SessionWatch
-from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.estimators.unrecorded import FILLING_METHODS
-from pellucid.procedures.emg_torque.calibrate import CalibrationResult
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
-from pellucid.procedures.emg_torque.estimator_cards import chain_sections, estimator_cards
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import activations, calibrate, check
-from pellucid.recordings.readers import read_columns
-from pellucid.recordings.readers.osim_paths import read_paths
-from pellucid.signals.emg_chain import emg_chain
-from pellucid.studies import Study
-from pellucid.studies.results import ResultRow
+from pellucid.controllers.export.c_folder import OUTPUT_FILE
+from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.emg.estimators.condition_choice import ERROR_BAND_SHARE
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.live_torque import FAULTS, LiveTorque
+from pellucid.emg.estimators.raw_session import RawChannels
+from pellucid.emg.estimators.session_watch import SessionWatch
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.estimators.unrecorded import FILLING_METHODS
+from pellucid.emg.files.osim_paths import read_paths
+from pellucid.emg.signals.emg_chain import emg_chain
+from pellucid.emg.study.emg_torque.calibrate import CalibrationResult
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque.estimator_cards import chain_sections, estimator_cards
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.emg.study.estimator_folder import write_estimator_folder
+from pellucid.files.readers import read_columns
+from pellucid.study import Study
+from pellucid.study.datasets import init
+from pellucid.study.datasets.fetch import DATA_VARIABLE
+from pellucid.study.datasets.fetch import path as data_set
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import activations, calibrate, check
+from pellucid.study.results import ResultRow
 
 from ._emg_onset import onset_rows
 from ._emg_watch import raw_rows as raw_emg_rows

@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.studies.results import ResultRow, read_rows, write_rows
+from pellucid.study.results import ResultRow, read_rows, write_rows
 
 from ._forked import Outcome, tried
 from ._healthy import healthy, muscle_study, pointing_study
@@ -197,8 +197,9 @@ def damage_to_studies(scratch: Path) -> list[Outcome]:
 
 def damage_to_rigs(scratch: Path) -> list[Outcome]:
     """`simulate` of joints on a bench whose rig was damaged; of other kinds of rigs only the file is read."""
+    from pellucid_lab.known_rigs import parse_rig, rig_text
+
     from pellucid._errors import PellucidError
-    from pellucid.lab.known_rigs import parse_rig, rig_text
 
     texts = {name: rig_text(name) for name in ("bench-joint", "able-elbow", "knee-orthosis", "knee-seated")}
     texts["bench-joint"] = texts["bench-joint"].replace("duration = 20.0", "duration = 2.0")
@@ -244,7 +245,7 @@ def damage_to_cards(scratch: Path) -> list[Outcome]:
 def damage_to_muscles(scratch: Path) -> list[Outcome]:
     """Models of muscles, OpenSim's and CEINMS's, whose files were damaged."""
     from pellucid._errors import PellucidError
-    from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants
+    from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants
 
     def run(case: tuple[str, int]) -> str:
         name, seed = case
@@ -287,7 +288,7 @@ def _victim(scratch: Path, command: str) -> Victim:
     folder = scratch / f"victim-{command}"
     options: tuple[str, ...] = ()
     if command == "simulate":
-        from pellucid.lab.known_rigs import rig_text
+        from pellucid_lab.known_rigs import rig_text
 
         (folder / "lab").mkdir(parents=True)
         rig = rig_text("bench-joint").replace("duration = 20.0", "duration = 2.0")

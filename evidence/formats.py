@@ -12,7 +12,7 @@ from importlib import import_module
 
 from benchmarks._size import sized
 
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 PARTS = sized(
     ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"),

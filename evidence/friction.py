@@ -29,24 +29,24 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
+from pellucid_lab.noise import draw_noise
 
 from pellucid import _core
 from pellucid._processes import ordered_results
-from pellucid.datasets.init import init
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.presliding import Presliding, estimate_presliding
-from pellucid.fit.joint.replay import Machine, simulate_recording
-from pellucid.fit.regression import stack
-from pellucid.lab.bench.rig import REVERSAL_STROKES, BenchRig
-from pellucid.lab.noise import draw_noise
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.presliding import Presliding, estimate_presliding
+from pellucid.joint.fit.replay import Machine, simulate_recording
+from pellucid.joint.study.aligned_motions import align_recordings
+from pellucid.joint.study.identify_joint import machine_of
 from pellucid.models.joint import JointModel, joint_model
-from pellucid.procedures.joint.aligned_motions import align_recordings
-from pellucid.procedures.joint.identify_joint import machine_of
-from pellucid.procedures.joint.recorded_motions import motions_of
-from pellucid.protocols.reversals import reversals
-from pellucid.signals.motion import Filtering, Motion, motion_of
-from pellucid.studies.effort import drive_model
-from pellucid.studies.results import ResultRow
+from pellucid.numerics.motion import Filtering, Motion, motion_of
+from pellucid.numerics.protocols.reversals import reversals
+from pellucid.numerics.regression import stack
+from pellucid.study.datasets.init import init
+from pellucid.study.effort import drive_model
+from pellucid.study.recorded_motions import motions_of
+from pellucid.study.results import ResultRow
 
 from .coverage import drawn_benches
 

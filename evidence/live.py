@@ -40,11 +40,12 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.pointing.conditions import identify_cards
+from pellucid_lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
 
-from pellucid.control.limits import Limits
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import identify_cards
-from pellucid.lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
+from pellucid.controllers.limits import Limits
+from pellucid.files.xdf_writer import scan_xdf
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.log_verdict import ASSUMED_RATES_HZ, given_energy, judge_log, largest_gift
@@ -52,8 +53,7 @@ from pellucid.live.region import Region
 from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.udp import ASKED_FORMAT, unpack_asked
-from pellucid.recordings.xdf_writer import scan_xdf
-from pellucid.studies.results import ResultRow, read_rows, write_rows
+from pellucid.study.results import ResultRow, read_rows, write_rows
 
 from ._live_session import begin_motion, rest, session_setup
 
@@ -391,7 +391,7 @@ def wait_for_speed(engine: LiveEngine, patience_s: float = 5.0) -> None:
 
 def layout_fault(code: int) -> str:
     """Return the name of a fault."""
-    from pellucid.control.supervisor_faults import FAULT_NAMES
+    from pellucid.controllers.supervisor_faults import FAULT_NAMES
 
     return FAULT_NAMES[code]
 

@@ -18,7 +18,7 @@
 
 from collections.abc import Iterator
 
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 from ._arm_pointing import arm_pointing_rows
 from ._drift import drift_rows

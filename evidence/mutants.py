@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.studies.results import ResultRow
+from pellucid.study.results import ResultRow
 
 from ._source_mutants import Mutant, mutants_of
 
@@ -89,7 +89,7 @@ PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
         ("test_supervisor_thresholds",),
     ),
 }
-"""For each module of pellucid.control the functions and classes that are mutated beside its constants, None for all,
+"""For each module of pellucid.controllers the functions and classes that are mutated beside its constants, None for all,
 and the tests of tests/unit that judge them."""
 
 

@@ -21,9 +21,9 @@ from pathlib import Path
 from benchmarks._size import sized
 
 from pellucid import audit, init
-from pellucid.procedures.audit_page import write_audit_page
-from pellucid.procedures.run import report, run
-from pellucid.studies.results import ResultRow, read_rows
+from pellucid.study.procedures.audit_page import write_audit_page
+from pellucid.study.procedures.run import report, run
+from pellucid.study.results import ResultRow, read_rows
 
 from ._page_looks import Looks, chromium, look_at
 

@@ -1,7 +1,7 @@
 """How far virtual people are those that were measured: set without a robot, tried on what they were not set by.
 
 Pointing under instructions (`human_pointing`; whoever's files are there): a person is one weight, set on instructions
-1, 3 and 5, with traits that are the same under all, and priors from the others (`pellucid.lab.pointing.instructed`);
+1, 3 and 5, with traits that are the same under all, and priors from the others (`pellucid_lab.pointing.instructed`);
 then instructions 2 and 4 are simulated with weights in between, by movements of the core's model of a person, cut as
 the people's are. The rival takes geometric means of the person's own times and spreads under the neighbouring
 instructions.
@@ -21,18 +21,18 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 from benchmarks.people import COMMON_EXPONENTS, study_seconds
+from pellucid_lab.pointing.conditions import identify_cards, published_conditions
+from pellucid_lab.pointing.instructed import WIDE_PRIOR, Population, estimate_people
+from pellucid_lab.pointing.line_pointing import measure_movements
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants, elbow_people
+from pellucid_lab.pointing.session import CONTROL_CONDITION, simulate_session, true_motion
 
-from pellucid.datasets.motions import motions_of
-from pellucid.lab.pointing.conditions import identify_cards, published_conditions
-from pellucid.lab.pointing.instructed import WIDE_PRIOR, Population, estimate_people
-from pellucid.lab.pointing.line_pointing import measure_movements
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants, elbow_people
-from pellucid.lab.pointing.session import CONTROL_CONDITION, simulate_session, true_motion
-from pellucid.recordings.readers import read_columns
-from pellucid.signals.movements import MovementRule, Stretch, kinematics, movements
-from pellucid.signals.one_way_movements import OneWay, one_way_movements
-from pellucid.studies.results import ResultRow
+from pellucid.files.readers import read_columns
+from pellucid.people.movements import MovementRule, Stretch, kinematics, movements
+from pellucid.people.one_way_movements import OneWay, one_way_movements
+from pellucid.study.datasets.motions import motions_of
+from pellucid.study.results import ResultRow
 
 from ._able_predicted import able_rows
 

@@ -27,23 +27,23 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.bench.rig import BenchRig
+from pellucid_lab.knee.drawn import drawn_rig
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.study import record_in_memory, write_study
 from scipy.special import chdtrc
 
 import pellucid as pl
 from pellucid._processes import ordered_results
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.posterior.ensemble import drawn
-from pellucid.fit.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
-from pellucid.fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
-from pellucid.fit.posterior.posterior import DrawnParameter
-from pellucid.fit.posterior.straight import LinearisedModel
-from pellucid.lab.bench.rig import BenchRig
-from pellucid.lab.knee.drawn import drawn_rig
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.study import record_in_memory, write_study
-from pellucid.models.muscle import Muscle
-from pellucid.procedures.coupling.identify_coupling import identify_worn
-from pellucid.studies.results import ResultRow
+from pellucid.emg.fit.muscle_posterior import ForceGrid, offset_interval, offset_posterior
+from pellucid.emg.models.muscle import Muscle
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.posterior.ensemble import drawn
+from pellucid.numerics.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
+from pellucid.numerics.posterior.posterior import DrawnParameter
+from pellucid.numerics.posterior.straight import LinearisedModel
+from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
+from pellucid.study.results import ResultRow
 
 from .coverage import bench_targets, drawn_benches
 

@@ -19,31 +19,31 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pellucid_lab.ranking.elbow as elbow
 from benchmarks._size import sized
+from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
+from pellucid_lab.knee.protocol import swing_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.knee.trial import run_trial
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import simulate_session
+from pellucid_lab.ranking.arm import ArmInUse, arm_pair, draw_arm_in_use
+from pellucid_lab.ranking.foreign_elbow import elbow_law_of
+from pellucid_lab.ranking.foreign_law import ForeignLaw, ForeignLaws, ForeignProcess, stopped_words
+from pellucid_lab.ranking.knee import knee_pair
+from pellucid_lab.ranking.law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
+from pellucid_lab.ranking.strategies import SWING_TASK
+from pellucid_lab.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
+from pellucid_lab.ranking.tried import ControllerTrial
+from pellucid_lab.ranking.watched_knee import IdentifiedDrive, WatchedController
+from pellucid_lab.safety.fault_table import draw_worn_robot
+from pellucid_lab.safety.worn_knee import IDENTIFIED_ACTUATOR
+from pellucid_lab.safety.worn_robot import WornRobot
 
-import pellucid.ranking.elbow as elbow
 from pellucid._processes import ordered_results
-from pellucid.assessment.certificate import CANNOT_SAY
-from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
-from pellucid.lab.knee.protocol import swing_trial
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.trial import run_trial
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import simulate_session
-from pellucid.lab.safety.fault_table import draw_worn_robot
-from pellucid.lab.safety.worn_knee import IDENTIFIED_ACTUATOR
-from pellucid.lab.safety.worn_robot import WornRobot
-from pellucid.ranking.arm import ArmInUse, arm_pair, draw_arm_in_use
-from pellucid.ranking.foreign_elbow import elbow_law_of
-from pellucid.ranking.foreign_law import ForeignLaw, ForeignLaws, ForeignProcess, stopped_words
-from pellucid.ranking.knee import knee_pair
-from pellucid.ranking.law_certificate import CERTIFICATE_VALUES, certificate_note, certify_controller
-from pellucid.ranking.strategies import SWING_TASK
-from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES, IndexComparison, index_values
-from pellucid.ranking.tried import ControllerTrial
-from pellucid.ranking.watched_knee import IdentifiedDrive, WatchedController
-from pellucid.studies.results import ResultRow
+from pellucid.people.certificate import CANNOT_SAY
+from pellucid.study.results import ResultRow
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
 """Folder of the example of a foreign law, in C and in Python."""

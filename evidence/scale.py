@@ -19,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.bench.rig import BenchRig, bench_joint
+from pellucid_lab.rig import Trial
+from pellucid_lab.study_text import study_text
 
 from pellucid._atomic import write_text_atomically
-from pellucid.lab.bench.rig import BenchRig, bench_joint
-from pellucid.lab.rig import Trial
-from pellucid.lab.study_text import study_text
 from pellucid.models.joint import DEFAULT_FAMILIES
-from pellucid.procedures.registry import open_study
-from pellucid.protocols.excitation import multisine, point_to_point
-from pellucid.studies.effort import drive_model
-from pellucid.studies.results import ResultRow
-from pellucid.studies.study import STUDY_FILE
+from pellucid.numerics.protocols.excitation import multisine, point_to_point
+from pellucid.study.effort import drive_model
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.results import ResultRow
+from pellucid.study.study import STUDY_FILE
 
 SEED = 20261121
 """Seed of every random draw."""
@@ -49,7 +49,7 @@ REPEAT_COUNT = sized(3, smallest=1)
 COMMAND_LINE = "from pellucid.__main__ import main; main()"
 """Python code that runs Pellucid's command line."""
 
-START_UP = "import pellucid.cli, pellucid.procedures.run, pellucid.procedures.joint.identify_joint, scipy.optimize"
+START_UP = "import pellucid.cli, pellucid.study.procedures.run, pellucid.joint.study.identify_joint, scipy.optimize"
 """Python code that imports what `identify` needs, and does nothing."""
 
 PLAIN_FIT = """

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.simulate import simulate
 from scipy.interpolate import CubicSpline
 
 from pellucid._errors import PellucidError
-from pellucid.datasets import init
-from pellucid.lab.simulate import simulate
-from pellucid.procedures.registry import asked, open_study
-from pellucid.procedures.run import calibrate, check, identify
-from pellucid.recordings import channels_toml, write_csv
-from pellucid.recordings.recording import Channel
+from pellucid.files import channels_toml, write_csv
+from pellucid.files.recording import Channel
 from pellucid.start_study import init as rig_files
-from pellucid.studies import Study
-from pellucid.studies.results import ResultRow
+from pellucid.study import Study
+from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import asked, open_study
+from pellucid.study.procedures.run import calibrate, check, identify
+from pellucid.study.results import ResultRow
 
 SEED = 20261122
 """Seed of every random draw."""

@@ -25,23 +25,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks._size import sized
+from pellucid_lab.knee.drawn import drawn_rig
+from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial
+from pellucid_lab.knee.rig import KneeRig, knee_orthosis
+from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
+from pellucid_lab.study import record_in_memory
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.strap.coupled_impedance import fit_coupling
-from pellucid.fit.strap.identified_strap import identify_strap
-from pellucid.fit.strap.limb_imu import find_joint_axis, limb_angle_by_imu
-from pellucid.fit.strap.orthosis_alone import fit_orthosis
-from pellucid.fit.strap.strap_torque import Orthosis, StrappedSwing, from_orthosis
-from pellucid.lab.knee.drawn import drawn_rig
-from pellucid.lab.knee.protocol import bench_trials, swing_trial, torque_trial
-from pellucid.lab.knee.rig import KneeRig, knee_orthosis
-from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
-from pellucid.lab.study import record_in_memory
-from pellucid.signals.inertial import inertial
-from pellucid.signals.input_output import input_output
-from pellucid.studies.results import ResultRow
+from pellucid.models.parameter import Parameter
+from pellucid.orthosis.imu.inertial import inertial
+from pellucid.orthosis.input_output import input_output
+from pellucid.orthosis.strap.coupled_impedance import fit_coupling
+from pellucid.orthosis.strap.identified_strap import identify_strap
+from pellucid.orthosis.strap.limb_imu import find_joint_axis, limb_angle_by_imu
+from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
+from pellucid.orthosis.strap.strap_torque import Orthosis, StrappedSwing, from_orthosis
+from pellucid.study.results import ResultRow
 
 from ._foreign_straps import FEATURES_BY_KIND, WornOrthosis, drawn_strap, record_straps
 

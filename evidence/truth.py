@@ -12,7 +12,7 @@ with friction of its own (`_foreign_joint.py`). Their recordings are identified 
 - false delays: recordings whose torque and position are synchronous, for which a delay is found;
 - gravity with payload: largest error of the joint's own gravity torque where one recording has a stated payload.
 
-What was chosen on other draws: nothing; thresholds are those of the study file and of `fit/delay.py`.
+What was chosen on other draws: nothing; thresholds are those of the study file and of `numerics/delay.py`.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import is_smallest, sized
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.elbow.protocol import trials as elbow_trials
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial, torque_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.seated.rig import load_seated_rig
+from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid._processes import ordered_results
-from pellucid.datasets.init import init
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.elbow.protocol import trials as elbow_trials
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial, torque_trial
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.seated.rig import load_seated_rig
-from pellucid.lab.study import write_study
-from pellucid.procedures.joint.aligned_motions import find_alignments
-from pellucid.procedures.registry import open_study
-from pellucid.studies.results import ResultRow
-from pellucid.studies.study import Study
+from pellucid.joint.study.aligned_motions import find_alignments
+from pellucid.study.datasets.init import init
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.results import ResultRow
+from pellucid.study.study import Study
 
 from . import _spoilt_recordings
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written

@@ -14,22 +14,22 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 import numpy as np
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid
 from pellucid import _core
-from pellucid.control import control_law
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.law_fuzz import fuzz, step_times
-from pellucid.control.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.drawing.style import COLOURS, colour
-from pellucid.estimators.families import ESTIMATOR_FAMILIES, find_family
-from pellucid.estimators.features import Features
-from pellucid.lab.safety.fault_table import FAULT_KINDS
-from pellucid.models.estimator_faults import ESTIMATOR_FAULTS
-from pellucid.recordings import defects
-from pellucid.studies.find_defects import KINDS
+from pellucid.controllers import control_law
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.law_fuzz import fuzz, step_times
+from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, find_family
+from pellucid.emg.estimators.features import Features
+from pellucid.emg.models.estimator_faults import ESTIMATOR_FAULTS
+from pellucid.files import defects
+from pellucid.study.drawing.style import COLOURS, colour
+from pellucid.study.find_defects import KINDS
 
 PACKAGE = Path(pellucid.__file__).parent
 NUMBERS = Path(__file__).parent / "core" / "law_numbers.hpp"
@@ -119,12 +119,12 @@ def supervisor_faults() -> list[str]:
 
 
 OTHER_SEARCHERS = {
-    "another_clock": "pellucid.recordings.log",
-    "dead": "pellucid.procedures.dead_effort",
-    "echoed": "pellucid.procedures.joint.wearer",
-    "garbage": "pellucid.studies.study",
-    "saturated": "pellucid.recordings.log",
-    "worn": "pellucid.procedures.joint.wearer",
+    "another_clock": "pellucid.files.log",
+    "dead": "pellucid.study.procedures.dead_effort",
+    "echoed": "pellucid.joint.study.wearer",
+    "garbage": "pellucid.study.study",
+    "saturated": "pellucid.files.log",
+    "worn": "pellucid.joint.study.wearer",
 }
 """Modules that search for a kind of defect which is no stretch of one channel, so that `find_defects` cannot cut it."""
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 from shared_compiler import install_stand_ins
 
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
-from pellucid.procedures.registry import open_study
-from pellucid.studies import Study
+from pellucid.study import Study
+from pellucid.study.procedures.registry import open_study
 
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
 
@@ -150,7 +150,7 @@ def make_study(tmp_path):
 
 @pytest.fixture(scope="session")
 def emps_study(data_folder, tmp_path_factory) -> Study:
-    from pellucid.datasets import init
+    from pellucid.study.datasets import init
 
     return init(tmp_path_factory.mktemp("emps") / "emps", dataset="emps")
 
@@ -158,7 +158,7 @@ def emps_study(data_folder, tmp_path_factory) -> Study:
 @pytest.fixture(scope="session")
 def emps_fit(emps_study):
     """The EMPS benchmark identified, once for all tests that judge it."""
-    from pellucid.procedures.run import identify
+    from pellucid.study.procedures.run import identify
 
     return identify(emps_study, families=["symmetric", "directional"])
 
@@ -166,9 +166,9 @@ def emps_fit(emps_study):
 @pytest.fixture(scope="session")
 def emps_data(emps_study):
     """The symmetric model, and the EMPS recording to fit, reduced."""
-    from pellucid.fit.regression import stack
+    from pellucid.joint.study.aligned_motions import aligned_motions
     from pellucid.models.joint import joint_model
-    from pellucid.procedures.joint.aligned_motions import aligned_motions
+    from pellucid.numerics.regression import stack
 
     model = joint_model("symmetric", motion="prismatic", effort_unit="N", gravity="none")
     return model, stack(aligned_motions(emps_study, "fit"))

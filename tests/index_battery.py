@@ -12,10 +12,11 @@ sys.path.append(str(Path(__file__).parent / "unit"))
 
 import made_pointing
 import numpy as np
+from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES
 
 from pellucid._errors import StudyError
-from pellucid.assessment.index_table import index_table
-from pellucid.assessment.indices import (
+from pellucid.people.index_table import index_table
+from pellucid.people.indices import (
     INDICES,
     SHOWN_INDICES,
     CutOff,
@@ -25,12 +26,11 @@ from pellucid.assessment.indices import (
     index_names,
     indices_along,
 )
-from pellucid.lab.pointing.predicted_indices import PREDICTED_INDICES
-from pellucid.procedures.assessment.assessment_table import AssessmentTable
-from pellucid.procedures.assessment.certified import end_points
-from pellucid.procedures.assessment.measured_study import MeasuredStudy, activities, measure
-from pellucid.procedures.assessment.pointing import with_rule
-from pellucid.procedures.assessment.pointing_faults import usable_records
+from pellucid.people.study.assessment_table import AssessmentTable
+from pellucid.people.study.certified import end_points
+from pellucid.people.study.measured_study import MeasuredStudy, activities, measure
+from pellucid.people.study.pointing import with_rule
+from pellucid.people.study.pointing_faults import usable_records
 from pellucid.units import COORDINATES_BY_UNIT, parse_quantity
 
 CONDITIONS = ("Ctrl", "FC")

@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 
 from pellucid import _core
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.supervised import body_of, body_resistance
-from pellucid.drawing.style import COLOURS
-from pellucid.fit.parameter import Parameter
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.supervised import body_of, body_resistance
+from pellucid.joint.study.findings.weak_parameter import find
 from pellucid.models.fields import largest_friction
 from pellucid.models.friction_terms import CORE_FIELDS, FRICTION_FAMILIES, TERMS, TERMS_BY_NAME, is_friction
 from pellucid.models.joint import FAMILIES, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME, joint_model
-from pellucid.pages.quantities import FAMILIES as WORDS_OF_FAMILIES
-from pellucid.pages.quantities import PARAMETER_LABELS
-from pellucid.procedures.joint.findings.weak_parameter import find
-from pellucid.studies.study_file import parameter_units
+from pellucid.models.parameter import Parameter
+from pellucid.study.drawing.style import COLOURS
+from pellucid.study.pages.quantities import FAMILIES as WORDS_OF_FAMILIES
+from pellucid.study.pages.quantities import PARAMETER_LABELS
+from pellucid.study.study_file import parameter_units
 
 COEFFICIENT, SPEEDS, LOAD = 0.2, (1e-6, 0.5, 1.7, 10.0), 1.2
 NO_FRICTION = {"inertia", "gravity_sine", "gravity_cosine", "offset"}

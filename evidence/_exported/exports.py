@@ -12,15 +12,16 @@ from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 
+from pellucid_lab.safety.worn_robot import LAWS
+
 import pellucid
-from pellucid.control.control_law import LAWS as LAW_KINDS
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.instruments import Instruments
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.constants_file import numbers_in
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.export import values_for
-from pellucid.lab.safety.worn_robot import LAWS
+from pellucid.controllers.control_law import LAWS as LAW_KINDS
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.constants_file import numbers_in
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.export import values_for
+from pellucid.controllers.instruments import Instruments
 
 HERE = Path(__file__).parent
 """Folder of the plant's source."""

@@ -13,102 +13,103 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from . import datasets
+    from pellucid_lab.demonstration.demo import demo as demo
+    from pellucid_lab.papers.reproduce import reproduce as reproduce
+    from pellucid_lab.predict import predict as predict
+    from pellucid_lab.simulate import simulate as simulate
+
     from ._errors import PellucidError as PellucidError
-    from .assessment.certify import certify as certify
-    from .assessment.comparison import compare_conditions as compare_conditions
-    from .assessment.movement_indices import movement_indices as movement_indices
-    from .assessment.power import power_curve as power_curve
-    from .control.controller import controller as controller
-    from .control.controller import controllers as controllers
-    from .control.instruments import Instruments as Instruments
-    from .control.limits import Limits as Limits
-    from .control.supervised import supervised as supervised
-    from .demonstration.demo import demo as demo
-    from .deployment.export import export as export
-    from .estimators.calibrate_muscles import calibrate_muscles as calibrate_muscles
-    from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
-    from .fit.joint.fit_joint import fit_joint as fit_joint
-    from .fit.strap.fit_strap import fit_strap as fit_strap
-    from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
-    from .fit.tree.fit_robot import fit_robot as fit_robot
-    from .lab.predict import predict as predict
-    from .lab.simulate import simulate as simulate
-    from .models.muscle import Muscle as Muscle
-    from .papers.reproduce import reproduce as reproduce
-    from .procedures.audit import audit as audit
-    from .procedures.compare import compare as compare
-    from .procedures.incident import incident as incident
-    from .procedures.registry import open_study as open  # noqa: F401 - an attribute that __all__ leaves to the builtin
-    from .procedures.run import activations as activations
-    from .procedures.run import assess as assess
-    from .procedures.run import calibrate as calibrate
-    from .procedures.run import check as check
-    from .procedures.run import cocontraction as cocontraction
-    from .procedures.run import identify as identify
-    from .procedures.run import onset as onset
-    from .procedures.run import report as report
-    from .procedures.run import synergies as synergies
-    from .recordings.raw_emg import RawEmg as RawEmg
-    from .recordings.readers import read as read
-    from .recordings.readers.urdf import read_robot as read_robot
-    from .signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
-    from .signals.envelope import envelope as envelope
-    from .signals.fatigue import median_frequency_trend as median_frequency_trend
-    from .signals.fit_hinge import fit_hinge as fit_hinge
-    from .signals.maximal_envelope import maximal_envelope as maximal_envelope
-    from .signals.stride_ensemble import stride_ensemble as stride_ensemble
+    from .arm.fit.fit_robot import fit_robot as fit_robot
+    from .arm.urdf import read_robot as read_robot
+    from .controllers.controller import controller as controller
+    from .controllers.controller import controllers as controllers
+    from .controllers.export.export import export as export
+    from .controllers.instruments import Instruments as Instruments
+    from .controllers.limits import Limits as Limits
+    from .controllers.study.incident import incident as incident
+    from .controllers.supervised import supervised as supervised
+    from .emg.estimators.calibrate_muscles import calibrate_muscles as calibrate_muscles
+    from .emg.estimators.torque_regressor import TorqueRegressor as TorqueRegressor
+    from .emg.models.muscle import Muscle as Muscle
+    from .emg.signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
+    from .emg.signals.envelope import envelope as envelope
+    from .emg.signals.fatigue import median_frequency_trend as median_frequency_trend
+    from .emg.signals.maximal_envelope import maximal_envelope as maximal_envelope
+    from .emg.signals.stride_ensemble import stride_ensemble as stride_ensemble
+    from .files.raw_emg import RawEmg as RawEmg
+    from .files.readers import read as read
+    from .joint.fit.fit_joint import fit_joint as fit_joint
+    from .orthosis.imu.fit_hinge import fit_hinge as fit_hinge
+    from .orthosis.strap.fit_strap import fit_strap as fit_strap
+    from .orthosis.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
+    from .people.certify import certify as certify
+    from .people.comparison import compare_conditions as compare_conditions
+    from .people.movement_indices import movement_indices as movement_indices
+    from .people.power import power_curve as power_curve
     from .start_study import init as init
+    from .study import datasets
+    from .study.procedures.audit import audit as audit
+    from .study.procedures.compare import compare as compare
+    from .study.procedures.registry import open_study as open  # noqa: F401 - an attribute that __all__ leaves to the builtin
+    from .study.procedures.run import activations as activations
+    from .study.procedures.run import assess as assess
+    from .study.procedures.run import calibrate as calibrate
+    from .study.procedures.run import check as check
+    from .study.procedures.run import cocontraction as cocontraction
+    from .study.procedures.run import identify as identify
+    from .study.procedures.run import onset as onset
+    from .study.procedures.run import report as report
+    from .study.procedures.run import synergies as synergies
 
 # Module and attribute of each public name; the attribute is None for a module.
 # Those in `_LAB_NAMES` come with the distribution `pellucid-lab`.
 _PUBLIC_SOURCES = {
     "PellucidError": ("_errors", "PellucidError"),
-    "calibrate_muscles": ("estimators.calibrate_muscles", "calibrate_muscles"),
-    "certify": ("assessment.certify", "certify"),
-    "electromechanical_delay": ("signals.electromechanical_delay", "electromechanical_delay"),
-    "fit_hinge": ("signals.fit_hinge", "fit_hinge"),
-    "maximal_envelope": ("signals.maximal_envelope", "maximal_envelope"),
-    "median_frequency_trend": ("signals.fatigue", "median_frequency_trend"),
-    "stride_ensemble": ("signals.stride_ensemble", "stride_ensemble"),
-    "fit_robot": ("fit.tree.fit_robot", "fit_robot"),
-    "fit_strap": ("fit.strap.fit_strap", "fit_strap"),
-    "open": ("procedures.registry", "open_study"),
-    "assess": ("procedures.run", "assess"),
-    "audit": ("procedures.audit", "audit"),
-    "check": ("procedures.run", "check"),
-    "calibrate": ("procedures.run", "calibrate"),
-    "identify": ("procedures.run", "identify"),
-    "onset": ("procedures.run", "onset"),
-    "activations": ("procedures.run", "activations"),
-    "cocontraction": ("procedures.run", "cocontraction"),
-    "synergies": ("procedures.run", "synergies"),
-    "controller": ("control.controller", "controller"),
-    "controllers": ("control.controller", "controllers"),
-    "Instruments": ("control.instruments", "Instruments"),
-    "Limits": ("control.limits", "Limits"),
-    "supervised": ("control.supervised", "supervised"),
-    "compare": ("procedures.compare", "compare"),
-    "incident": ("procedures.incident", "incident"),
-    "report": ("procedures.run", "report"),
-    "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
-    "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
+    "calibrate_muscles": ("emg.estimators.calibrate_muscles", "calibrate_muscles"),
+    "certify": ("people.certify", "certify"),
+    "electromechanical_delay": ("emg.signals.electromechanical_delay", "electromechanical_delay"),
+    "fit_hinge": ("orthosis.imu.fit_hinge", "fit_hinge"),
+    "maximal_envelope": ("emg.signals.maximal_envelope", "maximal_envelope"),
+    "median_frequency_trend": ("emg.signals.fatigue", "median_frequency_trend"),
+    "stride_ensemble": ("emg.signals.stride_ensemble", "stride_ensemble"),
+    "fit_robot": ("arm.fit.fit_robot", "fit_robot"),
+    "fit_strap": ("orthosis.strap.fit_strap", "fit_strap"),
+    "open": ("study.procedures.registry", "open_study"),
+    "assess": ("study.procedures.run", "assess"),
+    "audit": ("study.procedures.audit", "audit"),
+    "check": ("study.procedures.run", "check"),
+    "calibrate": ("study.procedures.run", "calibrate"),
+    "identify": ("study.procedures.run", "identify"),
+    "onset": ("study.procedures.run", "onset"),
+    "activations": ("study.procedures.run", "activations"),
+    "cocontraction": ("study.procedures.run", "cocontraction"),
+    "synergies": ("study.procedures.run", "synergies"),
+    "controller": ("controllers.controller", "controller"),
+    "controllers": ("controllers.controller", "controllers"),
+    "Instruments": ("controllers.instruments", "Instruments"),
+    "Limits": ("controllers.limits", "Limits"),
+    "supervised": ("controllers.supervised", "supervised"),
+    "compare": ("study.procedures.compare", "compare"),
+    "incident": ("controllers.study.incident", "incident"),
+    "report": ("study.procedures.run", "report"),
+    "fit_joint": ("joint.fit.fit_joint", "fit_joint"),
+    "fit_transfer_function": ("orthosis.transfer.fit_transfer_function", "fit_transfer_function"),
     "init": ("start_study", "init"),
-    "predict": ("lab.predict", "predict"),
-    "simulate": ("lab.simulate", "simulate"),
-    "reproduce": ("papers.reproduce", "reproduce"),
-    "datasets": ("datasets", None),
-    "demo": ("demonstration.demo", "demo"),
-    "export": ("deployment.export", "export"),
-    "Muscle": ("models.muscle", "Muscle"),
-    "RawEmg": ("recordings.raw_emg", "RawEmg"),
-    "TorqueRegressor": ("estimators.torque_regressor", "TorqueRegressor"),
-    "compare_conditions": ("assessment.comparison", "compare_conditions"),
-    "envelope": ("signals.envelope", "envelope"),
-    "movement_indices": ("assessment.movement_indices", "movement_indices"),
-    "power_curve": ("assessment.power", "power_curve"),
-    "read_robot": ("recordings.readers.urdf", "read_robot"),
-    "read": ("recordings.readers", "read"),
+    "predict": ("pellucid_lab.predict", "predict"),
+    "simulate": ("pellucid_lab.simulate", "simulate"),
+    "reproduce": ("pellucid_lab.papers.reproduce", "reproduce"),
+    "datasets": ("study.datasets", None),
+    "demo": ("pellucid_lab.demonstration.demo", "demo"),
+    "export": ("controllers.export.export", "export"),
+    "Muscle": ("emg.models.muscle", "Muscle"),
+    "RawEmg": ("files.raw_emg", "RawEmg"),
+    "TorqueRegressor": ("emg.estimators.torque_regressor", "TorqueRegressor"),
+    "compare_conditions": ("people.comparison", "compare_conditions"),
+    "envelope": ("emg.signals.envelope", "envelope"),
+    "movement_indices": ("people.movement_indices", "movement_indices"),
+    "power_curve": ("people.power", "power_curve"),
+    "read_robot": ("arm.urdf", "read_robot"),
+    "read": ("files.readers", "read"),
 }
 
 _LAB_NAMES = frozenset({"demo", "predict", "reproduce", "simulate"})

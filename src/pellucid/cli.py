@@ -17,8 +17,8 @@ import typer
 from ._errors import PellucidError, UnfitRecordingError
 from ._plugins import load_plugins
 from ._printed_command import printed_command
-from .command_group import CommandGroup, example
-from .procedures.command import (
+from .study.command_group import CommandGroup, example
+from .study.procedures.command import (
     DEPLOY_GROUP,
     DESCRIBE_GROUP,
     IDENTIFY_GROUP,
@@ -27,7 +27,7 @@ from .procedures.command import (
     Command,
     procedure_commands,
 )
-from .terminal import (
+from .study.terminal import (
     MAX_ITEM_LINES_UNLESS_VERBOSE,
     Json,
     count_of,
@@ -43,9 +43,9 @@ from .terminal import (
 )
 
 if TYPE_CHECKING:
-    from .procedures.result import Result
-    from .recordings.fault import Fault
-    from .studies.study import Study
+    from .files.fault import Fault
+    from .study.procedures.result import Result
+    from .study.study import Study
 
 app = typer.Typer(
     name="pellucid",
@@ -147,11 +147,11 @@ def init(
 
 def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: bool, answer: list[str]) -> None:
     """Propose a study for files, ask what they cannot tell unless `yes`, and print what `check` found in it."""
-    from .procedures.registry import open_study
-    from .proposals.init_from_files import ProposedStudy
-    from .proposals.print_proposal import proposal_lines
-    from .proposals.questions import Question
+    from .start.init_from_files import ProposedStudy
+    from .start.print_proposal import proposal_lines
+    from .start.questions import Question
     from .start_study import init as run
+    from .study.procedures.registry import open_study
 
     out = make_console()
 
@@ -180,8 +180,8 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
 def check(folder: Folder, json: Json = False, allow_outside: Outside = False) -> None:
     """Check recordings before identification; status 1 if unfit."""
-    from .procedures.registry import open_study
-    from .procedures.run import check as run
+    from .study.procedures.registry import open_study
+    from .study.procedures.run import check as run
 
     study = open_study(folder, allow_outside=allow_outside)
     with show_progress() as tell:
@@ -194,8 +194,8 @@ def check(folder: Folder, json: Json = False, allow_outside: Outside = False) ->
 
 def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines: int) -> None:
     """Print what was found in a study in at most `max_lines` lines unless ``-v`` asks for all."""
-    from .procedures.registry import asked
-    from .recordings.fault import grouped_messages
+    from .files.fault import grouped_messages
+    from .study.procedures.registry import asked
 
     out = make_console()
     refused = [f for f in faults if f.severity == "refuse"]
@@ -239,7 +239,7 @@ def identify(
     ] = None,
 ) -> None:
     """Identify what study.toml asks for, with intervals."""
-    from .procedures.run import identify as run
+    from .study.procedures.run import identify as run
 
     if len(folders) > 1 or scheduler:
         if json or out:
@@ -252,8 +252,8 @@ def identify(
 
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
     """Identify several studies in parallel, and print one table of all; exit with status 1 if one failed."""
-    from .assessment.cluster import cluster
-    from .procedures.several import identify_several, table_of
+    from .people.cluster import cluster
+    from .study.procedures.several import identify_several, table_of
 
     with cluster(scheduler) as executor, show_progress() as tell:
         found = identify_several(
@@ -288,7 +288,7 @@ def _add_command(command: Command) -> None:
     """Add a command that runs procedures on one study, as their folder describes it."""
 
     def found(folder: Path, json: bool, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> None:
-        from .procedures.run import run
+        from .study.procedures.run import run
 
         study = _opened(folder, out, allow_outside, accept_stale)
         _run_and_save(study, command.name, json, lambda study, tell: run(study, command.name, on_progress=tell))
@@ -325,8 +325,8 @@ def assess(
     allow_outside: Outside = False,
 ) -> None:
     """Test whether conditions change how people move."""
-    from .assessment.cluster import cluster
-    from .procedures.run import run
+    from .people.cluster import cluster
+    from .study.procedures.run import run
 
     study = _opened(folder, out, allow_outside)
     with cluster(scheduler) as executor:
@@ -355,9 +355,9 @@ def plan(
     allow_outside: Outside = False,
 ) -> None:
     """Plan the number of people for a certificate."""
-    from .assessment.cluster import cluster
-    from .procedures.assessment.plan import pilot_changes
-    from .procedures.assessment.plan import plan as run
+    from .people.cluster import cluster
+    from .people.study.plan import pilot_changes
+    from .people.study.plan import plan as run
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
@@ -375,7 +375,7 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
 
     The page lists protocol, margins, assumptions, exclusions and checksums.
     """
-    from .procedures.assessment.reviewer_page import write_certificate as run
+    from .people.study.reviewer_page import write_certificate as run
 
     study = _opened(folder, out, allow_outside)
     with show_progress() as tell:
@@ -402,8 +402,8 @@ def live(
     """Run the session with a person that study.toml plans."""
     out = make_console()
     if replay is not None:
-        from .procedures.registry import open_study
-        from .session.replay_file import replay_file
+        from .live.session.replay_file import replay_file
+        from .study.procedures.registry import open_study
 
         answer = replay_file(open_study(folder), replay)
         for line in answer.lines:
@@ -411,8 +411,8 @@ def live(
         if not answer.is_equal:
             raise SystemExit(1)
         return
-    from .session.page_server import PageServer
-    from .session.run_session import live as run
+    from .live.session.page_server import PageServer
+    from .live.session.run_session import live as run
 
     def show(server: PageServer) -> None:
         print_line(out, "The robot's engine runs.")
@@ -440,12 +440,12 @@ def report(
 
     It draws what other commands have found and kept, and says how to make what is missing.
     """
-    from .studies.drawn_report import ReportPlace
+    from .study.drawn_report import ReportPlace
 
     place = ReportPlace(folder, out, allow_outside)
     page = None if accept_stale else place.drawn_page(with_pdf=with_pdf)
     if page is None:
-        from .procedures.run import report as run
+        from .study.procedures.run import report as run
 
         study = _opened(folder, out, allow_outside, accept_stale)
         with show_progress() as tell:
@@ -463,7 +463,7 @@ def paper(folder: Folder, out: Out = None, allow_outside: Outside = False, accep
 
     The text is a methods paragraph with its references.
     """
-    from .procedures.paper import write_paper
+    from .people.study.paper import write_paper
 
     study = _opened(folder, out, allow_outside, accept_stale)
     with show_progress() as tell:
@@ -480,8 +480,8 @@ def compare(
     accept_stale: Stale = False,
 ) -> None:
     """Compare the parameters of a joint in two studies."""
-    from .pages.quantities import number, typeset_quantities, unit_text
-    from .procedures.compare import compare as run
+    from .study.pages.quantities import number, typeset_quantities, unit_text
+    from .study.procedures.compare import compare as run
 
     found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
     rows = [
@@ -534,11 +534,11 @@ def export(
     ] = False,
 ) -> None:
     """Write the controller as C, a simulator's model, or muscles."""
-    from .deployment.export import export as run
-    from .deployment.export import warn_of_export
-    from .deployment.microcontroller import measure, missing_tools, save_measured
-    from .deployment.simulator_folder import SIMULATOR_FILES, describe_simulator_model
-    from .deployment.subject import describe_muscles
+    from .controllers.export.export import export as run
+    from .controllers.export.export import warn_of_export
+    from .controllers.export.microcontroller import measure, missing_tools, save_measured
+    from .controllers.export.simulator_folder import SIMULATOR_FILES, describe_simulator_model
+    from .emg.study.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
     with show_progress() as tell:
@@ -585,9 +585,9 @@ def incident(
     json: Json = False,
 ) -> None:
     """Say why a controller stopped, from its record."""
-    from .procedures.incident import NEAREST_WATCH_COUNT, account_table
-    from .procedures.incident import incident as run
-    from .procedures.incident_page import write_incident_page
+    from .controllers.study.incident import NEAREST_WATCH_COUNT, account_table
+    from .controllers.study.incident import incident as run
+    from .controllers.study.incident_page import write_incident_page
 
     found = run(file)
     page = write_incident_page(found, file.with_name(f"{file.stem}-page") if out is None else out)
@@ -614,9 +614,9 @@ def audit(
     json: Json = False,
 ) -> None:
     """Judge each channel of any log; status 1 if one is unsound."""
-    from .pages.quantities import typeset_quantities
-    from .procedures.audit import audit as run
-    from .procedures.audit_page import write_audit_page
+    from .study.pages.quantities import typeset_quantities
+    from .study.procedures.audit import audit as run
+    from .study.procedures.audit_page import write_audit_page
 
     found = run(files, rate=rate)
     page = write_audit_page(found, out)
@@ -701,8 +701,8 @@ def protocol(
         )  # fmt: skip
         return
     realisations = 7 if realisations is None else realisations
-    from .protocols.protocol import protocol as run
-    from .protocols.random_phase_multisine import RandomPhaseMultisine
+    from .numerics.protocols.protocol import protocol as run
+    from .numerics.protocols.random_phase_multisine import RandomPhaseMultisine
 
     motion, files = run(
         name, folder, rate=rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, centre=centre,
@@ -731,7 +731,7 @@ def protocol(
 
 def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) -> None:
     """Write a motion of all joints of a study's robot, and print its properties."""
-    from .procedures.tree_excitation import tree_protocol
+    from .arm.study.tree_excitation import tree_protocol
 
     if study is None:
         raise PellucidError(f"{name}: found no --study, expected one with [tree] and limits of each joint")
@@ -769,8 +769,8 @@ def datasets_list() -> None:
 
     Each is one line, and -v prints what it is and its terms in full.
     """
-    from . import datasets
-    from .procedures.print_result import plain_table, shorten_text
+    from .study import datasets
+    from .study.procedures.print_result import plain_table, shorten_text
 
     out, names = make_console(), (*datasets.names(), *datasets.motion_names())
     # Ten characters lie between the columns and at the edges, four are of the last column.
@@ -794,7 +794,7 @@ def datasets_list() -> None:
 @datasets_app.command("fetch", epilog=example("pellucid datasets fetch NAME"))
 def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Download a data set, and check every file against its checksum."""
-    from . import datasets
+    from .study import datasets
 
     typer.echo(str(datasets.fetch(name, progress=sys.stderr.isatty())))
 
@@ -802,7 +802,7 @@ def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None
 @datasets_app.command("path", epilog=example("pellucid datasets path NAME"))
 def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
     """Print where a data set's files are on this machine."""
-    from . import datasets
+    from .study import datasets
 
     typer.echo(str(datasets.path(name)))
 
@@ -852,15 +852,15 @@ def _exit_with_message(text: str, status: int = 2) -> None:
 
 
 def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> Study:
-    from .procedures.registry import open_study
+    from .study.procedures.registry import open_study
 
     return open_study(folder, out=out, allow_outside=allow_outside, accept_stale=accept_stale)
 
 
 def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
     """Run a command on a study, then save and print its result."""
-    from .procedures.print_result import print_result
-    from .procedures.registry import asked
+    from .study.procedures.print_result import print_result
+    from .study.procedures.registry import asked
 
     with show_progress() as tell:
         result = run(study, tell)

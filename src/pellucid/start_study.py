@@ -9,17 +9,17 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import datasets
 from ._atomic import write_text_atomically
 from ._errors import StudyError, missing_lab
 from ._given import require_empty_folder
 from ._plugins import Plugin, load_plugins, require_attributes
+from .study import datasets
 
 if TYPE_CHECKING:
-    from .proposals.init_from_files import ProposedStudy
-    from .proposals.questions import Question
-    from .recordings.fault import Fault
-    from .studies.study import Study
+    from .files.fault import Fault
+    from .start.init_from_files import ProposedStudy
+    from .start.questions import Question
+    from .study.study import Study
 
 
 def init(
@@ -97,7 +97,7 @@ def init(
     """
     robot = None if files is not None else urdf
     if sum(given is not None for given in (dataset, rig, robot, files, session)) != 1:
-        from .session.new_session import SHIPPED_SESSIONS
+        from .live.session.new_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
         raise StudyError(
@@ -107,11 +107,11 @@ def init(
             f"sessions: {', '.join(SHIPPED_SESSIONS)}"
         )
     if files is not None:
-        from .proposals.init_from_files import init_from_files
+        from .start.init_from_files import init_from_files
 
         return init_from_files(folder, files, check=_check_folder, answers=answers, ask=ask, urdf=urdf)
     if session is not None:
-        from .session.new_session import start_session_study
+        from .live.session.new_session import start_session_study
 
         return start_session_study(folder, session, Path(folder).absolute().name)
     if rig is not None:
@@ -126,8 +126,8 @@ def init(
 
 
 def _check_folder(folder: Path) -> list[Fault]:
-    from .procedures.registry import open_study
-    from .procedures.run import check
+    from .study.procedures.registry import open_study
+    from .study.procedures.run import check
 
     return check(open_study(folder))
 
@@ -143,9 +143,9 @@ def _rig_source() -> Plugin | None:
 
 def _start_robot_study(folder: str | os.PathLike, urdf: Path) -> Path:
     """Make a folder with a copy of a robot's file, and a study.toml that is to be filled in."""
-    from .procedures.tree.new_study import ROBOT_FILE, new_study
-    from .recordings.readers.urdf import read_urdf
-    from .studies.study import STUDY_FILE
+    from .arm.study.new_study import ROBOT_FILE, new_study
+    from .arm.urdf import read_urdf
+    from .study.study import STUDY_FILE
 
     folder = Path(folder)
     text = new_study(read_urdf(urdf), folder.absolute().name)

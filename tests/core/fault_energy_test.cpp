@@ -91,7 +91,7 @@ p::TransparentCompensationParams<S> law() {
   return params;
 }
 
-/// The thresholds that follow from these limits by the rules of pellucid.control.supervised.
+/// The thresholds that follow from these limits by the rules of pellucid.controllers.supervised.
 template <class Joint> void limits_of(Joint& r) {
   r.encoder = {speed_limit, limit / (0.1 * inertia), -0.65, 2.65, 4e-4, 0.5, 20};
   r.drive.expected = 1;

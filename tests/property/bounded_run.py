@@ -11,15 +11,15 @@ from pathlib import Path
 from time import process_time
 
 import slow_inputs
+from pellucid_lab.known_rigs import load_rig
 
 from pellucid._errors import PellucidError
-from pellucid.lab.known_rigs import load_rig
+from pellucid.arm.urdf import read_urdf
+from pellucid.files.log import inspect_log, log_of
+from pellucid.files.readers.read import read_columns
 from pellucid.models.card import read_table
-from pellucid.proposals.given_files import read_given
-from pellucid.recordings.log import inspect_log, log_of
-from pellucid.recordings.readers.read import read_columns
-from pellucid.recordings.readers.urdf import read_urdf
-from pellucid.studies.study_file import parse_study_file
+from pellucid.start.given_files import read_given
+from pellucid.study.study_file import parse_study_file
 
 MEMORY_BYTES = 1_500_000_000
 """Address space that all files together may take beyond what the program has after its imports."""

@@ -11,7 +11,7 @@ from evidence._healthy import healthy
 from evidence._mutations import damaged
 
 from pellucid._errors import PellucidError
-from pellucid.recordings.readers.read import read_columns, readers_by_ending
+from pellucid.files.readers.read import read_columns, readers_by_ending
 
 EACH = int(os.environ.get("FUZZ", "120"))
 

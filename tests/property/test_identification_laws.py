@@ -11,9 +11,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 
 from motions import motion_of, vector_of
 
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.regression import stack
+from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.models.joint import FAMILIES, joint_model
+from pellucid.numerics.regression import stack
 
 
 def model(family):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid import _core
-from pellucid.models.hill import HillData, HillModel, HillMuscle
+from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
 
 N = 600
 

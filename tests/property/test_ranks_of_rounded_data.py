@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pellucid.assessment.assess_table import assess_table
-from pellucid.assessment.comparison import compare_conditions
-from pellucid.assessment.equivalence import Margin, equivalence
-from pellucid.assessment.friedman import friedman, nemenyi
-from pellucid.assessment.signed_rank import rank_sums, signed_rank
-from pellucid.signals.tied_ranks import tie_groups, tied_ranks, tied_signs
+from pellucid.numerics.tied_ranks import tie_groups, tied_ranks, tied_signs
+from pellucid.people.assess_table import assess_table
+from pellucid.people.comparison import compare_conditions
+from pellucid.people.equivalence import Margin, equivalence
+from pellucid.people.friedman import friedman, nemenyi
+from pellucid.people.signed_rank import rank_sums, signed_rank
 
 TABLES = 1_500
 """Tables of which each p value is compared."""

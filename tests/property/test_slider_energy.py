@@ -8,16 +8,16 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from pellucid_lab.papers.able.elbow import able_elbow
 from slider_motions import made_up
 
 from pellucid import _core
-from pellucid.fit.slider.coherent_body import fit_coherent
-from pellucid.fit.slider.three_steps import three_steps
+from pellucid.joint.slider.coherent_body import fit_coherent
+from pellucid.joint.slider.study.identify_slider import directional_friction
+from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.directional_slider import DirectionalSliderModel
 from pellucid.models.energy import cycle_energy, net_energy
 from pellucid.models.slider_joint import SliderJointModel
-from pellucid.papers.able.elbow import able_elbow
-from pellucid.procedures.slider.identify_slider import directional_friction
 
 DRAWS = 60
 RANGES = {

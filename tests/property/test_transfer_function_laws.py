@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.transfer.transfer_function_fit import evaluate_transfer_function, fit_records
-from pellucid.models.transfer_function import TransferFunction
-from pellucid.signals.input_output import InputOutput
+from pellucid.orthosis.input_output import InputOutput
+from pellucid.orthosis.transfer.transfer_function_fit import evaluate_transfer_function, fit_records
+from pellucid.orthosis.transfer_function import TransferFunction
 
 
 def random_system(rng: np.random.Generator) -> tuple[TransferFunction, int, int]:

@@ -6,17 +6,17 @@ import moving_average
 import numpy as np
 import pytest
 from parameter_count import chain_parameters, coupled_parameters, listed_sets
+from pellucid_lab.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
+from pellucid_lab.papers.able.elbow import able_elbow
+from pellucid_lab.papers.paired_test import paired_test
+from pellucid_lab.papers.printed import printed
 from scipy import signal, stats
 from sd_bounds import sd_bounds
 
 from pellucid._errors import PellucidError, StudyError
-from pellucid.assessment.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.models.joint import GRAVITY
-from pellucid.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
-from pellucid.papers.able.elbow import able_elbow
-from pellucid.papers.paired_test import paired_test
-from pellucid.papers.printed import printed
-from pellucid.protocols.swept_sine import swept_sine
+from pellucid.numerics.protocols.swept_sine import swept_sine
+from pellucid.people.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.units import to_si_factor
 
 ABLE = printed("able")

@@ -5,13 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-
-from pellucid.lab.pointing.prediction import INDICES, Prediction, RobotOutcome
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.papers.able.predicted import ScoredPrediction, friction_drawn, predicted_rows, printed_exponents
-from pellucid.papers.able.predicted_sections import predicted_sections
-from pellucid.papers.figure import Figures
-from pellucid.papers.printed import printed
+from pellucid_lab.papers.able.predicted import ScoredPrediction, friction_drawn, predicted_rows, printed_exponents
+from pellucid_lab.papers.able.predicted_sections import predicted_sections
+from pellucid_lab.papers.figure import Figures
+from pellucid_lab.papers.printed import printed
+from pellucid_lab.pointing.prediction import INDICES, Prediction, RobotOutcome
+from pellucid_lab.pointing.rig import elbow_participants
 
 LAWS = ("FC", "PCFr", "CLPC")
 

@@ -10,21 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from pellucid.lab.elbow.protocol import trials
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.papers.able.identification_rows import (
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.papers.able.identification_rows import (
     LOAD_FRICTION_FACTORS,
     compared_rows,
     factor_rows,
     recomputed_rows,
 )
-from pellucid.papers.able.paper import AblePaper
-from pellucid.papers.able.trials import COMPARED_PROTOCOLS, compare_models
-from pellucid.papers.figure import VERDICT_WORDS, Figures, write_figures
-from pellucid.papers.reproduce import reproduce
-from pellucid.studies.results import read_rows
+from pellucid_lab.papers.able.paper import AblePaper
+from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, compare_models
+from pellucid_lab.papers.figure import VERDICT_WORDS, Figures, write_figures
+from pellucid_lab.papers.reproduce import reproduce
+from pellucid_lab.pointing.rig import elbow_participants
+
+from pellucid.study.results import read_rows
 
 whole = pytest.mark.nightly
 

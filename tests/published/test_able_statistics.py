@@ -4,9 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
-
-from pellucid.papers.able.statistics import PRINT_ERRORS, RANK_SUMS, statistics_rows
-from pellucid.papers.printed import printed
+from pellucid_lab.papers.able.statistics import PRINT_ERRORS, RANK_SUMS, statistics_rows
+from pellucid_lab.papers.printed import printed
 
 PAPER = printed("able")
 ROWS = {row.id.removeprefix("able.statistics."): row for row in statistics_rows(PAPER)}

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.papers.able.transparency import VirtualStudy, content_on_target, required_resistance, simulate_study
+from pellucid_lab.pointing.conditions import controller_builder, identify_cards, interaction_rms, published_conditions
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import simulate_sessions, standstill_speed
+from pellucid_lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE, injected_energy, session_indices
 
-from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from pellucid.control.transparent_laws import with_force_sensor
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import controller_builder, identify_cards, interaction_rms, published_conditions
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import simulate_sessions, standstill_speed
-from pellucid.lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE, injected_energy, session_indices
-from pellucid.papers.able.transparency import VirtualStudy, content_on_target, required_resistance, simulate_study
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
+from pellucid.controllers.transparent_laws import with_force_sensor
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 

@@ -55,8 +55,8 @@ def test_textbook_standard_deviations_are_the_published_ones(emps_data):
     """The paper's intervals take residuals for white; ours, which do not, are wider."""
     import numpy as np
 
-    from pellucid.fit.joint.friction_solver import solve_family
-    from pellucid.fit.uncertainty import sandwich_covariance
+    from pellucid.joint.fit.friction_solver import solve_family
+    from pellucid.numerics.uncertainty import sandwich_covariance
 
     model, data = emps_data
     found = solve_family(model, data)

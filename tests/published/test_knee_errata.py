@@ -2,20 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy import signal
-from scipy.integrate import solve_ivp
-
-from pellucid._errors import PellucidError, StudyError
-from pellucid.fit.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
-from pellucid.models.anthropometry import rod, shank_length, winter
-from pellucid.papers.knee.recomputed import (
+from pellucid_lab.papers.knee.recomputed import (
     GRAVITY_M_S2,
     SUBJECT_KEYS,
     published_coupling,
     published_response,
     recomputed,
 )
-from pellucid.papers.knee.two_poles import (
+from pellucid_lab.papers.knee.two_poles import (
     TwoPoles,
     chord_stiffness,
     lowpass_delay,
@@ -23,7 +17,13 @@ from pellucid.papers.knee.two_poles import (
     r_squared,
     sine_stiffness,
 )
-from pellucid.papers.printed import printed
+from pellucid_lab.papers.printed import printed
+from scipy import signal
+from scipy.integrate import solve_ivp
+
+from pellucid._errors import PellucidError, StudyError
+from pellucid.models.anthropometry import rod, shank_length, winter
+from pellucid.numerics.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from pellucid.units import to_si_factor
 
 KNEE = printed("knee")

@@ -2,11 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pellucid._errors import IdentificationError, PellucidError
-from pellucid.control.worn import WornCompensator
-from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
-from pellucid.lab.knee.chosen_constants import (
+from pellucid_lab.knee.chosen_constants import (
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
     ChosenConstants,
@@ -14,13 +10,13 @@ from pellucid.lab.knee.chosen_constants import (
     design_reproduced_law,
     parse_chosen,
 )
-from pellucid.lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
-from pellucid.lab.knee.protocol import Faults
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.subject import FLEXOR_MUSCLE
-from pellucid.papers.knee import tuning as knee_tuning
-from pellucid.papers.knee.controllers import design_by_phase
-from pellucid.papers.knee.residual import (
+from pellucid_lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
+from pellucid_lab.knee.protocol import Faults
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.knee.subject import FLEXOR_MUSCLE
+from pellucid_lab.papers.knee import tuning as knee_tuning
+from pellucid_lab.papers.knee.controllers import design_by_phase
+from pellucid_lab.papers.knee.residual import (
     TEST_WEARER_SEEDS,
     TUNING_WEARER_SEEDS,
     ControllerRow,
@@ -28,8 +24,12 @@ from pellucid.papers.knee.residual import (
     identify_by_name,
     session_of,
 )
-from pellucid.papers.knee.residual_rows import residual_rows, residual_section
-from pellucid.papers.knee.swings import last_speed, release_leg, rms_mismatch_and_torque, swing, without_power
+from pellucid_lab.papers.knee.residual_rows import residual_rows, residual_section
+from pellucid_lab.papers.knee.swings import last_speed, release_leg, rms_mismatch_and_torque, swing, without_power
+
+from pellucid._errors import IdentificationError, PellucidError
+from pellucid.controllers.worn import WornCompensator
+from pellucid.emg.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 
 SEED = 41
 """Of swings on which nothing was chosen."""

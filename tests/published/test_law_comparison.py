@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-
-from pellucid.control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.strap_options import without_strap_options
-from pellucid.papers.able import law_comparison
-from pellucid.papers.able.law_comparison import (
+from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
+from pellucid_lab.papers.able import law_comparison
+from pellucid_lab.papers.able.law_comparison import (
     COMPARED_CONTROLLERS,
     FC_WITH_OTHER_INERTIA,
     UNPOWERED_ROBOT,
@@ -17,6 +13,10 @@ from pellucid.papers.able.law_comparison import (
     try_laws,
     tuning_robots,
 )
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.strap_options import without_strap_options
+
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 
 CORRECTED = ("without_friction", "transparent", "emg", "oscillator", "dithered", "force_sensor", "disturbance_observer",
              "residual", "amplification_2", "amplification_4", "amplification_10")  # fmt: skip

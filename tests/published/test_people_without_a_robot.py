@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_people
-from pellucid.lab.pointing.session import simulate_sessions
-from pellucid.lab.pointing.session_indices import PUBLISHED_RULE, session_indices
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_people
+from pellucid_lab.pointing.session import simulate_sessions
+from pellucid_lab.pointing.session_indices import PUBLISHED_RULE, session_indices
 
 
 def test_they_are_as_quick_as_those_of_the_paper():

@@ -4,14 +4,14 @@ import shutil
 
 import pytest
 
-from pellucid.pages.values import plain_text
-from pellucid.procedures.assessment.assessment_page import page
-from pellucid.procedures.assessment.certified_rows import certificate_table
-from pellucid.procedures.assessment.primary_change import primary_change
-from pellucid.procedures.assessment.statements import change_text
-from pellucid.procedures.print_result import print_to_text
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import assess
+from pellucid.people.study.assessment_page import page
+from pellucid.people.study.certified_rows import certificate_table
+from pellucid.people.study.primary_change import primary_change
+from pellucid.people.study.statements import change_text
+from pellucid.study.pages.values import plain_text
+from pellucid.study.procedures.print_result import print_to_text
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import assess
 
 PEOPLE, CONDITIONS, BLOCKS = (1, 2, 8), {"3": "balance", "2": "speed", "5": "full_accuracy"}, (1, 3)
 

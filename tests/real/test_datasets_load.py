@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from pellucid import datasets
-from pellucid.procedures.emg_torque.study_muscles import study_muscles
-from pellucid.procedures.registry import asked
-from pellucid.signals.emg_quality import inspect_emg
-from pellucid.studies import inspect
+from pellucid.emg.signals.emg_quality import inspect_emg
+from pellucid.emg.study.emg_torque.study_muscles import study_muscles
+from pellucid.study import datasets, inspect
+from pellucid.study.procedures.registry import asked
 
 
 @pytest.fixture(scope="module")

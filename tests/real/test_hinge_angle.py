@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from pellucid.datasets import init
-from pellucid.procedures.hinge.identify_hinge import identify_hinge
+from pellucid.orthosis.study.hinge.identify_hinge import identify_hinge
+from pellucid.study.datasets import init
 
 
 @pytest.fixture(scope="module")

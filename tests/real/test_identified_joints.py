@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pellucid.datasets import init
-from pellucid.procedures.joint.joint_result import rows_of
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import identify
+from pellucid.joint.study.joint_result import rows_of
+from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import identify
 
 
 def figures(fit):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pellucid.datasets import init
-from pellucid.fit.tree.identify_tree import identify_tree
-from pellucid.fit.tree.tree_verdicts import parameter_verdict
-from pellucid.procedures.tree.recorded_tree import recorded_tree
+from pellucid.arm.fit.identify_tree import identify_tree
+from pellucid.arm.fit.tree_verdicts import parameter_verdict
+from pellucid.arm.study.recorded_tree import recorded_tree
+from pellucid.study.datasets import init
 
 pytestmark = pytest.mark.slow
 

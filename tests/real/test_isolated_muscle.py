@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from pellucid import datasets
 from pellucid._errors import IdentificationError
-from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
+from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
+from pellucid.study import datasets
 
 
 @pytest.fixture(scope="module")

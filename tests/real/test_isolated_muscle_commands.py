@@ -3,8 +3,8 @@
 import pytest
 
 import pellucid
-from pellucid import datasets
-from pellucid.studies.results import read_rows
+from pellucid.study import datasets
+from pellucid.study.results import read_rows
 
 NAME = "rat_soleus_hill"
 

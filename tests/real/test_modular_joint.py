@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import DatasetError
-from pellucid.datasets import init
-from pellucid.procedures.run import check, identify
-from pellucid.studies.results import read_rows
+from pellucid.study.datasets import init
+from pellucid.study.procedures.run import check, identify
+from pellucid.study.results import read_rows
 
 GOOD = ("i_005_b_1_k_10_T_50_2", "i_005_b_1_k_10_T_100_2", "i_002_b_1_k_10_T_50")
 

@@ -5,12 +5,12 @@ import time
 import numpy as np
 import pytest
 
-from pellucid import datasets
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.torque_map import cross_validate_torque_maps
-from pellucid.procedures.emg_torque.leg_extension_trials import leg_extension_trials
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.estimators.torque_map import cross_validate_torque_maps
+from pellucid.emg.study.emg_torque.leg_extension_trials import leg_extension_trials
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.study import datasets
 
 CEINMS_SECONDS = {"knee": 208.0, "ankle": 97.0}
 """What CEINMS 0.9 took to calibrate on the same five seconds."""

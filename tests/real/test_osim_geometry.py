@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from pellucid.recordings.readers import read_columns
-from pellucid.recordings.readers.osim_paths import read_paths
+from pellucid.emg.files.osim_paths import read_paths
+from pellucid.files.readers import read_columns
 
 
 def columns(path):

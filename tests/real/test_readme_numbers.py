@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.procedures.joint.joint_result import rows_of
+from pellucid.joint.study.joint_result import rows_of
 
 ROOT = Path(__file__).parents[2]
 FINDINGS = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")

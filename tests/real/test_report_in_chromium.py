@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from pellucid.procedures.run import report as write_report
+from pellucid.study.procedures.run import report as write_report
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FLAGS = (

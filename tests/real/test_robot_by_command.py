@@ -5,8 +5,8 @@ import json
 import pytest
 
 import pellucid as pl
-from pellucid.datasets import init
 from pellucid.models.tree_card import read_tree_card
+from pellucid.study.datasets import init
 
 pytestmark = pytest.mark.slow
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.fit.tree.consistent_fit import make_consistent_estimate, solve_consistent
-from pellucid.fit.tree.drive_gains import gains_from_desired
-from pellucid.fit.tree.fit_tree import make_tree_estimate
-from pellucid.fit.tree.identify_tree import plain_model
-from pellucid.fit.tree.payload import identify_payload, with_drive_gains
-from pellucid.fit.tree.segments_out import heldout_errors
-from pellucid.fit.tree.tree_regression import collect_rows, fit_rows
-from pellucid.models.pseudo_inertia import least_eigenvalue
-from pellucid.procedures.tree.recorded_tree import recorded_tree
+from pellucid.arm.fit.consistent_fit import make_consistent_estimate, solve_consistent
+from pellucid.arm.fit.drive_gains import gains_from_desired
+from pellucid.arm.fit.fit_tree import make_tree_estimate
+from pellucid.arm.fit.identify_tree import plain_model
+from pellucid.arm.fit.payload import identify_payload, with_drive_gains
+from pellucid.arm.fit.segments_out import heldout_errors
+from pellucid.arm.fit.tree_regression import collect_rows, fit_rows
+from pellucid.arm.pseudo_inertia import least_eigenvalue
+from pellucid.arm.study.recorded_tree import recorded_tree
 
 WIDTH = 0.02  # rad/s, of the smooth sign
 # What Staubli TX40's configuration states of it.

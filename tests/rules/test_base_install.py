@@ -54,7 +54,7 @@ MISSING = """
 import pytest
 import pellucid as pl
 from pellucid._tabular import data_frame
-from pellucid.fit.posterior.ensemble import require_sampler
+from pellucid.numerics.posterior.ensemble import require_sampler
 for ask, extra in ((lambda: data_frame({"a": [1]}), "tables"), (require_sampler, "posterior")):
     with pytest.raises(pl.PellucidError, match=rf"pip install .*\\[{extra}\\]"):
         ask()

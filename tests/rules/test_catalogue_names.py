@@ -11,16 +11,16 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES_BY_NAME
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid
 from pellucid import _core
-from pellucid.assessment.indices import INDICES
-from pellucid.control.control_law import LAWS
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.lab.pointing.predicted_indices import PREDICTED_INDICES_BY_NAME
-from pellucid.lab.safety.fault_table import FAULT_KINDS
-from pellucid.procedures.registry import ALL_PROCEDURES
-from pellucid.studies.find_defects import KINDS
+from pellucid.controllers.control_law import LAWS
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.people.indices import INDICES
+from pellucid.study.find_defects import KINDS
+from pellucid.study.procedures.registry import ALL_PROCEDURES
 
 ROOT = Path(pellucid.__file__).parent
 OUTSIDE = ("papers/", "datasets/")
@@ -39,22 +39,22 @@ class Catalogue:
 
 CATALOGUES = {
     "indices": Catalogue(
-        ("assessment/indices.py", "lab/pointing/predicted_indices.py"),
+        ("people/indices.py", "pellucid_lab/pointing/predicted_indices.py"),
         frozenset({*INDICES, *PREDICTED_INDICES_BY_NAME}),
         frozenset({"duration", "acceleration", "work", "antagonists"}),
         r"ind(ex|ices)|assessed|\bname\b",
     ),
     "laws": Catalogue(
-        ("control/control_law.py",), frozenset(LAWS), frozenset({"joint", "rules", "directional", "worn"}),
+        ("controllers/control_law.py",), frozenset(LAWS), frozenset({"joint", "rules", "directional", "worn"}),
         r"(?i)\blaws?\b|\bkind\b",
     ),
     "supervisor's faults": Catalogue(
-        ("control/supervisor_faults.py",), frozenset(_core.FAULTS), frozenset(_core.FAULTS), r"fault|alarm|\.said\b"
+        ("controllers/supervisor_faults.py",), frozenset(_core.FAULTS), frozenset(_core.FAULTS), r"fault|alarm|\.said\b"
     ),
     "estimator's faults": Catalogue(
-        ("models/estimator_faults.py",), frozenset(_core.EMG_FAULTS), frozenset(_core.EMG_FAULTS), r"fault"
+        ("emg/models/estimator_faults.py",), frozenset(_core.EMG_FAULTS), frozenset(_core.EMG_FAULTS), r"fault"
     ),
-    "single faults": Catalogue(("lab/safety/fault_table.py",), frozenset(kind.name for kind in FAULT_KINDS)),
+    "single faults": Catalogue(("pellucid_lab/safety/fault_table.py",), frozenset(kind.name for kind in FAULT_KINDS)),
     "estimators": Catalogue(
         ("estimators/families/",),
         frozenset({*ESTIMATOR_FAMILIES, *(alias for f in ESTIMATOR_FAMILIES.values() for alias in f.aliases)}),

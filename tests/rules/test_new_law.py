@@ -113,12 +113,12 @@ for name in [name for name in vars(made) if not name.startswith("_")]:
 sys.path.insert(0, sys.argv[2])
 import test_laws
 from test_export_elbow import CARDS
-from pellucid.control.control_law import LAWS
-from pellucid.control.controller import controller, controllers
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.controller import controller, controllers
 
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import standstill_speed
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import standstill_speed
 from pellucid.models.card import CardParameter
 from pellucid.models.slider_card import SliderCard
 assert "gravity_share" in LAWS and "gravity_share" in controllers()
@@ -168,7 +168,7 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     assert parts == [
         ["pellucid/gravity_share.hpp", "pellucid/laws.hpp"],
         [],
-        ["control/elbow_controllers.py"],
+        ["controllers/elbow_controllers.py"],
     ]
 
     folder = Path(nanobind.__file__).parent

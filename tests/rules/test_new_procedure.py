@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from copied_package import copied_package, run_copied
 
-from pellucid.procedures import command, registry
-from pellucid.procedures.procedure import Procedure
-from pellucid.procedures.result import Result
-from pellucid.studies.study_fields import ProcedureTable
+from pellucid.study.procedures import command, registry
+from pellucid.study.procedures.procedure import Procedure
+from pellucid.study.procedures.result import Result
+from pellucid.study.study_fields import ProcedureTable
 
 MAX_LINES_OF_THE_SMALLEST = 300
 FOLDER = '''"""The largest torque of every recording."""
@@ -104,7 +104,7 @@ import json, sys
 from typer.testing import CliRunner
 import pellucid as pl
 from pellucid.cli import app
-from pellucid.procedures.run import run
+from pellucid.study.procedures.run import run
 folder = sys.argv[1]
 for arguments in (["--help"], ["check", folder], ["peak", folder], ["report", folder]):
     done = CliRunner().invoke(app, arguments)

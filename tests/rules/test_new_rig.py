@@ -167,8 +167,8 @@ def test_a_new_rig_is_two_files_and_goes_from_init_to_export(tmp_path):
 
 def test_a_rig_that_a_session_defines_is_found_by_its_kind(tmp_path):
     """Without touching the package: a class in a notebook, and a file of one's own."""
-    from pellucid.lab.known_rigs import load_rig
-    from pellucid.lab.rig import KINDS, Rig
+    from pellucid_lab.known_rigs import load_rig
+    from pellucid_lab.rig import KINDS, Rig
 
     class Nothing(Rig):
         kind = "nothing"

@@ -17,7 +17,7 @@ READER = '''"""Lines of the angle and the torque, one sample each, after the rat
 
 import numpy as np
 
-from pellucid.recordings.readers import Columns
+from pellucid.files.readers import Columns
 
 ENDINGS = (".acme",)
 
@@ -31,7 +31,7 @@ def read(path):
 READER_APART = READER.replace('".acme"', '".acmez"') + '\n\nAPART = ("json",)\n'
 ESTIMATOR = '''"""The mean torque, as scikit-learn's own baseline has it."""
 
-from pellucid.estimators.families.family import Family
+from pellucid.emg.estimators.families.family import Family
 
 
 def mean_torque(settings, seen):
@@ -45,7 +45,7 @@ FAMILIES = {"acme_mean": Family("the mean torque", mean_torque)}
 '''
 PROCEDURE_FOLDER = '''"""The largest torque of every recording."""
 
-from pellucid.procedures.command import Command
+from pellucid.study.procedures.command import Command
 
 PROCEDURE_ORDER = 125
 PROCEDURE_COMMAND = Command("peak", "The largest torque of every recording.")
@@ -54,10 +54,10 @@ PROCEDURE = '''"""Find the largest torque of every recording."""
 
 import numpy as np
 
-from pellucid.procedures.procedure import Procedure, quiet
-from pellucid.procedures.result import FigureTable, Result
-from pellucid.studies.results import ResultRow
-from pellucid.studies.study_fields import ProcedureTable
+from pellucid.study.procedures.procedure import Procedure, quiet
+from pellucid.study.procedures.result import FigureTable, Result
+from pellucid.study.results import ResultRow
+from pellucid.study.study_fields import ProcedureTable
 
 
 class PeakTable(ProcedureTable):
@@ -82,7 +82,7 @@ class PeakProcedure(Procedure[PeakTable, Result]):
         )
 
     def page(self, study, found):
-        from pellucid.procedures.study_page import study_page
+        from pellucid.study.procedures.study_page import study_page
 
         return study_page(f"{found.study}: peaks", found.headline, (), (), found.verdicts)
 '''
@@ -98,8 +98,8 @@ period = { value = 2.01, unit = "s", where = "Section 1" }
 """
 PAPER = '''"""A pendulum's period, again."""
 
-from pellucid.papers.figure import figure
-from pellucid.papers.paper import Paper
+from pellucid_lab.papers.figure import figure
+from pellucid_lab.papers.paper import Paper
 
 
 class Tides(Paper):
@@ -127,7 +127,7 @@ def add_commands(app):
 RIG = (
     PENDULUM.replace("from ... import", "from pellucid import")
     .replace("from ...", "from pellucid.")
-    .replace("from ..", "from pellucid.lab.")
+    .replace("from ..", "from pellucid_lab.")
 )
 FILES = {
     "acme/__init__.py": "",
@@ -174,7 +174,7 @@ import numpy as np
 from typer.testing import CliRunner
 import pellucid as pl
 from pellucid.cli import app
-from pellucid.procedures.run import run
+from pellucid.study.procedures.run import run
 
 study = pl.open(sys.argv[1])
 print(len(pl.read(study.folder / "one.acme")["tau"]), len(pl.read(study.folder / "one.acmez")["tau"]))
@@ -243,12 +243,12 @@ def test_a_package_adds_one_of_each_without_touching_pellucid(tmp_path):
         ("ENDINGS = ('.x',)", "found no read, expected a module"),
         (
             "ENDINGS = ('.csv',)\ndef read(path): ...",
-            'acme.bad: found the ending ".csv", which pellucid.recordings.readers.csv reads too',
+            'acme.bad: found the ending ".csv", which pellucid.files.readers.csv reads too',
         ),
     ],
 )
 def test_a_package_that_cannot_be_used_is_named(tmp_path, monkeypatch, fresh_plugins, reader, said):
-    from pellucid.recordings.readers.read import readers_by_ending
+    from pellucid.files.readers.read import readers_by_ending
 
     files = {"acme/__init__.py": ""} | ({} if reader is None else {"acme/bad.py": reader})
     site = write_distribution(tmp_path, {"pellucid.readers": "acme = acme.bad"}, files)

@@ -150,5 +150,5 @@ def test_checking_a_study_loads_what_it_needs(make_study):
     script = f"import sys\n{code}\nprint('\\n'.join(sys.modules))"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     loaded = set(run.stdout.splitlines())
-    assert "pellucid.procedures.run" in loaded
+    assert "pellucid.study.procedures.run" in loaded
     assert not loaded & {"scipy.stats", "scipy.signal", "scipy.optimize", "scipy.special", "matplotlib", "sklearn"}

@@ -12,7 +12,7 @@ import pytest
 from test_layers import ALLOWED
 
 import pellucid
-from pellucid.procedures.run import check, identify
+from pellucid.study.procedures.run import check, identify
 
 ROOT = Path(__file__).parents[2]
 PAGES = {

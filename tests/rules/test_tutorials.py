@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_difference, toml_text
+from pellucid_lab.papers.printed import printed
 
-from pellucid.datasets.registry import shipped
-from pellucid.papers.printed import printed
-from pellucid.procedures.registry import study_model
-from pellucid.studies.study_file import parse_study_file
+from pellucid.study.datasets.registry import shipped
+from pellucid.study.procedures.registry import study_model
+from pellucid.study.study_file import parse_study_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = (

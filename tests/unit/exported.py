@@ -11,11 +11,11 @@ from unittest.mock import patch
 import numpy as np
 
 from pellucid import _core
-from pellucid.control.control_law import LAWS
-from pellucid.control.supervised import SUPERVISOR_NAMES
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.replay_vector import SUPERVISOR_VARIANTS
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
+from pellucid.controllers.supervised import SUPERVISOR_NAMES
 
 
 @cache
@@ -38,7 +38,7 @@ def compiled_library(folder: Path) -> Path:
 
 def written(values: ControllerValues, folder: Path) -> Path:
     """An exported folder whose test vector is not played: for what is stepped here, and not by its own Makefile."""
-    with patch("pellucid.deployment.c_folder.record_outputs", return_value=[]):
+    with patch("pellucid.controllers.export.c_folder.record_outputs", return_value=[]):
         return write_c_folder("bench", values, folder)
 
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid.fit.joint.evaluation import Prediction
-from pellucid.fit.joint.friction_family import FamilyFit
-from pellucid.fit.joint.joint_estimate import JointEstimate
-from pellucid.fit.joint.replay import Simulation
-from pellucid.fit.parameter import Parameter, Verdict, Whiteness
+from pellucid.joint.fit.evaluation import Prediction
+from pellucid.joint.fit.friction_family import FamilyFit
+from pellucid.joint.fit.joint_estimate import JointEstimate
+from pellucid.joint.fit.replay import Simulation
+from pellucid.joint.study.joint_result import JointResult, Trace
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.joint_result import JointResult, Trace
-from pellucid.procedures.registry import open_study
-from pellucid.signals.motion import Filtering
-from pellucid.studies.study import Study
+from pellucid.models.parameter import Parameter, Verdict, Whiteness
+from pellucid.numerics.motion import Filtering
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import Study
 
 TRUTH = {
     "prismatic": {

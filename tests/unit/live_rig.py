@@ -7,10 +7,11 @@ import threading
 import time
 from contextlib import contextmanager
 
-from pellucid.lab.live import virtual_knee
+from pellucid_lab.live import virtual_knee
+
 from pellucid.live.engine import LiveEngine
-from pellucid.session import run_session
-from pellucid.session.new_session import start_session_study
+from pellucid.live.session import run_session
+from pellucid.live.session.new_session import start_session_study
 
 PATIENCE_S = 60.0
 HELD_TORQUE = 2.0

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from pellucid.recordings.recording import Channel, Recording
+from pellucid.files.recording import Channel, Recording
 
 FS = 2048.0
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from pellucid.estimators.muscle_source import MuscleSource
-from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem
-from pellucid.models.muscle_geometry import muscle_table
+from pellucid.emg.estimators.muscle_source import MuscleSource
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.fit.muscle_calibration import MuscleProblem
+from pellucid.emg.models.muscle_geometry import muscle_table
 
 MUSCLES = ("rectus_femoris", "vastus_lateralis", "vastus_medialis", "biceps_femoris_long", "semimembranosus")
 FS = 100.0
@@ -37,7 +37,7 @@ def source():
 
 def trial(name="a", *, seconds=8.0, seed=0, noise=0.5, group="", heldout=False, true=None, muscles=MUSCLES):
     """A trial whose torque the muscles made, with `noise` [N m] on it; `true` changes numbers of a problem's names."""
-    from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
+    from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 
     made = TorqueTrial(
         name=name,
@@ -70,8 +70,8 @@ def across(name="a", *, seconds=10.0, seed=0, noise=1.0, true=None, early=0.0, h
     """A recording's trials at knee and ankle, whose torques one set of muscles made, with coloured `noise` [N m] on
     them; `true` changes numbers of a problem's names, or gives the whole z of a problem; `early` is how far the EMG's
     stream runs ahead [s]."""
-    from pellucid.estimators.muscle_trials import find_driven_muscles_across, make_muscle_samples_across
-    from pellucid.fit.muscles.coupled_priors import Timing, coupled_priors
+    from pellucid.emg.estimators.muscle_trials import find_driven_muscles_across, make_muscle_samples_across
+    from pellucid.emg.fit.coupled_priors import Timing, coupled_priors
 
     count, pad = round(seconds * FS), 60
     driven = envelopes(seconds + 2 * pad / FS, seed=seed, muscles=LEG)

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow
 from pyarrow import csv
 
-from pellucid.procedures.registry import open_study
-from pellucid.studies.study import Study
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import Study
 
 SLOWER = {"Ctrl": 1.0, "FC": 1.03, "PCFr": 1.2, "CLPC": 1.18}
 """By how much longer movements take."""

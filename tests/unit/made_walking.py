@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.emg.estimators.torque_trial import TorqueTrial
 
 FS = 100.0
 MUSCLES = ("soleus", "tibialis", "vastus", "hamstring", "rectus")

@@ -4,7 +4,7 @@ import numpy as np
 
 from pellucid import _core
 from pellucid.models.joint import NAMES, PARAMETER_INDEX
-from pellucid.signals.motion import Filtering, Motion
+from pellucid.numerics.motion import Filtering, Motion
 
 TRUTH = {
     "inertia": 0.08,

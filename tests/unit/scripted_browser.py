@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.session.live_session import Phase
-from pellucid.session.page_server import PageServer
+from pellucid.live.session.live_session import Phase
+from pellucid.live.session.page_server import PageServer
 
 CHROMIUM = next((path for name in ("chromium", "chromium-browser", "chrome") if (path := shutil.which(name))), "")
 """The browser of this system; "" for none."""

@@ -8,8 +8,8 @@ import numpy as np
 
 import pellucid as pl
 from pellucid import _core
-from pellucid.control.supervised import SupervisedLaw
-from pellucid.fit.joint.joint_estimate import JointEstimate
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.models.joint import FAMILIES
 
 SUBSTEPS = 3

@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from pellucid._errors import PellucidError
-from pellucid.estimators.assisted import minimise_bounded_quadratic
-from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.unrecorded import (
+from pellucid.emg.estimators.assisted import minimise_bounded_quadratic
+from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.estimators.unrecorded import (
     AssistanceWeights,
     EnvelopeFiller,
     SingleJointMuscles,
@@ -20,9 +20,9 @@ from pellucid.estimators.unrecorded import (
     score_filling_methods,
     torque_standard_deviations,
 )
-from pellucid.procedures.activations.activations_page import page
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import activations
+from pellucid.emg.study.activations.activations_page import page
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import activations
 
 STUDY = """
 name = "leg"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.searches.adam import adam, linear_decay
+from pellucid.numerics.searches.adam import adam, linear_decay
 
 
 def least_squares(matrix, target):

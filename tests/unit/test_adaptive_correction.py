@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.adaptive_correction import fit_adaptive_correction
+from pellucid.emg.estimators.adaptive_correction import fit_adaptive_correction
 
 FS = 100.0
 

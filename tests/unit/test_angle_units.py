@@ -6,9 +6,9 @@ from typer.testing import CliRunner
 
 import pellucid as pl
 from pellucid.cli import app
-from pellucid.inference.motion_efforts import motion_samples, unit_by_weight
-from pellucid.proposals.given_files import read_given
-from pellucid.proposals.propose_study import propose_study
+from pellucid.start.given_files import read_given
+from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.start.propose_study import propose_study
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "turn": 1.0, "counts": 4096.0}
 

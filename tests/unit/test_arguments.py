@@ -11,7 +11,7 @@ from pellucid.cli import app
 
 prediction, reproduction, demonstration, ranking = map(
     import_module,
-    ("pellucid.lab.predict", "pellucid.papers.reproduce", "pellucid.demonstration.demo", "pellucid.ranking.rank"),
+    ("pellucid_lab.predict", "pellucid_lab.papers.reproduce", "pellucid_lab.demonstration.demo", "pellucid_lab.ranking.rank"),
 )
 
 ON_A_STUDY = (

@@ -7,23 +7,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pellucid_lab.arm.bodies import JOINT_NUMBERS, built_tree
+from pellucid_lab.arm.card_law import CardLaw, card_of, sensor_points
+from pellucid_lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
+from pellucid_lab.arm.human_motion import JOINTS, generated_motion
+from pellucid_lab.arm.protocol import ArmTrial, limits_of
+from pellucid_lab.arm.rig import able_arm, drawn_arms
+from pellucid_lab.arm.single_faults import fault_trials
+from pellucid_lab.arm.wearer import DONNING_POSTURE_RAD, HANDLE_AT, Person, drawn_people, worn_arguments
+from pellucid_lab.arm.worn_trial import run
+from pellucid_lab.known_rigs import parse_rig
+from pellucid_lab.shipped_rigs import shipped_rig
+from pellucid_lab.study import record_in_memory, study_config
+from pellucid_lab.study_text import study_text
 
 from pellucid._errors import StudyError
-from pellucid.control.instruments import Instruments
-from pellucid.control.tree_laws import carried, with_force_sensor
-from pellucid.lab.arm.bodies import JOINT_NUMBERS, built_tree
-from pellucid.lab.arm.card_law import CardLaw, card_of, sensor_points
-from pellucid.lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
-from pellucid.lab.arm.human_motion import JOINTS, generated_motion
-from pellucid.lab.arm.protocol import ArmTrial, limits_of
-from pellucid.lab.arm.rig import able_arm, drawn_arms
-from pellucid.lab.arm.single_faults import fault_trials
-from pellucid.lab.arm.wearer import DONNING_POSTURE_RAD, HANDLE_AT, Person, drawn_people, worn_arguments
-from pellucid.lab.arm.worn_trial import run
-from pellucid.lab.known_rigs import parse_rig
-from pellucid.lab.shipped_rigs import shipped_rig
-from pellucid.lab.study import record_in_memory, study_config
-from pellucid.lab.study_text import study_text
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.tree_laws import carried, with_force_sensor
 from pellucid.models.kinematic_tree import BODY_QUANTITIES
 
 

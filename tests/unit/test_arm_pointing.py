@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from pellucid.lab.arm.pointing import (
+from pellucid_lab.arm.pointing import (
     LOAD_TRUST,
     LoadMemory,
     PointingTarget,
@@ -12,8 +11,8 @@ from pellucid.lab.arm.pointing import (
     load_features,
     point,
 )
-from pellucid.lab.arm.rig import able_arm
-from pellucid.lab.arm.wearer import Person
+from pellucid_lab.arm.rig import able_arm
+from pellucid_lab.arm.wearer import Person
 
 
 class Powerless:

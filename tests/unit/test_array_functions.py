@@ -204,7 +204,7 @@ def test_a_robot_of_two_joints_is_identified():
 
 
 def test_without_pandas_and_statsmodels_it_is_said_what_to_install(monkeypatch):
-    from pellucid.assessment.mixed_model import mixed_model
+    from pellucid.people.mixed_model import mixed_model
 
     monkeypatch.setitem(sys.modules, "pandas", None)
     monkeypatch.setitem(sys.modules, "statsmodels.regression.mixed_linear_model", None)
@@ -348,7 +348,7 @@ def test_a_table_of_a_study_is_certified_as_the_study_is(tmp_path):
     """The movements that the command found, as a table: the same values, the same certificate."""
     import made_pointing
 
-    from pellucid.procedures.registry import open_study
+    from pellucid.study.procedures.registry import open_study
 
     study = made_pointing.study(tmp_path, participants=12, conditions=("Ctrl", "FC", "PCFr"), repetitions=1)
     path = study.folder / "study.toml"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.inference.clocks import find_clock
-from pellucid.recordings.name_evidence import read_name
+from pellucid.files.name_evidence import read_name
+from pellucid.start.inference.clocks import find_clock
 
 RATE = 500.0
 

@@ -12,14 +12,14 @@ from typer.testing import CliRunner
 
 from pellucid import cli
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.assessment.isochrony import affine
-from pellucid.procedures.assessment.paper_tables import write_tables
-from pellucid.procedures.assessment.primary_change import primary_change
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import assess as assess_with_all_studies
-from pellucid.procedures.run import check
-from pellucid.procedures.run import report as write_report
-from pellucid.studies.results import read_rows
+from pellucid.people.isochrony import affine
+from pellucid.people.study.paper_tables import write_tables
+from pellucid.people.study.primary_change import primary_change
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import assess as assess_with_all_studies
+from pellucid.study.procedures.run import check
+from pellucid.study.procedures.run import report as write_report
+from pellucid.study.results import read_rows
 
 pytestmark = pytest.mark.slow
 
@@ -133,7 +133,7 @@ def test_participants_needed_grow_as_changes_shrink(whole):
 
 
 def test_the_command_saves_its_rows_and_prints_one_screen_that_answers_and_leads_to_the_report(whole, monkeypatch):
-    monkeypatch.setattr("pellucid.procedures.run.run", lambda study, name, **options: whole.found)
+    monkeypatch.setattr("pellucid.study.procedures.run.run", lambda study, name, **options: whole.found)
     result = CliRunner().invoke(cli.app, ["assess", str(whole.study.folder)], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
     lines = result.stdout.splitlines()

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 import pellucid as pl
 from pellucid.cli import app
-from pellucid.procedures.audit_page import write_audit_page
-from pellucid.recordings.quantity import joint_words, quantity_of
+from pellucid.files.quantity import joint_words, quantity_of
+from pellucid.study.procedures.audit_page import write_audit_page
 
 RATE = 500.0
 COUNT = 6000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.slider.axis_offset import estimate_axis_offset
+from pellucid.joint.slider.axis_offset import estimate_axis_offset
 
 FS = 100.0
 ANGLE = 1.3 + 0.7 * np.sin(2.0 * np.pi * 0.15 * np.arange(4000) / FS)

@@ -5,9 +5,9 @@ import pytest
 import scipy.io
 
 from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError, UnfitRecordingError
-from pellucid.datasets import init
-from pellucid.procedures.registry import open_study
-from pellucid.studies import read_rows, require_sound
+from pellucid.study import read_rows, require_sound
+from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import open_study
 
 
 def complaint(study_or_make):

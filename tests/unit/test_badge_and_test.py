@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.assessment.certificate import CANNOT_SAY, FAIL, PASS
-from pellucid.assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
-from pellucid.assessment.index_table import IndexTable
-from pellucid.assessment.indices import SHOWN_INDICES
-from pellucid.assessment.measured import MeasuredMovement, MovementDuration
-from pellucid.assessment.mixed_model import failed_model
-from pellucid.procedures.assessment import assessment_page, certified
-from pellucid.procedures.assessment.assess import _assessed, _told
-from pellucid.procedures.assessment.assessment_result import Assessed, AssessmentResult
-from pellucid.procedures.assessment.assessment_table import AssessmentTable
-from pellucid.procedures.assessment.assessment_tables import change_table, summary_table
-from pellucid.procedures.assessment.measured_study import MeasuredStudy
-from pellucid.procedures.assessment.session_order import SessionOrder
-from pellucid.procedures.print_result import print_to_text
-from pellucid.session.running_indices import RunningIndices
-from pellucid.signals.movements import Movement, MovementRule
+from pellucid.live.session.running_indices import RunningIndices
+from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS
+from pellucid.people.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
+from pellucid.people.index_table import IndexTable
+from pellucid.people.indices import SHOWN_INDICES
+from pellucid.people.measured import MeasuredMovement, MovementDuration
+from pellucid.people.mixed_model import failed_model
+from pellucid.people.movements import Movement, MovementRule
+from pellucid.people.study import assessment_page, certified
+from pellucid.people.study.assess import _assessed, _told
+from pellucid.people.study.assessment_result import Assessed, AssessmentResult
+from pellucid.people.study.assessment_table import AssessmentTable
+from pellucid.people.study.assessment_tables import change_table, summary_table
+from pellucid.people.study.measured_study import MeasuredStudy
+from pellucid.people.study.session_order import SessionOrder
+from pellucid.study.procedures.print_result import print_to_text
 from pellucid.units import COORDINATES_BY_UNIT
 
 MARGIN = 0.10

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.block_test import (
+from pellucid.numerics.block_test import (
     SIGNIFICANCE_LEVEL,
     compare_held_out,
     count_independent_samples,

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.searches.bounded_least_squares import bounded_least_squares
+from pellucid.numerics.searches.bounded_least_squares import bounded_least_squares
 
 
 def rosenbrock(x):

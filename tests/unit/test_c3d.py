@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import assess
-from pellucid.recordings.readers.read import read_columns
+from pellucid.files.readers.read import read_columns
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import assess
 
 MUSCLES = ("biceps", "brachioradialis", "triceps_lateral", "triceps_long")
 

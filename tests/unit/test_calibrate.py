@@ -10,28 +10,28 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
-from pellucid.estimators.condition_choice import ConditionTestErrors, run_condition_tests
-from pellucid.estimators.cross_validation import Score
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.features import compute_features
-from pellucid.estimators.muscle_trials import count_warm_up_samples
-from pellucid.estimators.strapped_reference import strapped_torque
-from pellucid.estimators.torque_map import CrossValidated, fit_torque_map
-from pellucid.estimators.torque_reference import MovedBody
-from pellucid.fit.strap.strap_model import StrapModel
+from pellucid.emg.estimators.condition_choice import ConditionTestErrors, run_condition_tests
+from pellucid.emg.estimators.cross_validation import Score
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.features import compute_features
+from pellucid.emg.estimators.muscle_trials import count_warm_up_samples
+from pellucid.emg.estimators.torque_map import CrossValidated, fit_torque_map
+from pellucid.emg.estimators.torque_reference import MovedBody
+from pellucid.emg.study.emg_torque import calibrate as module
+from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
+from pellucid.emg.study.emg_torque.chosen import recommend_by_fold, recommend_estimator
+from pellucid.emg.study.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
+from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
+from pellucid.emg.study.emg_torque.torque_card import predict_by_card
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials, moved_body, step_trials
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
-from pellucid.pages.page import write_page
-from pellucid.procedures.emg_torque import calibrate as module
-from pellucid.procedures.emg_torque.calibration_page import coverage_text, page
-from pellucid.procedures.emg_torque.chosen import recommend_by_fold, recommend_estimator
-from pellucid.procedures.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
-from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
-from pellucid.procedures.emg_torque.torque_card import predict_by_card
-from pellucid.procedures.emg_torque.trial_sources import moment_trials, moved_body, step_trials
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.result import Result
-from pellucid.procedures.run import calibrate
+from pellucid.orthosis.strap.strap_model import StrapModel
+from pellucid.orthosis.strap.strapped_reference import strapped_torque
+from pellucid.study.pages.page import write_page
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.result import Result
+from pellucid.study.procedures.run import calibrate
 
 MOMENTS = """
 name = "leg"

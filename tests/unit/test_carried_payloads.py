@@ -8,11 +8,11 @@ import pytest
 from test_payload import GAINS, LOAD, arm, played
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.friction_terms import PLAIN_TERMS
-from pellucid.fit.tree.payload import with_drive_gains as with_known_gains
-from pellucid.procedures.tree.carried_payloads import identify_payloads, with_gains
-from pellucid.procedures.tree.findings.payload import find
-from pellucid.studies.study_file import PayloadSpec
+from pellucid.arm.fit.friction_terms import PLAIN_TERMS
+from pellucid.arm.fit.payload import with_drive_gains as with_known_gains
+from pellucid.arm.study.carried_payloads import identify_payloads, with_gains
+from pellucid.arm.study.findings.payload import find
+from pellucid.study.study_file import PayloadSpec
 
 TRUE_MASS = float(LOAD[0])
 

@@ -9,33 +9,33 @@ from copied_package import copied_package, run_copied
 TESTS = Path(__file__).parents[1]
 HALF_ADDED = {
     "a law that nobody builds": (
-        "laws", "control/transparent_laws.py", "kind=RULES_LAW.name", "kind=TRANSPARENT_LAW.name",
+        "laws", "controllers/transparent_laws.py", "kind=RULES_LAW.name", "kind=TRANSPARENT_LAW.name",
         "rules: no builder makes it",
     ),
     "an estimator without words": (
-        "estimators", "estimators/families/network.py", '"M-BP, a network (reconstruction)"', '""',
+        "estimators", "emg/estimators/families/network.py", '"M-BP, a network (reconstruction)"', '""',
         "mbp: has no words",
     ),
     "an estimator without a colour": (
-        "estimators", "estimators/families/tree.py", 'colour="load",\n        weight', 'colour="pink",\n        weight',
+        "estimators", "emg/estimators/families/tree.py", 'colour="load",\n        weight', 'colour="pink",\n        weight',
         "tree: has no colour",
     ),
     "a fault of the core without an entry": (
-        "faults", "control/supervisor_faults.py", '("ringing",)', '("push",)',
+        "faults", "controllers/supervisor_faults.py", '("ringing",)', '("push",)',
         "ringing: has no entry in the catalogue",
     ),
     "a fault that does not say what to do": (
-        "faults", "control/supervisor_faults.py",
+        "faults", "controllers/supervisor_faults.py",
         '"Look for a load, a collision or a changed robot; identify it again if it has changed."', '""',
         "unexplained: has no words, or does not say what to do",
     ),
     "a defect that no study searches for": (
-        "defects", "studies/find_defects.py", "sensor_range, clipped, frozen)\n", "sensor_range, clipped)\n",
+        "defects", "study/find_defects.py", "sensor_range, clipped, frozen)\n", "sensor_range, clipped)\n",
         "frozen_encoder: no study searches for it",
     ),
     "a defect whose search is no longer called": (
-        "defects", "procedures/joint/wearer.py", "import echoed, worn\n", "import echoed\n",
-        "worn: pellucid.procedures.joint.wearer does not search for it",
+        "defects", "joint/study/wearer.py", "import echoed, worn\n", "import echoed\n",
+        "worn: pellucid.joint.study.wearer does not search for it",
     ),
 }  # fmt: skip
 
@@ -57,7 +57,7 @@ def test_entries_that_are_half_added_are_found(copy):
         (copy / name).write_text(text.replace(old, new), encoding="utf-8")
     run = (
         f"import sys\nsys.path.append({str(TESTS)!r})\n"
-        "from pellucid.deployment import c_folder\n"
+        "from pellucid.controllers.export import c_folder\n"
         # Entries are half added in Python: the same C++ was compiled above.
         "c_folder.record_outputs = lambda files, out: []\n"
         "from catalogue_batteries import BATTERIES\n"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.estimators.causal_map import CausalMap, EmgTrial, fit_causal_map
+from pellucid.emg.estimators.causal_map import CausalMap, EmgTrial, fit_causal_map
 from pellucid.models.parameter_card import read_parameter_card, write_parameter_card
 
 FS, EMG_FS, SECONDS = 500.0, 2048.0, 10.0

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.pages.values import plain_text
-from pellucid.procedures.assessment.assessment_page import page
-from pellucid.procedures.assessment.assessment_tables import description_table, range_table
-from pellucid.procedures.assessment.certified_rows import (
+from pellucid.people.study.assessment_page import page
+from pellucid.people.study.assessment_tables import description_table, range_table
+from pellucid.people.study.certified_rows import (
     certificate_remarks,
     certificate_rows,
     certificate_sentences,
     certificate_table,
 )
-from pellucid.procedures.assessment.primary_change import primary_change
-from pellucid.procedures.assessment.reviewer_page import write_certificate
-from pellucid.procedures.assessment.statements import change_text
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import assess
+from pellucid.people.study.primary_change import primary_change
+from pellucid.people.study.reviewer_page import write_certificate
+from pellucid.people.study.statements import change_text
+from pellucid.study.pages.values import plain_text
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import assess
 
 
 def with_margins(study, margins, curves="", change=lambda told: told):

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.estimators.channel_watch import MIN_WATCHED_SAMPLES, add_channel_watch
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.live_torque import LiveTorque
-from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.models.emg_estimator import (
+from pellucid.emg.estimators.channel_watch import MIN_WATCHED_SAMPLES, add_channel_watch
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.live_torque import LiveTorque
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.models.emg_estimator import (
     MAX_WATCHED_LOSS,
     EmgEstimatorCard,
     EstimatorChannel,

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.procedures.joint.velocity_faults import velocity_faults
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.studies.rollover import find_rollover
-from pellucid.studies.study import Study
+from pellucid.joint.study.aligned_motions import aligned_motions
+from pellucid.joint.study.velocity_faults import velocity_faults
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
+from pellucid.study.rollover import find_rollover
+from pellucid.study.study import Study
 
 STUDY = """name = "bench"
 [rig]

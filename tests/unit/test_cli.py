@@ -12,14 +12,15 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import pellucid
-from pellucid import cli, terminal
+from pellucid import cli
 from pellucid._errors import DatasetError
-from pellucid.fit.parameter import Verdict
-from pellucid.procedures.command import HELP_GROUPS
-from pellucid.procedures.joint.joint_result import complete_result
-from pellucid.procedures.print_result import print_result
-from pellucid.procedures.result import FigureTable, Result
-from pellucid.recordings.fault import Fault
+from pellucid.files.fault import Fault
+from pellucid.joint.study.joint_result import complete_result
+from pellucid.models.parameter import Verdict
+from pellucid.study import terminal
+from pellucid.study.procedures.command import HELP_GROUPS
+from pellucid.study.procedures.print_result import print_result
+from pellucid.study.procedures.result import FigureTable, Result
 
 run = CliRunner().invoke
 
@@ -40,7 +41,7 @@ def bench(fit, tmp_path, monkeypatch):
         tell("halfway", 0.5)
         return complete_result(study, fit)
 
-    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify_joint", identify)
+    monkeypatch.setattr("pellucid.joint.study.identify_joint.identify_joint", identify)
     return SimpleNamespace(folder=study.folder, asked=asked)
 
 
@@ -92,7 +93,7 @@ def test_every_command_has_an_example_that_it_understands(name, command):
 
 def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
     notes = [SimpleNamespace(severity="note", kind=f"kind {k}", channel="", message=f"note {k}.") for k in range(20)]
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: notes)
+    monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: notes)
     command = ["check", str(bench.folder)]
     usual, verbose, quiet = (run(cli.app, [*command, *asked]).output for asked in ([], ["-v"], ["-q"]))
     assert usual.count("note ") == 6
@@ -104,7 +105,7 @@ def test_notes_are_few_unless_they_are_asked_for(bench, monkeypatch):
 
 def test_check_prints_json(bench, monkeypatch):
     fault = Fault("refuse", "frozen", "bench.csv", "position", "40 frozen samples", "none", "bench.csv: frozen")
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [fault])
+    monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: [fault])
     result = run(cli.app, ["check", str(bench.folder), "--json"])
     assert result.exit_code == 1
     assert json.loads(result.stdout)["faults"][0]["found"] == "40 frozen samples"
@@ -129,7 +130,7 @@ def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
     """The richest family, with the longest names and units."""
     widest = fabricate.fit(samples=300, motion="rotary", families=("combined",), seed=3)
     monkeypatch.setattr(
-        "pellucid.procedures.joint.identify_joint.identify_joint",
+        "pellucid.joint.study.identify_joint.identify_joint",
         lambda study, *_, **__: complete_result(study, widest),
     )
     folder = fabricate.study(bench.folder.parent / "rotary", widest).folder
@@ -171,7 +172,7 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
         raise AssertionError(f"{path} is read again")
 
     with monkeypatch.context() as patch:
-        patch.setattr("pellucid.recordings.readers.read_columns", read)
+        patch.setattr("pellucid.files.readers.read_columns", read)
         assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
     recording = next((bench.folder / "recordings").iterdir())
     recording.write_text(recording.read_text() + "\n", encoding="utf-8")
@@ -187,12 +188,12 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
                   "bench.csv: channel position: found 40 frozen samples")  # fmt: skip
     address = "https://example.org/" + "x" * 90
     note = SimpleNamespace(severity="note", kind="jitter", channel="", message=f"bench.csv: jitter {address}")
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note])
+    monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "jitter" in result.output
     assert address in "".join(line.strip() for line in result.output.splitlines())
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note, fault])
+    monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: [note, fault])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1
     assert "frozen" in result.output
@@ -208,7 +209,7 @@ def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch
         file="walk.csv",
         message="walk.csv: a floor of 0.06",
     )
-    monkeypatch.setattr("pellucid.procedures.run.check", lambda study, **_: [note, changed])
+    monkeypatch.setattr("pellucid.study.procedures.run.check", lambda study, **_: [note, changed])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "but see the warnings: emg.soleus of walk.csv." in result.output
@@ -226,7 +227,7 @@ def test_compare_marks_what_changed(bench, monkeypatch):
         rows=(row("viscous", 0.2, 0.4, 1e-9), row("coulomb", 0.5, 0.5, 0.9)),
         verdicts=(Verdict("warning", "viscous changed."),),
     )
-    monkeypatch.setattr("pellucid.procedures.compare.compare", lambda a, b, **options: found)
+    monkeypatch.setattr("pellucid.study.procedures.compare.compare", lambda a, b, **options: found)
     result = run(cli.app, ["compare", "A", "B"])
     assert result.exit_code == 0, result.output
     by_name = {line.split()[0]: line for line in result.output.splitlines() if line.strip()}
@@ -258,9 +259,9 @@ def test_demo_prints_its_story(tmp_path, monkeypatch):
         asked.append(out)
         return made
 
-    monkeypatch.setitem(sys.modules, "pellucid.demonstration.demo", SimpleNamespace(demo=demo))
+    monkeypatch.setitem(sys.modules, "pellucid_lab.demonstration.demo", SimpleNamespace(demo=demo))
     story = SimpleNamespace(chapter_sentences=lambda made: [("Worn", "People wore it.")])
-    monkeypatch.setitem(sys.modules, "pellucid.demonstration.story", story)
+    monkeypatch.setitem(sys.modules, "pellucid_lab.demonstration.story", story)
     result = run(cli.app, ["demo", "--out", str(tmp_path / "demo")])
     assert result.exit_code == 0, result.output
     assert asked == [tmp_path / "demo"]
@@ -296,7 +297,7 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
 
 def test_init_says_what_comes_next(monkeypatch, fit, tmp_path):
     monkeypatch.setattr(
-        "pellucid.datasets.init", lambda folder, dataset, progress: fabricate.study(folder, fit), raising=True
+        "pellucid.study.datasets.init", lambda folder, dataset, progress: fabricate.study(folder, fit), raising=True
     )
     result = run(cli.app, ["init", str(tmp_path / "new"), "--dataset", "some"])
     assert result.exit_code == 0, result.output
@@ -305,7 +306,7 @@ def test_init_says_what_comes_next(monkeypatch, fit, tmp_path):
 
 
 def test_datasets(monkeypatch, tmp_path):
-    from pellucid import datasets
+    from pellucid.study import datasets
 
     def absent(name):
         raise DatasetError(f"{name}: not here")
@@ -334,7 +335,7 @@ def test_what_the_system_refuses_is_one_sentence(monkeypatch, capsys, bench):
     def refuse(study, **_):
         raise PermissionError(13, "Permission denied", "report/index.html")
 
-    monkeypatch.setattr("pellucid.procedures.run.report", refuse)
+    monkeypatch.setattr("pellucid.study.procedures.run.report", refuse)
     code, _, err = as_program(monkeypatch, capsys, "report", bench.folder)
     assert (code, err) == (2, "pellucid: Permission denied: report/index.html\n")
 

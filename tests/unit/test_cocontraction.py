@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.assessment.cocontraction import cocontraction
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, report
-from pellucid.procedures.run import cocontraction as run
+from pellucid.emg.cocontraction import cocontraction
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, report
+from pellucid.study.procedures.run import cocontraction as run
 
 TIME = np.arange(0.0, 10.0, 0.01)
 STUDY = """

@@ -7,7 +7,7 @@ import pytest
 from made_muscles import trial
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.condition_choice import (
+from pellucid.emg.estimators.condition_choice import (
     MAX_TEST_COUNT,
     ConditionTestErrors,
     choose_estimator,
@@ -15,8 +15,8 @@ from pellucid.estimators.condition_choice import (
     make_condition_tests,
     run_condition_tests,
 )
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.torque_map import fit_torque_map
 
 
 def told(*rmse):

@@ -5,14 +5,13 @@ import pytest
 from scipy.optimize import minimize
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.base_parameters import find_base_parameters
-from pellucid.fit.tree.consistent_fit import FROM_PRIOR_REASON, FullParametrisation, fit_consistent, solve_consistent
-from pellucid.fit.tree.consistent_inertias import solve_consistent_inertias
-from pellucid.fit.tree.friction_terms import PLAIN_TERMS
-from pellucid.fit.tree.inertia_prior import entropic_solver, fit_with_prior
-from pellucid.fit.tree.tree_regression import TreeModel, collect_rows, fit_rows
-from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
-from pellucid.models.pseudo_inertia import (
+from pellucid.arm.fit.base_parameters import find_base_parameters
+from pellucid.arm.fit.consistent_fit import FROM_PRIOR_REASON, FullParametrisation, fit_consistent, solve_consistent
+from pellucid.arm.fit.consistent_inertias import solve_consistent_inertias
+from pellucid.arm.fit.friction_terms import PLAIN_TERMS
+from pellucid.arm.fit.inertia_prior import entropic_solver, fit_with_prior
+from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
+from pellucid.arm.pseudo_inertia import (
     MIN_EIGENVALUE,
     bodies_from_pseudo_inertia,
     consistency,
@@ -21,8 +20,9 @@ from pellucid.models.pseudo_inertia import (
     scaled_pseudo_inertia,
     triangle_matrix,
 )
+from pellucid.arm.tree_motion import TreeMotion
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
-from pellucid.signals.tree_motion import TreeMotion
 
 BAR = Link.about_centre("bar", 2.0, (0.1, 0.0, -0.2), (0.03, 0.0, 0.0, 0.03, 0.001, 0.004))
 

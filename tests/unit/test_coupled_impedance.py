@@ -7,17 +7,17 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.strap.coupled_impedance import align, decay_time, fit_coupling, mismatch, seen_mismatch
-from pellucid.fit.strap.published_coupling import (
+from pellucid.models.parameter import Parameter
+from pellucid.orthosis.strap.coupled_impedance import align, decay_time, fit_coupling, mismatch, seen_mismatch
+from pellucid.orthosis.strap.published_coupling import (
     PublishedCoupling,
     fit_two_poles,
     published_mismatch,
     solve_balance,
     torque_mismatch,
 )
-from pellucid.fit.strap.strap_torque import Orthosis, from_limb, from_orthosis
-from pellucid.fit.transfer.transfer_function_fit import fit_percent
+from pellucid.orthosis.strap.strap_torque import Orthosis, from_limb, from_orthosis
+from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
 
 PAIR = Pair()
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from two_bodies import Pair, record, swing
 
-from pellucid.fit.strap.coupled_impedance import fit_coupling, mismatch
-from pellucid.fit.strap.strap_torque import Limb, Orthosis, from_orthosis
+from pellucid.orthosis.strap.coupled_impedance import fit_coupling, mismatch
+from pellucid.orthosis.strap.strap_torque import Limb, Orthosis, from_orthosis
 
 DRAWS = range(3)
 ORTHOSIS = Pair().orthosis

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.crossed_residuals import block_labels, rows_of_blocks, values_without_blocks
-from pellucid.fit.regression import Solution
+from pellucid.joint.fit.crossed_residuals import block_labels, rows_of_blocks, values_without_blocks
+from pellucid.numerics.regression import Solution
 
 
 def solution(rng, rows):

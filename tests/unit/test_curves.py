@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.curves import compare_curves, resample_movement
-from pellucid.assessment.equivalence import Margin
+from pellucid.people.curves import compare_curves, resample_movement
+from pellucid.people.equivalence import Margin
 
 
 def smooth(rng, people, points=101, width=21):

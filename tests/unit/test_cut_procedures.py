@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.datasets import init
-from pellucid.fit.swing.loaded_swing import corrected_form, fit_swings
-from pellucid.procedures.assessment.pointing import pointing_record
-from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
-from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
-from pellucid.procedures.loaded_swing.identify_loaded_swing import swings_of
-from pellucid.procedures.run import check, identify
-from pellucid.procedures.slider.recorded_slider import slider_motions
-from pellucid.recordings.cut import Cut
-from pellucid.recordings.recording import Channel, Recording
-from pellucid.signals.inertial import inertial
-from pellucid.signals.input_output import input_output
+from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
+from pellucid.files.cut import Cut
+from pellucid.files.recording import Channel, Recording
+from pellucid.joint.slider.study.recorded_slider import slider_motions
+from pellucid.orthosis.imu.inertial import inertial
+from pellucid.orthosis.input_output import input_output
+from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import swings_of
+from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
+from pellucid.people.study.pointing import pointing_record
+from pellucid.study.datasets import init
+from pellucid.study.procedures.run import check, identify
 
 SPIKE, NAN = (slice(900, 901), 50.0), (slice(900, 940), np.nan)
 TORQUE = ('kind = "current"\ntorque_constant = "2 N*m/A"', 'kind = "torque"')

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.recordings.cut import Cut, sound_samples, spans_between
+from pellucid.files.cut import Cut, sound_samples, spans_between
+from pellucid.joint.study.aligned_motions import aligned_motions
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
 
 EXCLUDED = ('use = "fit"', 'use = "fit"\nexclude = [["4 s", "4.1 s"]]')
 

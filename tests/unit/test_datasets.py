@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from pellucid import datasets
 from pellucid._errors import DatasetError
-from pellucid.datasets import registry
-from pellucid.datasets.registry import Dataset
-from pellucid.procedures.registry import study_model
-from pellucid.studies.study_file import parse_study_file
+from pellucid.study import datasets
+from pellucid.study.datasets import registry
+from pellucid.study.datasets.registry import Dataset
+from pellucid.study.procedures.registry import study_model
+from pellucid.study.study_file import parse_study_file
 
 CSV = b"t,q,i\n" + b"".join(b"%d,%d,0\n" % (n, n % 7) for n in range(50))
 STUDY = """name = "toy"

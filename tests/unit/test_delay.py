@@ -6,16 +6,16 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 from pellucid._errors import StudyError
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
-from pellucid.procedures.joint.aligned_motions import aligned_motions, find_alignments
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.recordings.cut import Cut
-from pellucid.recordings.delay import interpolate_at, shift_channels, undo_lags
-from pellucid.recordings.recording import Channel, Recording
+from pellucid.files.cut import Cut
+from pellucid.files.delay import interpolate_at, shift_channels, undo_lags
+from pellucid.files.recording import Channel, Recording
+from pellucid.joint.study.aligned_motions import aligned_motions, find_alignments
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
 
 
 def recording(cuts=(), **channels) -> Recording:

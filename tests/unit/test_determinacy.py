@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.fit.joint.determinacy import _perturb, find_undetermined, mark_undetermined
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.regression import stack
+from pellucid.joint.fit.determinacy import _perturb, find_undetermined, mark_undetermined
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.study.aligned_motions import aligned_motions
 from pellucid.models.joint import joint_model
-from pellucid.pages.quantities import parameter_note
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.studies import read_rows
+from pellucid.numerics.regression import stack
+from pellucid.study import read_rows
+from pellucid.study.pages.quantities import parameter_note
 
 KERNELS = {"Haswell": "avx2", "SkylakeX": "avx512f", "Nehalem": "sse4_2"}
 """Kernels of OpenBLAS, and the processor's feature that each needs: without it the process dies."""

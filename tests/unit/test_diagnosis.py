@@ -5,20 +5,20 @@ import shutil
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
-from pellucid.datasets import init
-from pellucid.fit.joint.excitation import measure_excitation
-from pellucid.fit.joint.friction_family import fit_family
-from pellucid.fit.joint.replay import Machine
-from pellucid.fit.regression import stack
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
+from pellucid.joint.fit.excitation import measure_excitation
+from pellucid.joint.fit.friction_family import fit_family
+from pellucid.joint.fit.replay import Machine
+from pellucid.joint.study.findings import wrong_unit
+from pellucid.joint.study.joint_case import JointCase
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.findings import wrong_unit
-from pellucid.procedures.joint.joint_case import JointCase
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.signals.motion import Filtering, motion_of
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.regression import stack
+from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
 
 CAUSES = {"contradicting_recordings", "wrong_unit", "angle_zero", "drive_constant"}
 RIG = bench_joint()

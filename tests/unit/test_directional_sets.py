@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.directional_sets import compare_directional, draw_closed_paths, fit_directional
-from pellucid.fit.tree.tree_regression import collect_rows
-from pellucid.models.held_joints import hold_joints
+from pellucid.arm.fit.directional_sets import compare_directional, draw_closed_paths, fit_directional
+from pellucid.arm.fit.tree_regression import collect_rows
+from pellucid.arm.held_joints import hold_joints
+from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
-from pellucid.signals.tree_motion import TreeMotion
 
 NAMES = ("abduction", "flexion", "elbow")
 SHARE = 0.12  # of the load, lost as friction

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.discrepancy import NEGLECTED_EFFECTS, States, estimate_discrepancy
-from pellucid.fit.uncertainty import sandwich_covariance
+from pellucid.joint.fit.discrepancy import NEGLECTED_EFFECTS, States, estimate_discrepancy
+from pellucid.numerics.uncertainty import sandwich_covariance
 
 NAMES = ("inertia", "gravity", "viscous", "coulomb")
 TRUTH = np.array([0.05, 1.5, 0.1, 0.4])

@@ -3,15 +3,15 @@
 import shutil
 
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 from typer.testing import CliRunner
 
 from pellucid.cli import app
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import identify
-from pellucid.recordings.kept_columns import FILE_ENDING
-from pellucid.studies.drawn_report import KEPT_COLUMNS_ENDING, ReportPlace
+from pellucid.files.kept_columns import FILE_ENDING
+from pellucid.study.drawn_report import KEPT_COLUMNS_ENDING, ReportPlace
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import identify
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +41,8 @@ def test_nothing_changed_and_the_page_is_not_drawn_again(folder, monkeypatch):
     page = folder / "report" / "index.html"
     before = page.read_bytes()
     assert page_of(folder) == page
-    monkeypatch.setattr("pellucid.procedures.run.report", None)  # whoever called it would fail
-    monkeypatch.setattr("pellucid.procedures.registry.open_study", None)
+    monkeypatch.setattr("pellucid.study.procedures.run.report", None)  # whoever called it would fail
+    monkeypatch.setattr("pellucid.study.procedures.registry.open_study", None)
     done = CliRunner().invoke(app, ["report", str(folder)])
     assert done.exit_code == 0, done.output
     assert "Report:" in done.output

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.recordings.readers.read import read_columns
+from pellucid.files.readers.read import read_columns
 
 BICEPS = 500.0 * np.sin(np.arange(3000) / 40.0)
 

@@ -5,14 +5,14 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.elbow_laws import (
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import (
     full_compensation,
     partial_compensation,
     position_control,
 )
-from pellucid.control.transparent_laws import (
+from pellucid.controllers.transparent_laws import (
     breakaway,
     sensitivity_amplification,
     transparent,

@@ -6,17 +6,17 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from pellucid_lab.pointing.load_learning import load_regressor, update_expected_load
+from pellucid_lab.pointing.movement_choice import preferred_duration, utility
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import PointingRig, elbow_participants
+from pellucid_lab.pointing.session import Unpowered, simulate_session, standstill_speed
+from pellucid_lab.shipped_rigs import shipped_rig
+from pellucid_lab.simulate import simulate
+from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.pointing.load_learning import load_regressor, update_expected_load
-from pellucid.lab.pointing.movement_choice import preferred_duration, utility
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import PointingRig, elbow_participants
-from pellucid.lab.pointing.session import Unpowered, simulate_session, standstill_speed
-from pellucid.lab.shipped_rigs import shipped_rig
-from pellucid.lab.simulate import simulate
-from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.anthropometry import forearm
 
 RIG = elbow_participants()
@@ -32,7 +32,7 @@ def test_people_are_as_they_were_before_a_robot_was_strapped_on():
 
 
 def test_nobody_knows_the_condition():
-    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = (files("pellucid_lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     values = [line.split("#")[0] for line in text.splitlines()]
     assert not any(name in line for line in values for name in ("FC", "CLPC", "Ctrl", "condition"))
 
@@ -125,7 +125,7 @@ LAWS = {"Ctrl": None, "off": lambda person, place: Unpowered()}
 @pytest.fixture(scope="module")
 def short():
     """An experiment of two people and ten movements a condition."""
-    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = (files("pellucid_lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     text = text.replace("repetitions = 10 ", "repetitions = 1 ").replace("count = 6\n", "count = 2\n")
     return PointingRig.parse(text, "short")
 
@@ -177,7 +177,7 @@ def test_files_and_memory_hold_the_same(short, tmp_path):
 
 
 def test_people_wear_the_controllers_that_are_named(tmp_path):
-    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = (files("pellucid_lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     text = text.replace("count = 6", "count = 2").replace("repetitions = 10", "repetitions = 1")
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "rig.toml").write_text(text, encoding="utf-8")
@@ -188,14 +188,14 @@ def test_people_wear_the_controllers_that_are_named(tmp_path):
     with pytest.raises(StudyError, match="found a controller twice"):
         simulate(tmp_path, controllers=["clpc", "clpc"])
     (tmp_path / "lab" / "rig.toml").write_text(
-        (files("pellucid.lab") / "rigs" / "able-elbow.toml").read_text(encoding="utf-8"), encoding="utf-8"
+        (files("pellucid_lab") / "rigs" / "able-elbow.toml").read_text(encoding="utf-8"), encoding="utf-8"
     )
     with pytest.raises(StudyError, match="found controllers clpc, expected them with people who wear them"):
         simulate(tmp_path, controllers=["clpc"])
 
 
 def test_a_file_that_lacks_something_is_told():
-    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = (files("pellucid_lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     with pytest.raises(StudyError, match=r"\[planning\] lacks reach$"):
         PointingRig.parse(text.replace("\nreach = ", "\nreeach = "), "x")
     with pytest.raises(StudyError, match="found kind = 'x'"):

@@ -11,16 +11,16 @@ from scipy.signal import butter, sosfilt
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.deployment.c_folder import check_on_host
-from pellucid.deployment.estimator_folder import chosen_card, estimator_vector, write_estimator_folder
-from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.estimators.live_torque import LiveTorque
-from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.models.emg_estimator import read_estimator_card, write_estimator_card
-from pellucid.models.muscle_geometry import muscle_table
-from pellucid.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
-from pellucid.procedures.emg_torque import estimator_cards
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.controllers.export.c_folder import check_on_host
+from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.emg.estimators.live_torque import LiveTorque
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.models.emg_estimator import read_estimator_card, write_estimator_card
+from pellucid.emg.models.muscle_geometry import muscle_table
+from pellucid.emg.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
+from pellucid.emg.study.emg_torque import estimator_cards
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.estimator_folder import chosen_card, estimator_vector, write_estimator_folder
 
 COMPILERS = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")
 

@@ -5,10 +5,10 @@ import pytest
 from made_emg import FS, raw_emg
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.emg_force.emg_force_table import EmgForceTable
-from pellucid.procedures.emg_force.find_emg_force import summarise_people
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import run
+from pellucid.emg.study.emg_force.emg_force_table import EmgForceTable
+from pellucid.emg.study.emg_force.find_emg_force import summarise_people
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import run
 
 STUDY = """
 name = "dynamometer"

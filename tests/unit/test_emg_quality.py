@@ -5,8 +5,8 @@ import pytest
 from made_emg import FS, emg_recording, raw_emg
 
 from pellucid._errors import RecordingError
-from pellucid.signals.emg_chain import emg_chain
-from pellucid.signals.emg_quality import (
+from pellucid.emg.signals.emg_chain import emg_chain
+from pellucid.emg.signals.emg_quality import (
     contrast_faults,
     find_hum,
     find_mains,

@@ -7,8 +7,8 @@ import pytest
 from made_walking import MUSCLES, TOPS, changed, walking
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.emg_session import FittedSession
-from pellucid.estimators.session_watch import SessionWatch
+from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.session_watch import SessionWatch
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.emg_synthesis import Electrodes, EmgSynthesis, motor_unit_noise
+from pellucid_lab.knee.rig import knee_orthosis
 from scipy.signal import welch
-
-from pellucid.lab.emg_synthesis import Electrodes, EmgSynthesis, motor_unit_noise
-from pellucid.lab.knee.rig import knee_orthosis
 
 PERIOD = 2e-3
 TABLE = dict(knee_orthosis()["emg"])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pellucid import PellucidError
-from pellucid.estimators.cross_validation import Score
-from pellucid.estimators.emg_worth import EmgWorth, worth_on_recording, worth_over_trials
-from pellucid.procedures.emg_torque.worth_findings import (
+from pellucid.emg.estimators.cross_validation import Score
+from pellucid.emg.estimators.emg_worth import EmgWorth, worth_on_recording, worth_over_trials
+from pellucid.emg.study.emg_torque.worth_findings import (
     RecordingWorth,
     find_worth,
     is_answer_founded,

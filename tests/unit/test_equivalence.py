@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.certificate import CANNOT_SAY, ESTIMAND_METHODS, FAIL, PASS, certificate
-from pellucid.assessment.equivalence import (
+from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, FAIL, PASS, certificate
+from pellucid.people.equivalence import (
     METHODS,
     Margin,
     equivalence,
@@ -17,11 +17,11 @@ from pellucid.assessment.equivalence import (
     people_for_share,
     share_bound,
 )
-from pellucid.assessment.equivalence_power import Active, equivalence_power, find_equivalence_participants
-from pellucid.assessment.group_sequential import looks
-from pellucid.assessment.lasting_bounds import lasting_bounds
-from pellucid.assessment.measured import MovementDuration
-from pellucid.assessment.transparent_studies import SimulatedStudies, are_transparent, are_within
+from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
+from pellucid.people.group_sequential import looks
+from pellucid.people.lasting_bounds import lasting_bounds
+from pellucid.people.measured import MovementDuration
+from pellucid.people.transparent_studies import SimulatedStudies, are_transparent, are_within
 
 
 @pytest.fixture

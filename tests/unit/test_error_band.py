@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.estimators.condition_choice import ERROR_BAND_SHARE, find_error_band, find_left_out_coverage
+from pellucid.emg.estimators.condition_choice import ERROR_BAND_SHARE, find_error_band, find_left_out_coverage
 
 
 def drawn_errors(rng, count, deviation, heavy=False):

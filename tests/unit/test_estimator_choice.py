@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.joint.estimator_choice import choose_method
+from pellucid.joint.fit.estimator_choice import choose_method
 
 
 @pytest.fixture

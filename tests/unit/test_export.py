@@ -18,19 +18,19 @@ import pellucid
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.coupling import Coupling
-from pellucid.control.probe import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES
-from pellucid.control.residual_compensator import design
-from pellucid.control.supervised import SUPERVISOR_NAMES
-from pellucid.control.unmeasured_drive import warn_of_unmeasured_drive
-from pellucid.deployment.c_folder import check_on_host, core_headers, needed_headers, write_c_folder
-from pellucid.deployment.constants_file import read_constants
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.export import warn_of_export
-from pellucid.deployment.joint_values import joint_values
-from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.deployment.replay_vector import SUPERVISOR_VARIANTS
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.export.c_folder import check_on_host, core_headers, needed_headers, write_c_folder
+from pellucid.controllers.export.constants_file import read_constants
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.export import warn_of_export
+from pellucid.controllers.export.joint_values import joint_values
+from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
+from pellucid.controllers.probe import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES
+from pellucid.controllers.residual_compensator import design
+from pellucid.controllers.supervised import SUPERVISOR_NAMES
+from pellucid.controllers.unmeasured_drive import warn_of_unmeasured_drive
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_card import SliderCard
 

@@ -6,17 +6,17 @@ import subprocess
 import numpy as np
 import pytest
 from exported import Loaded, nonsense, written
+from pellucid_lab.pointing.conditions import controller_builder
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
-from pellucid.deployment.elbow_values import elbow_values, lowest_resonance
-from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.pointing.conditions import controller_builder
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
+from pellucid.controllers.export.elbow_values import elbow_values, lowest_resonance
+from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.slider_card import SliderCard, read_slider_card

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from exported import Loaded, Output, Sample
 
-from pellucid.control.control_law import LAWS
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.procedures.incident import incident
-from pellucid.recordings.incident import parse_incident
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.incident import parse_incident
+from pellucid.controllers.study.incident import incident
 
 pytestmark = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is not installed"

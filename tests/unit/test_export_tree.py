@@ -8,13 +8,13 @@ from test_tree_laws import PERIOD, M, arm
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control import tree_laws
-from pellucid.control.instruments import Instruments
-from pellucid.deployment import tree_values
-from pellucid.deployment.c_folder import check_on_host
-from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.deployment.tree_folder import SUPERVISOR_VARIANTS, tree_vector, write_tree_folder
-from pellucid.deployment.tree_values import TreeValues, notes_of
+from pellucid.controllers import tree_laws
+from pellucid.controllers.export import tree_values
+from pellucid.controllers.export.c_folder import check_on_host
+from pellucid.controllers.export.microcontroller import measure, missing_tools
+from pellucid.controllers.export.tree_folder import SUPERVISOR_VARIANTS, tree_vector, write_tree_folder
+from pellucid.controllers.export.tree_values import TreeValues, notes_of
+from pellucid.controllers.instruments import Instruments
 from pellucid.models.tree_card import write_tree_card
 
 COMPILERS = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")

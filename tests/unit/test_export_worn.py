@@ -7,13 +7,13 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.control import worn_design
-from pellucid.control.control_law import LAWS
-from pellucid.deployment import worn_values as module
-from pellucid.deployment.worn_values import worn_values
+from pellucid.controllers import worn_design
+from pellucid.controllers.control_law import LAWS
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
-from pellucid.procedures.coupling.actuator_card import PARAMETER_UNITS
+from pellucid.orthosis.study import worn_values as module
+from pellucid.orthosis.study.coupling.actuator_card import PARAMETER_UNITS
+from pellucid.orthosis.study.worn_values import worn_values
 
 STUDY = """
 name = "knee"

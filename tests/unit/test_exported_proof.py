@@ -13,8 +13,8 @@ from evidence._exported import exports, foreign_people, motion_bounds, table, tr
 from test_export_elbow import CARDS, STUDY
 
 import pellucid
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.export import values_for
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.export import values_for
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.slider_card import SliderCard
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.signals.filters import central_difference, decimate, local_cubic, runs, zero_phase_lowpass
-from pellucid.signals.low_pass import butterworth, chebyshev, settled
+from pellucid.numerics.filters import central_difference, decimate, local_cubic, runs, zero_phase_lowpass
+from pellucid.numerics.low_pass import butterworth, chebyshev, settled
 
 FS = 1000.0
 TIME = np.arange(4000) / FS

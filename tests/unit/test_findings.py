@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
-from pellucid.procedures.findings import collect_findings, finders
-from pellucid.procedures.joint import findings
-from pellucid.procedures.tree import findings as of_a_robot
+from pellucid.arm.study import findings as of_a_robot
+from pellucid.joint.study import findings
+from pellucid.models.parameter import VERDICT_KINDS, Verdict, rank_verdicts
+from pellucid.study.procedures.findings import collect_findings, finders
 
 FILE = '''"""A joint that is cold."""
 
-from pellucid.fit.parameter import Verdict
+from pellucid.models.parameter import Verdict
 
 
 def find(case):

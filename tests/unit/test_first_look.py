@@ -2,20 +2,20 @@
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.study import record_in_memory, write_study
 from test_identify_transfer import HEAD
 
 from pellucid._errors import StudyError
-from pellucid.fit.transfer.best_linear_approximation import BestLinearApproximation
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.study import record_in_memory, write_study
-from pellucid.models.transfer_function import TransferFunction
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify, report
-from pellucid.procedures.transfer_function.first_look import first_looks
-from pellucid.procedures.transfer_function.transfer_function_table import TransferFunctionTable
-from pellucid.protocols.protocol import protocol
-from pellucid.protocols.random_phase_multisine import random_phase_multisine
+from pellucid.numerics.protocols.protocol import protocol
+from pellucid.numerics.protocols.random_phase_multisine import random_phase_multisine
+from pellucid.orthosis.study.transfer_function.first_look import first_looks
+from pellucid.orthosis.study.transfer_function.transfer_function_table import TransferFunctionTable
+from pellucid.orthosis.transfer.best_linear_approximation import BestLinearApproximation
+from pellucid.orthosis.transfer_function import TransferFunction
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify, report
 
 SHORT = {"multisine.asked": True, "multisine.realisations": 3, "multisine.periods": 2, "multisine.resolution": 0.2}
 """A first look of a few seconds."""
@@ -124,8 +124,8 @@ def test_the_command_writes_what_a_controller_plays(tmp_path):
 
 
 def test_a_rig_without_end_is_refused():
-    from pellucid.lab.known_rigs import parse_rig
-    from pellucid.lab.shipped_rigs import shipped_rig
+    from pellucid_lab.known_rigs import parse_rig
+    from pellucid_lab.shipped_rigs import shipped_rig
 
     text = shipped_rig("bench-joint").replace("realisations = 7", "realisations = 900")
     with pytest.raises(StudyError, match="realisations"):

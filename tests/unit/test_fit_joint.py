@@ -146,6 +146,6 @@ def test_what_a_transfer_function_cannot_come_from(changes, said):
 
 @pytest.mark.parametrize("module", ["joint.fit_joint", "transfer.fit_transfer_function"])
 def test_examples_run(module):
-    found = doctest.testmod(import_module(f"pellucid.fit.{module}"))
+    found = doctest.testmod(import_module(f"pellucid.numerics.{module}"))
     assert found.attempted
     assert not found.failed

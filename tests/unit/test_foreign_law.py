@@ -9,35 +9,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from pellucid._errors import PellucidError
-from pellucid.control.instruments import Instruments
-from pellucid.control.tree_laws import carried, with_force_sensor
-from pellucid.control.worn import WornCompensator
-from pellucid.deployment.microcontroller import missing_tools
-from pellucid.lab.arm.card_law import card_of
-from pellucid.lab.arm.human_motion import generated_motion
-from pellucid.lab.arm.rig import able_arm
-from pellucid.lab.arm.wearer import drawn_people
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.knee.drawn import drawn_rig
-from pellucid.lab.knee.gait import walking
-from pellucid.lab.knee.protocol import walking_trial
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.trial import run_trial
-from pellucid.lab.pointing.conditions import identify_cards
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import simulate_session
-from pellucid.lab.safety import worn_knee
-from pellucid.lab.safety.worn_robot import make_worn_robot
-from pellucid.models.tree_card import COLUMNS
-from pellucid.ranking import foreign_law
-from pellucid.ranking.arm import ArmInUse
-from pellucid.ranking.board import add_to_board, share_over_before
-from pellucid.ranking.foreign_cost import count_instructions
-from pellucid.ranking.foreign_elbow import elbow_law_of
-from pellucid.ranking.foreign_law import (
+from pellucid_lab.arm.card_law import card_of
+from pellucid_lab.arm.human_motion import generated_motion
+from pellucid_lab.arm.rig import able_arm
+from pellucid_lab.arm.wearer import drawn_people
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.knee.drawn import drawn_rig
+from pellucid_lab.knee.gait import walking
+from pellucid_lab.knee.protocol import walking_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.knee.trial import run_trial
+from pellucid_lab.pointing.conditions import identify_cards
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import simulate_session
+from pellucid_lab.ranking import foreign_law
+from pellucid_lab.ranking.arm import ArmInUse
+from pellucid_lab.ranking.board import add_to_board, share_over_before
+from pellucid_lab.ranking.foreign_cost import count_instructions
+from pellucid_lab.ranking.foreign_elbow import elbow_law_of
+from pellucid_lab.ranking.foreign_law import (
     STOPPED_WORDS,
     ForeignLaw,
     ForeignLaws,
@@ -45,12 +36,21 @@ from pellucid.ranking.foreign_law import (
     stopped_words,
     why_stopped,
 )
-from pellucid.ranking.knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
-from pellucid.ranking.rank import rank, rank_task, rows_of
-from pellucid.ranking.ranking_page import write_ranking
-from pellucid.ranking.strategies import SWING_TASK, strategies_of_task
-from pellucid.ranking.tried import ControllerTrial
-from pellucid.ranking.watched_knee import IdentifiedDrive, WatchedController
+from pellucid_lab.ranking.knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
+from pellucid_lab.ranking.rank import rank, rank_task, rows_of
+from pellucid_lab.ranking.ranking_page import write_ranking
+from pellucid_lab.ranking.strategies import SWING_TASK, strategies_of_task
+from pellucid_lab.ranking.tried import ControllerTrial
+from pellucid_lab.ranking.watched_knee import IdentifiedDrive, WatchedController
+from pellucid_lab.safety import worn_knee
+from pellucid_lab.safety.worn_robot import make_worn_robot
+
+from pellucid._errors import PellucidError
+from pellucid.controllers.export.microcontroller import missing_tools
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.tree_laws import carried, with_force_sensor
+from pellucid.controllers.worn import WornCompensator
+from pellucid.models.tree_card import COLUMNS
 
 RIG = knee_orthosis()
 """Orthosis whose supervisor watches the laws."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.protocols.excitation import multisine
-from pellucid.protocols.fourier import (
+from pellucid.numerics.protocols.excitation import multisine
+from pellucid.numerics.protocols.fourier import (
     EXCITATION_CRITERIA,
     FourierSeries,
     excitation_cost,

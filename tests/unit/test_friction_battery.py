@@ -23,7 +23,7 @@ HALF_ADDED = {
         "square_root: friction.hpp does not say what it resists by",
     ),
     "not counted by the supervisor": (
-        "control/supervised.py",
+        "controllers/supervised.py",
         "        if name is not None:\n",
         "        if name is not None and speed != 0.5:\n",
         "square_root: the supervisor does not count it",
@@ -35,7 +35,7 @@ HALF_ADDED = {
         "stribeck: the limits do not count it",
     ),
     "advice that no finding gives": (
-        "procedures/joint/findings/weak_parameter.py",
+        "joint/study/findings/weak_parameter.py",
         "term.advice for term in TERMS}",
         'term.advice for term in TERMS if term.name != "square_root"}',
         "square_root: its advice cannot be reached",

@@ -11,10 +11,10 @@ from term_battery import LOAD, friction_of, law_with
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import IdentificationError, StudyError
-from pellucid.control.control_law import LAWS
-from pellucid.control.joint_compensation import carried, suggested_limits
-from pellucid.control.supervised import body_of, body_resistance
-from pellucid.models.carried_friction import SteadyStates
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.joint_compensation import carried, suggested_limits
+from pellucid.controllers.supervised import body_of, body_resistance
+from pellucid.joint.fit.carried_friction import SteadyStates
 from pellucid.models.fields import largest_friction, model_fields
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.joint import NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME

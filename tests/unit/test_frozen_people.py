@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-
-from pellucid.lab.pointing.rig import elbow_people
+from pellucid_lab.pointing.rig import elbow_people
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "frozen-people.md").read_text(encoding="utf-8")

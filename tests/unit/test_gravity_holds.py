@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.joint.gravity_holds import (
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.gravity_holds import (
     Hold,
     accuracy,
     added_gravity,
@@ -13,7 +14,6 @@ from pellucid.fit.joint.gravity_holds import (
     fit_gravity,
     line_of_best_fit,
 )
-from pellucid.fit.parameter import Parameter
 
 THESIS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 90.0])
 MGL = 1.524

@@ -1,6 +1,6 @@
 """Faults that recordings share are told once, whatever their severity; what differs stays apart."""
 
-from pellucid.recordings.fault import Fault, grouped_messages
+from pellucid.files.fault import Fault, grouped_messages
 
 
 def missing_position(number: int, found: str = "only torque") -> Fault:

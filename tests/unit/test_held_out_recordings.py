@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.study import record_in_memory
 from test_cocontraction import STUDY, TIME
 from test_identify_coupling import BENCH, RIG, WORN, swings
 from test_markers import frozen, trial
 
 from pellucid._errors import RecordingError
-from pellucid.lab.study import record_in_memory
-from pellucid.procedures.coupling.identify_coupling import identify_worn
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import cocontraction
-from pellucid.signals.markers import slider_geometry
+from pellucid.joint.slider.markers import slider_geometry
+from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import cocontraction
 
 
 def held_out(recording):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.models.hill import FREE_QUANTITIES, MUSCLE_QUANTITIES, FreeParameter, HillData, HillModel, HillMuscle
+from pellucid.emg.models.hill import FREE_QUANTITIES, MUSCLE_QUANTITIES, FreeParameter, HillData, HillModel, HillMuscle
 
 MUSCLES = (
     HillMuscle("vastus_lateralis", 0.084, 0.157, 1871.0, 0.087),

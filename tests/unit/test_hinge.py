@@ -5,9 +5,9 @@ import pytest
 from inertial_motion import turned_hinge
 
 from pellucid._errors import PellucidError
-from pellucid.signals.hinge import find_hinge
-from pellucid.signals.hinge_angle import hinge_angle
-from pellucid.signals.inertial import Inertial
+from pellucid.orthosis.imu.hinge import find_hinge
+from pellucid.orthosis.imu.hinge_angle import hinge_angle
+from pellucid.orthosis.imu.inertial import Inertial
 
 
 def first_seconds(made, stop=10.0):

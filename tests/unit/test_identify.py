@@ -6,16 +6,16 @@ import shutil
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint, matched
+from pellucid_lab.study import write_study
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.lab.bench.rig import bench_joint, matched
-from pellucid.lab.study import write_study
+from pellucid.joint.study.joint_result import rows_of
 from pellucid.models.card import read_card
-from pellucid.procedures.compare import compare
-from pellucid.procedures.joint.joint_result import rows_of
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.studies.results import read_rows
+from pellucid.study.procedures.compare import compare
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
+from pellucid.study.results import read_rows
 
 SLOW = {"motion_range.velocity": 0.25, "motion_range.acceleration": 2.0, "drive.current_noise": 0.4}
 

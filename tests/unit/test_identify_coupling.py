@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
+from pellucid_lab.knee.protocol import torque_trial as torque
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.strap_options import without_strap_options
+from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.transfer.transfer_function_fit import fit_percent
-from pellucid.lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
-from pellucid.lab.knee.protocol import torque_trial as torque
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.strap_options import without_strap_options
-from pellucid.lab.study import record_in_memory, write_study
-from pellucid.pages.page import write_page
-from pellucid.procedures.coupling.coupling_page import page
-from pellucid.procedures.coupling.identify_coupling import faults, identify_coupling, identify_worn
-from pellucid.recordings.recording import Channel
-from pellucid.studies.study import Study
+from pellucid.files.recording import Channel
+from pellucid.orthosis.study.coupling.coupling_page import page
+from pellucid.orthosis.study.coupling.identify_coupling import faults, identify_coupling, identify_worn
+from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
+from pellucid.study.pages.page import write_page
+from pellucid.study.study import Study
 
 RIG = knee_orthosis().strapped(without_strap_options())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""

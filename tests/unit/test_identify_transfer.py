@@ -5,10 +5,10 @@ import pytest
 
 from pellucid._errors import IdentificationError
 from pellucid.models.parameter_card import read_parameter_card
-from pellucid.models.transfer_function import TransferFunction
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
-from pellucid.procedures.run import report as write_report
+from pellucid.orthosis.transfer_function import TransferFunction
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
+from pellucid.study.procedures.run import report as write_report
 
 HEAD = """
 name = "joint"

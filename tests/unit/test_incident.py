@@ -5,9 +5,9 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS
+from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.incident import CHECKSUM_FACTOR, CHECKSUM_START, parse_incident, read_incident
 from pellucid.models.fields import model_fields
-from pellucid.recordings.incident import CHECKSUM_FACTOR, CHECKSUM_START, parse_incident, read_incident
 
 PERIOD = 1e-3
 STOP_AT = 300

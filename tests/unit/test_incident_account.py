@@ -7,11 +7,11 @@ import pytest
 
 import pellucid as pl
 from pellucid.cli import app
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.instruments import Instruments
-from pellucid.procedures.incident import IncidentAccount
-from pellucid.procedures.incident_page import write_incident_page
-from pellucid.recordings.incident import CHECKSUM_FACTOR, CHECKSUM_START, parse_incident
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.incident import CHECKSUM_FACTOR, CHECKSUM_START, parse_incident
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.study.incident import IncidentAccount
+from pellucid.controllers.study.incident_page import write_incident_page
 
 PERIOD = 1e-3
 FAULT_AT = 400

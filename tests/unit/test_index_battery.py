@@ -7,7 +7,7 @@ from copied_package import copied_package, run_copied
 from index_battery import faults
 
 TESTS = Path(__file__).parents[1]
-CATALOGUE = "assessment/indices.py"
+CATALOGUE = "people/indices.py"
 RUN = f"import sys\nsys.path.append({str(TESTS)!r})\nfrom index_battery import faults\nprint(*faults(), sep='\\n')\n"
 HALF_ADDED = {
     "no words": ('words="Mean velocity"', 'words=""', "vmean: has no words"),

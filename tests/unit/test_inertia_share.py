@@ -5,8 +5,8 @@ import pytest
 from test_tree_laws import arm, with_joint_numbers
 
 from pellucid._errors import PellucidError
-from pellucid.control import tree_laws
-from pellucid.control.inertia_share import (
+from pellucid.controllers import tree_laws
+from pellucid.controllers.inertia_share import (
     INERTIA_SHARE_STEP,
     MIN_INERTIA_MARGIN,
     inertia_margin,

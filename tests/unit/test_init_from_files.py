@@ -11,20 +11,20 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid._errors import UnfitRecordingError
 from pellucid.cli import app
-from pellucid.inference.angle_units import find_angle_unit, find_unsigned_bits
-from pellucid.inference.assign_roles import TableHints, assign_roles
-from pellucid.inference.clocks import find_clock
-from pellucid.inference.derivatives import find_derivatives
-from pellucid.inference.emg_spectrum import is_raw_emg
-from pellucid.inference.flat_arrays import find_flat_shape
-from pellucid.inference.motion_efforts import motion_samples, unit_by_weight
-from pellucid.inference.repeated_motions import find_repeated_motion
-from pellucid.proposals.given_files import read_given
-from pellucid.proposals.propose_study import propose_study
-from pellucid.proposals.questions import MAX_QUESTION_COUNT
-from pellucid.proposals.study_text import study_text
-from pellucid.recordings.name_evidence import read_name
-from pellucid.recordings.stated_units import split_unit
+from pellucid.files.name_evidence import read_name
+from pellucid.files.stated_units import split_unit
+from pellucid.start.given_files import read_given
+from pellucid.start.inference.angle_units import find_angle_unit, find_unsigned_bits
+from pellucid.start.inference.assign_roles import TableHints, assign_roles
+from pellucid.start.inference.clocks import find_clock
+from pellucid.start.inference.derivatives import find_derivatives
+from pellucid.start.inference.emg_spectrum import is_raw_emg
+from pellucid.start.inference.flat_arrays import find_flat_shape
+from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.start.inference.repeated_motions import find_repeated_motion
+from pellucid.start.propose_study import propose_study
+from pellucid.start.questions import MAX_QUESTION_COUNT
+from pellucid.start.study_text import study_text
 from pellucid.units import to_si_factor
 
 

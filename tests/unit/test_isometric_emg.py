@@ -6,15 +6,15 @@ from made_emg import FS, raw_emg
 
 import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
+from pellucid.emg.study.emg_torque.emg_faults import emg_faults
+from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.emg.study.emg_torque.used_muscles import ignored_channel_verdicts
+from pellucid.emg.study.study_chain import find_notch, mains_verdicts, notch_frequencies, study_chain
 from pellucid.models.parameter_card import read_parameter_card
-from pellucid.procedures.emg_torque.emg_faults import emg_faults
-from pellucid.procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
-from pellucid.procedures.emg_torque.used_muscles import ignored_channel_verdicts
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check
-from pellucid.procedures.study_chain import find_notch, mains_verdicts, notch_frequencies, study_chain
-from pellucid.studies.quality import cut_faults, left_out_fault
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check
+from pellucid.study.quality import cut_faults, left_out_fault
 
 STUDY = """
 name = "isometric"

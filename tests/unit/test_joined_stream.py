@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.joint.aligned_motions import align_recordings, aligned_motions
-from pellucid.procedures.joint.joined_clocks import find_clocks
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, identify
+from pellucid.joint.study.aligned_motions import align_recordings, aligned_motions
+from pellucid.joint.study.joined_clocks import find_clocks
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, identify
 
 STUDY = """name = "bench"
 [rig]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.tree.recorded_tree import robot_of
+from pellucid.arm.study.recorded_tree import robot_of
+from pellucid.study.procedures.registry import open_study
 
 HEAD = """name = "arm"
 [tree]

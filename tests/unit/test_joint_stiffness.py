@@ -7,11 +7,11 @@ import made_muscles as made
 import numpy as np
 import pytest
 
-from pellucid.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
-from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.procedures.emg_torque import estimator_cards, stiffness_findings
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
-from pellucid.procedures.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.study.emg_torque import estimator_cards, stiffness_findings
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_muscles_at_rest_give_the_tissue_alone(found):
     limp = tuple(replace(m, numbers={**m.numbers, "passive_scale": 0.0, "damping": 0.0}) for m in card.muscles)
     quiet = replace(along, envelopes={c: np.zeros(len(along)) for c in along.envelopes})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pellucid.estimators.joint_stiffness._move_parameter", lambda card, fit, i, by: card)
+        patch.setattr("pellucid.emg.estimators.joint_stiffness._move_parameter", lambda card, fit, i, by: card)
         one = joint_stiffness(replace(card, muscles=limp), fit, quiet)
     assert np.allclose(one.value["short_range"], card.joints[0].stiffness, rtol=0, atol=1e-9)
     assert np.allclose(one.value["slope"], card.joints[0].stiffness, rtol=0, atol=1e-9)
@@ -82,7 +82,7 @@ def test_what_is_known_well_leaves_what_muscles_differ_by(found, stiffness):
     fit = calibrated.causal["knee", "hill"].fit
     known = SimpleNamespace(z=fit.z, problem=fit.problem, at_bound=np.zeros(len(fit.z), bool))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pellucid.estimators.joint_stiffness.covariance", lambda fit: np.zeros((len(fit.z),) * 2))
+        patch.setattr("pellucid.emg.estimators.joint_stiffness.covariance", lambda fit: np.zeros((len(fit.z),) * 2))
         sure = joint_stiffness(cards["emg_knee_hill"], known, along)
     share = sure.whole.error["short_range"] / sure.whole.value["short_range"]
     assert 0.02 < share < 0.3

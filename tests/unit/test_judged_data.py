@@ -12,11 +12,11 @@ from test_onset import study as onset_study
 from test_synergies import study as synergies_study
 
 import pellucid as pl
-from pellucid.fit.regression import stack
-from pellucid.fit.tree.identify_tree import identify_tree
-from pellucid.procedures.joint.aligned_motions import aligned_motions
-from pellucid.procedures.registry import open_study
-from pellucid.signals.judged import JudgedDataInFitError
+from pellucid.arm.fit.identify_tree import identify_tree
+from pellucid.joint.study.aligned_motions import aligned_motions
+from pellucid.numerics.judged import JudgedDataInFitError
+from pellucid.numerics.regression import stack
+from pellucid.study.procedures.registry import open_study
 
 FITTED_TWICE = """
 [[recordings]]
@@ -111,7 +111,7 @@ def test_held_out_motions_are_of_a_type_that_no_regression_takes(joint, tmp_path
     assert len(stack([m for m in motions if m.split == "fitted"]).motions) == 2
     with pytest.raises(JudgedDataInFitError, match=r"found held-out data \(judged\), expected fitted recordings only"):
         stack(motions)
-    from pellucid.procedures.tree.recorded_tree import recorded_tree
+    from pellucid.arm.study.recorded_tree import recorded_tree
 
     robot, motions = recorded_tree(pl.open(arm_study(tmp_path / "arm")))
     with pytest.raises(JudgedDataInFitError, match="identify_tree: found held-out data"):

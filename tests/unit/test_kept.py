@@ -8,14 +8,14 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from pellucid.fit.parameter import Parameter, Verdict
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.result import FigureTable, ParameterTable, Result
-from pellucid.recordings import keepers_mark, kept_columns
-from pellucid.recordings.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.studies import code_fingerprint
-from pellucid.studies.kept import TREE_KEY, keep_result, read_kept
-from pellucid.studies.results import ResultRow
+from pellucid.files import keepers_mark, kept_columns
+from pellucid.files.keepers_mark import SEAL_LENGTH, mark, seal
+from pellucid.models.parameter import Parameter, Verdict
+from pellucid.study import code_fingerprint
+from pellucid.study.kept import TREE_KEY, keep_result, read_kept
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.result import FigureTable, ParameterTable, Result
+from pellucid.study.results import ResultRow
 
 
 def result():
@@ -121,7 +121,7 @@ def packed(path, tree):
 
 @pytest.mark.parametrize(
     "kind",
-    ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.fit.parameter:nothing", "subprocess:Popen", ""],
+    ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.models.parameter:nothing", "subprocess:Popen", ""],
 )
 def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
     tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": kind, "v": {"args": "echo"}}})
@@ -129,9 +129,9 @@ def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
 
 
 def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
-    tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": "pellucid.fit.parameter:Verdict", "v": {"kind": "good"}}})
+    tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": "pellucid.models.parameter:Verdict", "v": {"kind": "good"}}})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
-    whole = {"d": "pellucid.fit.parameter:Verdict", "v": vars(Verdict("a", "b"))}
+    whole = {"d": "pellucid.models.parameter:Verdict", "v": vars(Verdict("a", "b"))}
     tree = json.dumps({"made_from": "fresh", TREE_KEY: whole})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") == Verdict("a", "b")
 

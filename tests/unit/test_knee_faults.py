@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-
-from pellucid.lab.safety import worn_knee
-from pellucid.lab.safety.fault_table import FAULT_KINDS
-from pellucid.lab.safety.worn_knee import KINDS, draw_worn_knee, try_worn_law
+from pellucid_lab.safety import worn_knee
+from pellucid_lab.safety.fault_table import FAULT_KINDS
+from pellucid_lab.safety.worn_knee import KINDS, draw_worn_knee, try_worn_law
 
 TUNING_KNEE_SEED = 301
 """Seed of the knee: one on which thresholds may be chosen."""

@@ -5,13 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from pellucid import _core
-from pellucid._errors import StudyError
-from pellucid.lab.init import start_study
-from pellucid.lab.knee.drawn import STRAP_EFFECT_RANGES, drawn_rig, drawn_strap
-from pellucid.lab.knee.instruments import draw_mounting, rotation, take_imu
-from pellucid.lab.knee.protocol import (
+from pellucid_lab.init import start_study
+from pellucid_lab.knee.drawn import STRAP_EFFECT_RANGES, drawn_rig, drawn_strap
+from pellucid_lab.knee.instruments import draw_mounting, rotation, take_imu
+from pellucid_lab.knee.protocol import (
     Faults,
     KneeTrial,
     bench_trials,
@@ -22,12 +19,15 @@ from pellucid.lab.knee.protocol import (
     swing_trial,
     torque_trial,
 )
-from pellucid.lab.knee.rig import KneeRig, knee_orthosis
-from pellucid.lab.knee.trial import run_trial
-from pellucid.lab.known_rigs import rig_text
-from pellucid.lab.simulate import simulate
-from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
-from pellucid.lab.study import record_in_memory, write_study
+from pellucid_lab.knee.rig import KneeRig, knee_orthosis
+from pellucid_lab.knee.trial import run_trial
+from pellucid_lab.known_rigs import rig_text
+from pellucid_lab.simulate import simulate
+from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
+from pellucid_lab.study import record_in_memory, write_study
+
+from pellucid import _core
+from pellucid._errors import StudyError
 from pellucid.models.joint import GRAVITY
 
 RIG = knee_orthosis()

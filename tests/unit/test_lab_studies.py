@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pellucid_lab.knee.rig import NAMES as PLANT
+from pellucid_lab.known_rigs import load_rig, parse_rig, rig_names
+from pellucid_lab.pointing.rig import PointingRig
+from pellucid_lab.recorded_table import MAIN_STREAM, Column, StoredTable
+from pellucid_lab.rig import Taken
+from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
+from pellucid_lab.study import study_config
+from pellucid_lab.study_text import study_text
 
 from pellucid._errors import StudyError
-from pellucid.lab.knee.rig import NAMES as PLANT
-from pellucid.lab.known_rigs import load_rig, parse_rig, rig_names
-from pellucid.lab.pointing.rig import PointingRig
-from pellucid.lab.recorded_table import MAIN_STREAM, Column, StoredTable
-from pellucid.lab.rig import Taken
-from pellucid.lab.strap_options import STRAP_OPTIONS, without_strap_options
-from pellucid.lab.study import study_config
-from pellucid.lab.study_text import study_text
-from pellucid.procedures.registry import open_study
-from pellucid.protocols.reversals import REVERSALS_NAME
+from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid.study.procedures.registry import open_study
 
 KEPT = Path(__file__).parents[1] / "data" / "5239fe4" / "lab"
 """Each rig's file and the study.toml that `simulate` wrote of it with seed 1, as of that commit."""
@@ -42,7 +42,7 @@ def pretended(rig):
             knee = trial.subject.rest + rig["posture"]["goniometer"] * once.standard_normal(2)[0]
             entry = {"channels": {"angle.knee": {**streams[MAIN_STREAM][1].spec, "offset": round(float(knee), 4)}}}
         if isinstance(rig, PointingRig):
-            from pellucid.lab.pointing.instruments import COMMON_COLUMNS, ROBOT_COLUMNS
+            from pellucid_lab.pointing.instruments import COMMON_COLUMNS, ROBOT_COLUMNS
 
             own = COMMON_COLUMNS if trial.condition == "Ctrl" else (*COMMON_COLUMNS, *ROBOT_COLUMNS)
             streams_of_block = {**empty, MAIN_STREAM: StoredTable(own, np.empty((0, len(own))))}

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.law_fuzz import fuzz
-from pellucid.deployment.c_folder import write_c_folder
-from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.replay_vector import (
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.export.c_folder import write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.replay_vector import (
     INIT_EVENT,
     MEMORY_EVENT,
     POWER_ON_EVENT,
@@ -22,8 +23,7 @@ from pellucid.deployment.replay_vector import (
     SUPERVISOR_VARIANTS,
     replay_vector,
 )
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.controllers.law_fuzz import fuzz
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.fields import model_fields
 from pellucid.models.simulate import substeps_for

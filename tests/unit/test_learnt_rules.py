@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.transparent_laws import with_rules
-from pellucid.estimators.learnt_rules import (
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.transparent_laws import with_rules
+from pellucid.emg.estimators.learnt_rules import (
     ANGLE_RULE_COUNT,
     SPEED_RULE_COUNT,
     LearntRules,

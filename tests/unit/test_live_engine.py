@@ -17,12 +17,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pellucid_lab.live import virtual_elbow, virtual_knee
 
 import pellucid as pl
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.supervised import body_of
-from pellucid.lab.live import virtual_elbow, virtual_knee
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.supervised import body_of
+from pellucid.files.readers import xdf
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.region import Region
@@ -31,7 +32,6 @@ from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_
 from pellucid.live.shared_memory import remove_dead_regions
 from pellucid.live.stream_ring import StreamRing
 from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
-from pellucid.recordings.readers import xdf
 
 PATIENCE_S = 30.0
 
@@ -161,7 +161,7 @@ def test_a_law_stops_when_its_session_is_silent(elbow, tmp_path):
 SESSION_PROGRAM = """
 import json, sys, time
 from pathlib import Path
-from pellucid.lab.live import virtual_elbow
+from pellucid_lab.live import virtual_elbow
 from pellucid.live.engine import LiveEngine
 folder = Path(sys.argv[1])
 engine = LiveEngine.start(virtual_elbow(conditions=("Ctrl", "unpowered")), folder, ordinary=True)

@@ -12,10 +12,10 @@ import time
 import pytest
 from live_rig import HELD_TORQUE, live_rig
 
+from pellucid.files.xdf_writer import scan_xdf
 from pellucid.live.replay import read_session
-from pellucid.recordings.xdf_writer import scan_xdf
-from pellucid.session import live_session
-from pellucid.session.live_session import OPERATOR_AWAY_S
+from pellucid.live.session import live_session
+from pellucid.live.session.live_session import OPERATOR_AWAY_S
 
 DISARMED_S = 0.5
 """A law is without effort and power at most this long after what disarms it [s]."""
@@ -264,7 +264,7 @@ def test_a_full_disk_is_named_disarms_the_law_and_ends_nothing_else(rig, when, m
     assert told["type"] == "refused"
     assert "the recorder" in told["why"]
     monkeypatch.undo()
-    monkeypatch.setattr("pellucid.session.run_session.evaluate", lambda study: (None, []))
+    monkeypatch.setattr("pellucid.live.session.run_session.evaluate", lambda study: (None, []))
     rig.until(lambda: rig.session._recorder_problem == "")  # there is room again
     rig.until_powered()
     rig.operator.act("end_trial")

@@ -17,10 +17,10 @@ from scripted_browser import NARROW_PX, PATIENCE_S, Players, browser, served
 from test_live_session import session_of
 
 from pellucid.live.region import Region
-from pellucid.procedures.registry import open_study
-from pellucid.session import run_session
-from pellucid.session.new_session import start_session_study
-from pellucid.session.page_server import sample_packet, shown_histogram
+from pellucid.live.session import run_session
+from pellucid.live.session.new_session import start_session_study
+from pellucid.live.session.page_server import sample_packet, shown_histogram
+from pellucid.study.procedures.registry import open_study
 
 CONTROLS = {
     "elbow": {"yes", "full", "start", "stop", "reset", "repeat", "end_trial", "accept", "skip_rest", "participant-link",
@@ -86,7 +86,7 @@ def recorded_events(folder, name):
 
 
 def test_every_control_of_both_pages_is_used_by_the_scripted_browser():
-    pages = files("pellucid.session").joinpath("page")
+    pages = files("pellucid.live.session").joinpath("page")
     text = "".join(pages.joinpath(f"{role}.html").read_text(encoding="utf-8") for role in ("operator", "participant"))
     there = set(re.findall(r"<(?:button|input|a)\b[^>]*?\bid=\"([^\"]+)\"", text))
     assert set().union(*CONTROLS.values()) == there

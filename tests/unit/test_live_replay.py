@@ -5,8 +5,8 @@ import pytest
 
 import pellucid as pl
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.supervisor_faults import FAULT_NAMES
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.supervisor_faults import FAULT_NAMES
 from pellucid.live import layout
 from pellucid.live.replay import conditions_of, replay_records, replay_session
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text

@@ -8,17 +8,17 @@ import pytest
 from scipy.optimize import least_squares
 
 import pellucid as pl
-from pellucid.fit.joint.drive_constant import estimate_drive_constant
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.joint_estimate import make_estimate
-from pellucid.fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.regression import stack
+from pellucid.joint.fit.drive_constant import estimate_drive_constant
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.joint_estimate import make_estimate
+from pellucid.joint.fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
+from pellucid.joint.study.findings import load_friction_tied
+from pellucid.joint.study.findings.drive_constant import find as find_drive_constant
+from pellucid.joint.study.identify_joint import identify_joint
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.findings import load_friction_tied
-from pellucid.procedures.joint.findings.drive_constant import find as find_drive_constant
-from pellucid.procedures.joint.identify_joint import identify_joint
-from pellucid.signals.motion import Filtering, motion_of
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.regression import stack
 
 GRAVITY = 9.80665
 JOINTS = 4

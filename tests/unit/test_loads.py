@@ -2,20 +2,20 @@
 
 import numpy as np
 import pytest
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import simulate_session
 from test_elbow_laws import COHERENT, LIMB, PLACE, POOLED
 from test_export_elbow import study  # noqa: F401
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.control.control_law import JOINT_LAW, LAWS, TRANSPARENT_LAW, ControlLaw
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.elbow_laws import position_control
-from pellucid.control.supervised import body_of, supervised
-from pellucid.control.transparent_laws import expecting_load, transparent, with_load, with_rules, with_support
-from pellucid.deployment.elbow_values import elbow_values
-from pellucid.fit.joint.lifted_load import Lift, estimate_load
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import simulate_session
+from pellucid.controllers.control_law import JOINT_LAW, LAWS, TRANSPARENT_LAW, ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import position_control
+from pellucid.controllers.export.elbow_values import elbow_values
+from pellucid.controllers.supervised import body_of, supervised
+from pellucid.controllers.transparent_laws import expecting_load, transparent, with_load, with_rules, with_support
+from pellucid.joint.fit.lifted_load import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 
@@ -111,7 +111,7 @@ def test_laws_without_a_load_have_the_numbers_that_they_had():
 def test_the_wearer_leans_on_the_robot_with_what_it_supports():
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(1), count=6)[0]
-    from pellucid.lab.pointing.conditions import identify_cards
+    from pellucid_lab.pointing.conditions import identify_cards
 
     card, place = identify_cards(rig.robot)["load"], person.slider(rig)
     pressed = {}

@@ -5,12 +5,12 @@ import pytest
 from locked_bench import RATE_HZ, bench, write_bench
 
 import pellucid as pl
-from pellucid.fit.joint.spring_fit import fit_spring
-from pellucid.inference.locked_spring import find_locked_spring
-from pellucid.inference.processing_choice import choose_processing
-from pellucid.proposals.given_files import read_given
-from pellucid.proposals.propose_study import propose_study
-from pellucid.signals.motion import Filtering, motion_of
+from pellucid.joint.fit.spring_fit import fit_spring
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.start.given_files import read_given
+from pellucid.start.inference.locked_spring import find_locked_spring
+from pellucid.start.inference.processing_choice import choose_processing
+from pellucid.start.propose_study import propose_study
 
 TWO = {"time [s]": "time", "motor_angle [rad]": "motor", "output_angle [rad]": "output", "torque [N*m]": "torque"}
 ONE = {"time [s]": "time", "position [rad]": "motor", "torque [N*m]": "torque"}

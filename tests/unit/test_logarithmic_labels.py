@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.drawing.drawing import Drawing, draw, one_panel
+from pellucid.study.drawing.drawing import Drawing, draw, one_panel
 
 
 def power_law() -> Drawing:

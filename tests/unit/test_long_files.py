@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pellucid.recordings import kept_columns as keeping
-from pellucid.recordings.readers import _number_table, csv
-from pellucid.recordings.readers.read import read_columns
+from pellucid.files import kept_columns as keeping
+from pellucid.files.readers import _number_table, csv
+from pellucid.files.readers.read import read_columns
 
 DRAWN = np.random.default_rng(7)
 NUMBERS = [

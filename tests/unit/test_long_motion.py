@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.joint.friction_solver import solve_family, solve_from_part
-from pellucid.fit.regression import Stack, stack
+from pellucid.joint.fit.friction_solver import solve_family, solve_from_part
 from pellucid.models.joint import joint_model
-from pellucid.signals import long_motion
-from pellucid.signals.filters import decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
-from pellucid.signals.long_motion import pieces, thinned
-from pellucid.signals.motion import Filtering, motion_of
+from pellucid.numerics import long_motion
+from pellucid.numerics.filters import decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
+from pellucid.numerics.long_motion import pieces, thinned
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.regression import Stack, stack
 
 FS = 500.0
 FILTERING = Filtering(lowpass=20.0, order=4, decimate=5, dead_band=0.05, trim=100)

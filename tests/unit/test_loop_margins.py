@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 from pellucid._errors import PellucidError
-from pellucid.control.coupling import Coupling, friction_slope
-from pellucid.control.residual_compensator import Law, bears_all, design, within, worst_margins
-from pellucid.control.stability import (
+from pellucid.controllers.coupling import Coupling, friction_slope
+from pellucid.controllers.residual_compensator import Law, bears_all, design, within, worst_margins
+from pellucid.controllers.stability import (
     RATE_RATIOS,
     LinearSystem,
     bears,
@@ -24,7 +25,6 @@ from pellucid.control.stability import (
 )
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard
-from pellucid.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 PERIOD = 0.002
 KNEE = Coupling(

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.recordings import Channel, OpticalRecording, Recording
-from pellucid.signals.markers import axis_of_rotation, clock_offset, geometry_faults, slider_geometry
-from pellucid.studies.study_file import Slider
+from pellucid.files import Channel, OpticalRecording, Recording
+from pellucid.joint.slider.markers import axis_of_rotation, clock_offset, geometry_faults, slider_geometry
+from pellucid.study.study_file import Slider
 
 FS, ROBOT_FS = 179.0, 500.0
 NOISE = 0.0003

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.equivalence import Margin, equivalence
-from pellucid.assessment.mixed_model import mixed_model
+from pellucid.people.equivalence import Margin, equivalence
+from pellucid.people.mixed_model import mixed_model
 
 
 def movements(rng, people=8, repeats=12, change=0.1, own=0.05, learning=0.0):
@@ -67,7 +67,7 @@ def test_without_control_the_level_is_the_change(rng):
 
 def test_no_answer_is_told_and_decides_nothing(rng, monkeypatch):
     value, who, under, _ = movements(rng)
-    monkeypatch.setattr("pellucid.assessment.mixed_model.OPTIMISER_SEQUENCE", ())
+    monkeypatch.setattr("pellucid.people.mixed_model.OPTIMISER_SEQUENCE", ())
     found = mixed_model(value, who, under, {})
     assert "did not come to rest" in found.trouble
     assert found.equivalence(Margin.either_way(9.0)).verdict == "undecided"

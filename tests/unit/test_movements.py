@@ -5,7 +5,8 @@ import pytest
 from made_pointing import minimum_jerk
 
 from pellucid._errors import RecordingError
-from pellucid.signals.movements import (
+from pellucid.numerics.speed import moving_samples, tangential_speed
+from pellucid.people.movements import (
     MovementRule,
     kinematics,
     movements,
@@ -13,7 +14,6 @@ from pellucid.signals.movements import (
     ringing_share,
     target_stretches,
 )
-from pellucid.signals.speed import moving_samples, tangential_speed
 
 FS = 200.0
 RAW = MovementRule(lowpass=20.0)

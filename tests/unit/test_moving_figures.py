@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pellucid.drawing.drawing import draw
-from pellucid.fit.strap.wearer_coupling import EvaluatedSwing
-from pellucid.pages.moving import MovingDrawing
-from pellucid.procedures.assessment.assessment_figures import FRAME_COUNT, _moving_limbs, tones
-from pellucid.procedures.assessment.assessment_result import Profile
-from pellucid.procedures.coupling.coupling_figures import MISMATCH_MAGNIFICATION, mismatch_figure
-from pellucid.procedures.slider import moving_slider_figures
+from pellucid.joint.slider.study import moving_slider_figures
+from pellucid.orthosis.strap.wearer_coupling import EvaluatedSwing
+from pellucid.orthosis.study.coupling.coupling_figures import MISMATCH_MAGNIFICATION, mismatch_figure
+from pellucid.people.study.assessment_figures import FRAME_COUNT, _moving_limbs, tones
+from pellucid.people.study.assessment_result import Profile
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.moving import MovingDrawing
 
 TIME = np.arange(0.0, 20.0, 0.05)
 SWUNG = 0.7 + 0.6 * np.sin(2.0 * TIME)

@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from pellucid.control.coupling import Coupling
-from pellucid.lab.knee.moving_thigh import (
+from pellucid_lab.knee.moving_thigh import (
     LawWithFootSwitch,
     LawWithThighSensor,
     MovingThigh,
@@ -16,8 +14,10 @@ from pellucid.lab.knee.moving_thigh import (
     thigh_trial,
     walking_thigh,
 )
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.trial import run_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.knee.trial import run_trial
+
+from pellucid.controllers.coupling import Coupling
 from pellucid.models.joint import GRAVITY
 
 STEP_S = 1e-4

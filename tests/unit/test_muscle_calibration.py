@@ -7,12 +7,12 @@ import pytest
 from made_muscles import trial
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
-from pellucid.fit.muscles.muscle_freedom import CALIBRATION_STAGES
-from pellucid.fit.muscles.muscle_information import (
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
+from pellucid.emg.fit.muscle_calibration import MuscleProblem, solve_calibration
+from pellucid.emg.fit.muscle_freedom import CALIBRATION_STAGES
+from pellucid.emg.fit.muscle_information import (
     cost_profile,
     count_bounds_reported_as_estimates,
     covariance,

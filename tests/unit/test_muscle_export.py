@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid.models.hill import HillData, HillModel, HillMuscle
-from pellucid.models.muscle_card import CARD_KIND, CalibratedMuscles
+from pellucid.emg.files.ceinms_writer import mean_curves, write_subject
+from pellucid.emg.files.ceinms_xml import read_subject
+from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers, read_calibrated
+from pellucid.emg.files.osim import read_model
+from pellucid.emg.files.osim_paths import read_paths
+from pellucid.emg.files.osim_writer import write_osim
+from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
+from pellucid.emg.models.muscle_card import CARD_KIND, CalibratedMuscles
 from pellucid.models.parameter_card import ParameterCard
-from pellucid.recordings.ceinms_writer import mean_curves, write_subject
-from pellucid.recordings.muscle_remark import MuscleRemark, osim_numbers, read_calibrated
-from pellucid.recordings.osim_writer import write_osim
-from pellucid.recordings.readers.ceinms_xml import read_subject
-from pellucid.recordings.readers.osim import read_model
-from pellucid.recordings.readers.osim_paths import read_paths
 
 LEG = Path(__file__).parents[1] / "data" / "osim" / "leg_4.osim"
 NAMES = {"vasti": "coupled", "soleus--deep": "on_foot"}

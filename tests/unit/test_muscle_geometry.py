@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from pellucid.models.muscle_geometry import muscle_table
+from pellucid.emg.models.muscle_geometry import muscle_table
 
 TABLE = muscle_table()
 NAMES = tuple(TABLE.geometry)
@@ -110,7 +110,7 @@ def test_lengths_are_those_of_opensim(data_folder, file, hip):
 
 def test_walking_turns_the_hip_and_the_foot_too(data_folder):
     """Angles that the table takes for 0 cost millimetres of length, and hardly any moment arm."""
-    from pellucid.recordings.readers import read_columns
+    from pellucid.files.readers import read_columns
 
     folder = data_folder / "lower_limb_walking"
     table = columns(folder / "walk36_geometry.csv")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.estimators.muscle_source import MuscleSource
-from pellucid.models.muscle_polynomial import fit_muscle_polynomial
-from pellucid.procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants, study_geometry, study_muscles
-from pellucid.recordings.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
-from pellucid.recordings.readers.osim_paths import read_paths
+from pellucid.emg.estimators.muscle_source import MuscleSource
+from pellucid.emg.files.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
+from pellucid.emg.files.osim_paths import read_paths
+from pellucid.emg.models.muscle_polynomial import fit_muscle_polynomial
+from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants, study_geometry, study_muscles
 
 LEG = Path(__file__).parents[1] / "data" / "osim" / "leg_4.osim"
 NAMES = {"vasti": "coupled", "rectus": "cylinder", "tibialis": "on_foot"}

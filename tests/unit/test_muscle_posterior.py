@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
+from pellucid.emg.fit.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from made_muscles import across
 
-from pellucid.estimators.cross_validation import score
-from pellucid.estimators.hill_together import fit_together
-from pellucid.estimators.never_recorded import fit_unrecorded_muscles
-from pellucid.fit.muscles.coupled_priors import Timing
+from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.hill_together import fit_together
+from pellucid.emg.estimators.never_recorded import fit_unrecorded_muscles
+from pellucid.emg.fit.coupled_priors import Timing
 
 QUICK = {"weights": (0.01,), "timings": (Timing(0.04),)}
 

@@ -4,14 +4,14 @@ import json
 import sys
 
 import pytest
+from pellucid_lab import papers as room
+from pellucid_lab.papers.figure import Figures, figure
+from pellucid_lab.papers.paper import Paper, paper
+from pellucid_lab.papers.printed import papers
+from pellucid_lab.papers.reproduce import reproduce
 
-from pellucid import papers as room
 from pellucid._errors import PellucidError
-from pellucid.papers.figure import Figures, figure
-from pellucid.papers.paper import Paper, paper
-from pellucid.papers.printed import papers
-from pellucid.papers.reproduce import reproduce
-from pellucid.studies.results import read_rows
+from pellucid.study.results import read_rows
 
 PRINTED = """
 name = "tides"
@@ -32,8 +32,8 @@ COMPUTED = '''
 
 import numpy as np
 
-from pellucid.papers.figure import figure
-from pellucid.papers.paper import Paper
+from pellucid_lab.papers.figure import figure
+from pellucid_lab.papers.paper import Paper
 from pellucid._processes import ordered_results
 
 SEEDS = range(4)
@@ -64,7 +64,7 @@ def folder(tmp_path, monkeypatch):
     (made / "paper.py").write_text(COMPUTED, encoding="utf-8")
     monkeypatch.setattr(room, "__path__", [*room.__path__, str(made.parent)])
     yield made
-    for name in [name for name in sys.modules if name.startswith("pellucid.papers.tides")]:
+    for name in [name for name in sys.modules if name.startswith("pellucid_lab.papers.tides")]:
         del sys.modules[name]
 
 

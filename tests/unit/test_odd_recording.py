@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from pellucid.joint.study.findings import odd_recording
 from pellucid.models.joint import GRAVITY
-from pellucid.procedures.joint.findings import odd_recording
 
 
 def prediction(rng, name, mass=0.0, distance=0.25):

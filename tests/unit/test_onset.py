@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from pellucid_lab.emg_synthesis import motor_unit_noise
 
 from pellucid._errors import RecordingError
-from pellucid.lab.emg_synthesis import motor_unit_noise
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, onset, report
-from pellucid.signals.emg_onset import activations, teager_kaiser
+from pellucid.emg.signals.emg_onset import activations, teager_kaiser
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, onset, report
 
 FS = 1500.0
 TABLE = {"band": (10.0, 450.0), "median_frequency": 90.0}
@@ -117,7 +117,7 @@ def test_a_check_searches_no_onset(tmp_path, monkeypatch):
     def search(*arguments, **options):
         raise AssertionError("it searched the onsets")
 
-    monkeypatch.setattr("pellucid.procedures.onset.find_onsets.activations", search)
+    monkeypatch.setattr("pellucid.emg.study.onset.find_onsets.activations", search)
     assert not check(study(tmp_path / "bursts"))
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.registry import open_study
-from pellucid.recordings import OpticalRecording
-from pellucid.studies import inspect, require_sound
+from pellucid.files import OpticalRecording
+from pellucid.study import inspect, require_sound
+from pellucid.study.procedures.registry import open_study
 
 RAIL = '[rig.slider]\nlow = "80 mm"\nhigh = "24 cm"\nmarker = "C"\n'
 OPTICAL = '[optical]\ntime = { column = "time", unit = "s" }\nunit = "mm"\nmarkers = ["C", "R1"]\ndown = [0, 0, -2]\n'
@@ -159,8 +159,8 @@ def test_the_schema_for_editors_knows_the_optical_keys(make_optical):
 
     import jsonschema
 
-    from pellucid.procedures.registry import study_model
-    from pellucid.studies.study_file import json_schema
+    from pellucid.study.procedures.registry import study_model
+    from pellucid.study.study_file import json_schema
 
     raw = tomllib.loads((make_optical().folder / "study.toml").read_text())
     jsonschema.validate(raw, json_schema(study_model()))

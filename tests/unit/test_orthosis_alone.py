@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.strap.orthosis_alone import fit_orthosis
-from pellucid.fit.transfer.pendulum_fit import evaluate_pendulum
-from pellucid.procedures.coupling.coupling_figures import response_figure
-from pellucid.procedures.coupling.coupling_result import _headline, _verdicts
-from pellucid.signals.input_output import InputOutput
+from pellucid.orthosis.input_output import InputOutput
+from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
+from pellucid.orthosis.study.coupling.coupling_figures import response_figure
+from pellucid.orthosis.study.coupling.coupling_result import _headline, _verdicts
+from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum
 
 INERTIA, DAMPING, GRAVITY, COULOMB = 0.048, 0.05, 1.55, 0.04
 FS = 500.0
@@ -93,7 +93,7 @@ def test_nothing_to_fit_is_refused():
 def test_a_judged_recording_whose_simulation_diverges_is_named_and_refuses_nothing(found, monkeypatch):
     check = sine(0.7, 0.7, rng=np.random.default_rng(5), split="heldout")
     # As about the upright posture, where the end of a long record follows no more from its start.
-    monkeypatch.setattr("pellucid.models.pendulum.MAX_END_SHIFT_RAD", 0.0)
+    monkeypatch.setattr("pellucid.orthosis.pendulum.MAX_END_SHIFT_RAD", 0.0)
     response = evaluate_pendulum(found.pendulum, check)
     assert response.diverges
     assert np.isnan(response.simulated).all()

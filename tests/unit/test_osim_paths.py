@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid.recordings.readers.osim_paths import read_paths
+from pellucid.emg.files.osim_paths import read_paths
 
 DATA = Path(__file__).parents[1] / "data" / "osim"
 LEG = json.loads((DATA / "leg.json").read_text(encoding="utf-8"))

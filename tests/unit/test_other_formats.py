@@ -13,10 +13,10 @@ from evidence._healthy import WRITERS, swing
 from pyarrow import ipc, parquet
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid.recordings.readers import Columns, mat, mcap, read_columns, ros_bag
-from pellucid.recordings.readers._unread_formats import UNREAD_FORMATS
-from pellucid.recordings.readers._wall_clock import stamp_seconds
-from pellucid.recordings.readers.read import readers_by_ending
+from pellucid.files.readers import Columns, mat, mcap, read_columns, ros_bag
+from pellucid.files.readers._unread_formats import UNREAD_FORMATS
+from pellucid.files.readers._wall_clock import stamp_seconds
+from pellucid.files.readers.read import readers_by_ending
 
 T = np.arange(50) / 100.0
 Q = np.sin(3.0 * T)

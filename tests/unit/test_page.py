@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pellucid.drawing.drawing import draw
-from pellucid.drawing.style import COLOURS
-from pellucid.pages.page import Page, Section, Tile, write_page
-from pellucid.pages.tables import Row, Table
-from pellucid.procedures.slider import direction_figures as figures
+from pellucid.joint.slider.study import direction_figures as figures
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.drawing.style import COLOURS
+from pellucid.study.pages.page import Page, Section, Tile, write_page
+from pellucid.study.pages.tables import Row, Table
 
 MODELS = ("without", "directional", "directional and load")
 RIGS = ("exact gears", "worn gears", "as on the bench", "no direction at all")

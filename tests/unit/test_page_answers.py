@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pellucid.drawing.drawing import Drawing, draw
-from pellucid.fit.parameter import Verdict
-from pellucid.pages.forest import Estimate, forest
-from pellucid.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, without_drawing, write_page
-from pellucid.pages.quantities import percent, typeset_sentence, value_and_half_interval
-from pellucid.pages.tables import Row, Table
-from pellucid.pages.values import Value, marked_up, plain_text
-from pellucid.procedures.joint import joint_page as module
-from pellucid.procedures.joint.joint_page import page as joint_page
-from pellucid.procedures.joint.joint_result import rows_of
-from pellucid.procedures.run import _one_page
-from pellucid.procedures.study_page import study_page
-from pellucid.procedures.tree.tree_page import _verdict as robot_verdict
+from pellucid.arm.study.tree_page import _verdict as robot_verdict
+from pellucid.joint.study import joint_page as module
+from pellucid.joint.study.joint_page import page as joint_page
+from pellucid.joint.study.joint_result import rows_of
+from pellucid.models.parameter import Verdict
+from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.forest import Estimate, forest
+from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, without_drawing, write_page
+from pellucid.study.pages.quantities import percent, typeset_sentence, value_and_half_interval
+from pellucid.study.pages.tables import Row, Table
+from pellucid.study.pages.values import Value, marked_up, plain_text
+from pellucid.study.procedures.run import _one_page
+from pellucid.study.procedures.study_page import study_page
 
 VALUE = re.compile(r'<data value="([^"]+)" data-id="([^"]+)">([^<]+)</data>')
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from evidence._page_colours import colour_distance, contrast, delta_e
 
-from pellucid.drawing.style import COLOURS
+from pellucid.study.drawing.style import COLOURS
 
 SERIES = ("measured", "fitted", "heldout", "good", "wrong", "symmetric", "directional", "load", "stribeck", "combined",
           "root")  # fmt: skip

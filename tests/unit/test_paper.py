@@ -6,9 +6,9 @@ import pytest
 from evidence._healthy import healthy
 
 import pellucid
-from pellucid.procedures.paper import write_paper
-from pellucid.procedures.result_tables import ParameterTable
-from pellucid.procedures.run import run
+from pellucid.people.study.paper import write_paper
+from pellucid.study.procedures.result_tables import ParameterTable
+from pellucid.study.procedures.run import run
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ import pytest
 from evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
-from pellucid.fit.joint.parameter_drift import find_parameter_drift
-from pellucid.fit.regression import Solution
+from pellucid.joint.fit.parameter_drift import find_parameter_drift
+from pellucid.numerics.regression import Solution
 
 
 @pytest.fixture(scope="module")

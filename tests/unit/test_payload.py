@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.tree.drive_gains import gains_from_desired, gains_from_payload
-from pellucid.fit.tree.fit_tree import UNDETERMINED_REASON
-from pellucid.fit.tree.friction_terms import PLAIN_TERMS
-from pellucid.fit.tree.payload import identify_payload, with_drive_gains
+from pellucid.arm.fit.drive_gains import gains_from_desired, gains_from_payload
+from pellucid.arm.fit.fit_tree import UNDETERMINED_REASON
+from pellucid.arm.fit.friction_terms import PLAIN_TERMS
+from pellucid.arm.fit.payload import identify_payload, with_drive_gains
+from pellucid.arm.pseudo_inertia import least_eigenvalue
+from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
-from pellucid.models.pseudo_inertia import least_eigenvalue
+from pellucid.models.parameter import Parameter
 from pellucid.models.robot import Robot
-from pellucid.signals.tree_motion import TreeMotion
 
 GAINS = np.array([6.0, 9.0, 4.0])
 LOAD = Link.about_centre("lower", 1.5, (0.25, 0.03, 0.05), (0.004, 0.0, 0.0, 0.006, 0.0, 0.005)).numbers

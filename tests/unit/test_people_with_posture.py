@@ -4,16 +4,16 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from pellucid_lab.known_rigs import load_rig
+from pellucid_lab.pointing.people import draw_people, parameter_names, person_model
+from pellucid_lab.pointing.rig import PeopleRig, elbow_participants, elbow_people
+from pellucid_lab.pointing.session import Unpowered, simulate_session
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.known_rigs import load_rig
-from pellucid.lab.pointing.people import draw_people, parameter_names, person_model
-from pellucid.lab.pointing.rig import PeopleRig, elbow_participants, elbow_people
-from pellucid.lab.pointing.session import Unpowered, simulate_session
 
 RIG = elbow_people()
-TEXT = (files("pellucid.lab") / "rigs" / "elbow-people.toml").read_text(encoding="utf-8")
+TEXT = (files("pellucid_lab") / "rigs" / "elbow-people.toml").read_text(encoding="utf-8")
 
 
 def test_the_rig_is_one_of_the_package_and_its_people_wear_the_same_robot():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pellucid.recordings.personal_fields import find_personal_columns, find_personal_lines, personal_kind
+from pellucid.files.personal_fields import find_personal_columns, find_personal_lines, personal_kind
 
 
 @pytest.mark.parametrize(

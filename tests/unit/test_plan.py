@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, StudyError
-from pellucid.assessment.equivalence import Margin
-from pellucid.assessment.equivalence_power import Active, find_equivalence_participants, participants_for_changes
-from pellucid.procedures.assessment.plan import plan
-from pellucid.procedures.registry import open_study
+from pellucid.people.equivalence import Margin
+from pellucid.people.equivalence_power import Active, find_equivalence_participants, participants_for_changes
+from pellucid.people.study.plan import plan
+from pellucid.study.procedures.registry import open_study
 
 STUDY = """name = "planned"
 [rig]

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.assessment.measured_study import measure
-from pellucid.procedures.assessment.pointing import (
+from pellucid.files.optical import OpticalRecording
+from pellucid.files.recording import Channel, Recording
+from pellucid.people.emg_timing import emg_lead
+from pellucid.people.movements import MovementRule, kinematics
+from pellucid.people.study.measured_study import measure
+from pellucid.people.study.pointing import (
     drop_mistaken,
     labelled_amplitudes,
     pointing_record,
     recordings_with_condition,
     with_rule,
 )
-from pellucid.procedures.assessment.pointing_faults import pointing_faults
-from pellucid.procedures.assessment.procedure import AssessmentTable as Assessment
-from pellucid.recordings.optical import OpticalRecording
-from pellucid.recordings.recording import Channel, Recording
-from pellucid.signals.emg_timing import emg_lead
-from pellucid.signals.movements import MovementRule, kinematics
+from pellucid.people.study.pointing_faults import pointing_faults
+from pellucid.people.study.procedure import AssessmentTable as Assessment
 
 SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.fit.posterior.ensemble import drawn, settled
-from pellucid.fit.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
-from pellucid.fit.posterior.posterior import posterior_of
-from pellucid.fit.uncertainty import sandwich_covariance
+from pellucid.numerics.posterior.ensemble import drawn, settled
+from pellucid.numerics.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
+from pellucid.numerics.posterior.posterior import posterior_of
+from pellucid.numerics.uncertainty import sandwich_covariance
 
 WIDE = 1e6
 

@@ -5,20 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid._errors import PellucidError
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.posterior.posterior import DrawnParameter, Posterior
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
-from pellucid.procedures.posterior_beside import (
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.posterior.posterior import DrawnParameter, Posterior
+from pellucid.study.procedures.posterior_beside import (
     ComparedPosterior,
     pair_with_posterior,
     posterior_table,
     posterior_verdicts,
 )
-from pellucid.procedures.result import FigureTable
+from pellucid.study.procedures.result import FigureTable
 
 
 def drawn(name, centre, spread, **more):

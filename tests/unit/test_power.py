@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.cluster import cluster
-from pellucid.assessment.power import participants_for_effects, participants_needed, power_curve
+from pellucid.people.cluster import cluster
+from pellucid.people.power import participants_for_effects, participants_needed, power_curve
 
 
 def pilot(n=200, spread=0.1, seed=3):
@@ -120,7 +120,7 @@ def test_a_dask_cluster_gives_what_one_machine_gives():
 
 def test_a_scheduler_that_nobody_answers_for_is_refused(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pellucid.assessment.cluster.SCHEDULER_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("pellucid.people.cluster.SCHEDULER_TIMEOUT_S", 0.5)
     with (
         pytest.raises(PellucidError, match=r"found no answer at tcp://127\.0\.0\.1:9"),
         cluster("tcp://127.0.0.1:9"),

@@ -4,21 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.presliding import Presliding, estimate_presliding, position_resolution, with_presliding
-from pellucid.fit.joint.replay import Machine, simulate_recording
-from pellucid.fit.regression import stack
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.presliding import Presliding, estimate_presliding, position_resolution, with_presliding
+from pellucid.joint.fit.replay import Machine, simulate_recording
 from pellucid.models.card import read_card, write_card
 from pellucid.models.joint import NAMES, joint_model
-from pellucid.protocols.protocol import protocol
-from pellucid.protocols.reversals import reversals
-from pellucid.signals.motion import Filtering, motion_of
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.protocols.protocol import protocol
+from pellucid.numerics.protocols.reversals import reversals
+from pellucid.numerics.regression import stack
 
 FILTERING = Filtering(20.0, 4, 25, 0.0, 100)
 RIG = bench_joint()

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from pellucid import cli
 from pellucid._printed_command import printed_command, printed_commands
-from pellucid.studies.drawn_report import ReportPlace
+from pellucid.study.drawn_report import ReportPlace
 
 SOURCES = Path(__file__).parents[2] / "src" / "pellucid"
 

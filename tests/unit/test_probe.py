@@ -7,9 +7,9 @@ import pytest
 
 import pellucid as pl
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.instruments import Instruments
-from pellucid.control.probe import (
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.probe import (
     MAX_PROBE_SHARE,
     MAX_UNHEARD_S,
     PROBE_ACCELERATION,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from evidence.posterior import calibration_rows, coverage_rows, muscle, ranks
 
-from pellucid.fit.parameter import Parameter
-from pellucid.fit.posterior.posterior import DrawnParameter
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.posterior.posterior import DrawnParameter
 
 pytestmark = pytest.mark.slow
 

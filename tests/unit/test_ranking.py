@@ -6,14 +6,11 @@ from html import unescape
 
 import numpy as np
 import pytest
-
-from pellucid._errors import PellucidError
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
-from pellucid.ranking.law_certificate import certificate_words, certify_controller
-from pellucid.ranking.rank import rank, rank_task, rows_of
-from pellucid.ranking.ranking_page import write_ranking
-from pellucid.ranking.strategies import (
+from pellucid_lab.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
+from pellucid_lab.ranking.law_certificate import certificate_words, certify_controller
+from pellucid_lab.ranking.rank import rank, rank_task, rows_of
+from pellucid_lab.ranking.ranking_page import write_ranking
+from pellucid_lab.ranking.strategies import (
     CONTROLLER_FIELDS,
     POINTING_TASK,
     RANKED_STRATEGIES,
@@ -23,8 +20,11 @@ from pellucid.ranking.strategies import (
     sensors_read,
     strategies_of_task,
 )
-from pellucid.ranking.transparency_indices import TRANSPARENCY_INDICES
-from pellucid.ranking.tried import ControllerTrial, given_and_taken_power
+from pellucid_lab.ranking.transparency_indices import TRANSPARENCY_INDICES
+from pellucid_lab.ranking.tried import ControllerTrial, given_and_taken_power
+
+from pellucid._errors import PellucidError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 
 
 def made_up(task, pairs=8, seed=1):

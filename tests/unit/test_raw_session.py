@@ -6,7 +6,7 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError
-from pellucid.estimators.raw_session import MIN_RECORDING_S, RawChannels
+from pellucid.emg.estimators.raw_session import MIN_RECORDING_S, RawChannels
 
 MUSCLES = ("vastus", "hamstring", "soleus")
 

@@ -8,9 +8,9 @@ import pytest
 import scipy.io
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.registry import open_study
-from pellucid.recordings import Channel, channels_toml, write_csv, write_text_atomically
-from pellucid.recordings.readers import read_columns
+from pellucid.files import Channel, channels_toml, write_csv, write_text_atomically
+from pellucid.files.readers import read_columns
+from pellucid.study.procedures.registry import open_study
 
 
 def text(tmp_path, content, name="a.csv", encoding="utf-8"):

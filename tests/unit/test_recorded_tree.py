@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError, StudyError
-from pellucid.fit.tree import friction_terms
+from pellucid.arm.fit import friction_terms
+from pellucid.arm.study.recorded_tree import recorded_tree, robot_of
+from pellucid.arm.study.tree_table import FURTHER_TERMS
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
-from pellucid.procedures.registry import asked, open_study
-from pellucid.procedures.run import check
-from pellucid.procedures.tree.recorded_tree import recorded_tree, robot_of
-from pellucid.procedures.tree.tree_table import FURTHER_TERMS
+from pellucid.study.procedures.registry import asked, open_study
+from pellucid.study.procedures.run import check
 
 STUDY = """name = "arm"
 [tree]

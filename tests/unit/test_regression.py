@@ -7,14 +7,14 @@ import pytest
 from motions import TRUTH, motion_of, vector_of
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.joint.consistency import enforce_pseudo_inertia, least_inertia
-from pellucid.fit.joint.drive_constant import estimate_drive_constant
-from pellucid.fit.joint.friction_solver import solve_family
-from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
-from pellucid.fit.regression import regression_rows, stack
+from pellucid.joint.fit.consistency import enforce_pseudo_inertia, least_inertia
+from pellucid.joint.fit.drive_constant import estimate_drive_constant
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.reweighting import solve_robust, solve_weighted
+from pellucid.joint.study.drive_sign import require_sign
 from pellucid.models.joint import JointModel, joint_model
-from pellucid.procedures.joint.drive_sign import require_sign
-from pellucid.signals.motion import Filtering
+from pellucid.numerics.motion import Filtering
+from pellucid.numerics.regression import regression_rows, stack
 
 
 def model(family="symmetric", **options):

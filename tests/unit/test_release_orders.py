@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 from made_muscles import trial
-
-from pellucid.fit.muscles.muscle_calibration import MuscleProblem
-from pellucid.papers.hill.release_orders import (
+from pellucid_lab.papers.hill.release_orders import (
     ALL_AT_ONCE,
     HELD_AFTER_RELEASE,
     RELEASE_METHODS,
@@ -14,12 +12,14 @@ from pellucid.papers.hill.release_orders import (
     calibrate_in_order,
     released_in_turn,
 )
-from pellucid.papers.hill.training import TRAINED_QUANTITIES
+from pellucid_lab.papers.hill.training import TRAINED_QUANTITIES
+
+from pellucid.emg.fit.muscle_calibration import MuscleProblem
 
 
 @pytest.fixture(scope="module")
 def problem():
-    from pellucid.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
+    from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 
     made = trial(true={"strength.vastus_lateralis": 1.4, "shape": -0.5})
     muscles = find_driven_muscles([made])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pellucid import datasets
 from pellucid._errors import RecordingError
-from pellucid.signals.repetitions import find_repetitions
+from pellucid.emg.signals.repetitions import find_repetitions
+from pellucid.study import datasets
 
 FS = 100.0
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.joint.replay import Machine, is_bounded, replay, simulate_recording
+from pellucid.joint.fit.replay import Machine, is_bounded, replay, simulate_recording
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.recorded_motions import motions_of
+from pellucid.study.recorded_motions import motions_of
 
 
 def unstable(viscous):

@@ -8,13 +8,15 @@ import fabricate
 import numpy as np
 import pytest
 
-from pellucid.drawing.drawing import draw
-from pellucid.drawing.line_points import broken, outline
-from pellucid.drawing.style import COLOURS, css_variables
-from pellucid.fit.parameter import Parameter
+from pellucid.joint.study import joint_figures as figures
+from pellucid.joint.study.series import busiest, join_stretches, running_median
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.pages.quantities import (
+from pellucid.models.parameter import Parameter
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.drawing.line_points import broken, outline
+from pellucid.study.drawing.style import COLOURS, css_variables
+from pellucid.study.pages.quantities import (
     number,
     parameter_interval,
     percent,
@@ -23,9 +25,7 @@ from pellucid.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from pellucid.pages.series import busiest, join_stretches, running_median
-from pellucid.procedures.joint import joint_figures as figures
-from pellucid.procedures.run import report as write_report
+from pellucid.study.procedures.run import report as write_report
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "use", "path"}
 

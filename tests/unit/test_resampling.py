@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.signals.resampling import linear
+from pellucid.numerics.resampling import linear
 
 
 @pytest.mark.parametrize("span", [(3.0, 5.0), (-1.0, 0.5), (9.5, 12.0), (-3.0, -2.0), (20.0, 21.0), (4.0, 4.0)])

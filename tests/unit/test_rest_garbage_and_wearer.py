@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.fit.joint.friction_drift import find_friction_drift
-from pellucid.procedures.joint.static_postures import posture_page
-from pellucid.procedures.joint.velocity_faults import velocity_faults
-from pellucid.recordings.defects.magnitude import find_implausible
-from pellucid.recordings.defects.worn import find_worn
-from pellucid.recordings.recording import Channel
-from pellucid.studies import inspect
+from pellucid.files.defects.magnitude import find_implausible
+from pellucid.files.defects.worn import find_worn
+from pellucid.files.recording import Channel
+from pellucid.joint.fit.friction_drift import find_friction_drift
+from pellucid.joint.study.static_postures import posture_page
+from pellucid.joint.study.velocity_faults import velocity_faults
+from pellucid.study import inspect
 from pellucid.units import parse_quantity
 
 WITH_VELOCITY = ("[processing]", 'velocity = { column = "v", unit = "rad/s" }\n\n[processing]')
@@ -198,7 +198,7 @@ def test_a_worn_hip_is_found_and_a_machine_is_not(make_study, seed):
 
 
 def test_a_worn_robot_is_said_first_and_nothing_is_moved(make_study):
-    from pellucid.procedures.joint.aligned_motions import find_alignments
+    from pellucid.joint.study.aligned_motions import find_alignments
 
     columns = worn(0)
     study = make_study(columns, ("[processing]", 'desired_current = { column = "d", unit = "A" }\n\n[processing]'))

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid import lab, procedures
-from pellucid.procedures.result import Result
+from pellucid import LAB as lab
+from pellucid.study import procedures
+from pellucid.study.procedures.result import Result
 
 
 @pytest.fixture(scope="module")

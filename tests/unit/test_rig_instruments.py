@@ -6,12 +6,12 @@ import pytest
 
 import pellucid
 from pellucid._errors import StudyError
-from pellucid.control.coupling import Coupling
-from pellucid.control.instruments import Instruments
-from pellucid.control.residual_compensator import design
-from pellucid.control.worn import WornCompensator
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.rig_instruments import rig_instruments
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.residual_compensator import design
+from pellucid.controllers.study.rig_instruments import rig_instruments
+from pellucid.controllers.worn import WornCompensator
+from pellucid.study.procedures.registry import open_study
 
 ONE = """
 name = "bench"
@@ -130,7 +130,7 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path, text, found, given, 
 
 def test_what_is_stated_later_leaves_a_card_valid(tmp_path):
     """The cards' inputs leave instruments out, as they leave out limits."""
-    from pellucid.procedures.card_sources import _without_keys
+    from pellucid.study.procedures.card_sources import _without_keys
 
     table = {"motion": "rotary", "instruments": {"probe": True}, "joints": [{"instruments": {}, "limits": {}}]}
     assert _without_keys(table, "instruments") == {"motion": "rotary", "joints": [{"limits": {}}]}

@@ -4,13 +4,13 @@ import made_pointing
 import numpy as np
 import pytest
 
-from pellucid.assessment.index_table import IndexTable
-from pellucid.assessment.indices import INDICES
-from pellucid.pages.quantities import cell_text, number, typeset_quantities, without_negative_zero
-from pellucid.procedures.assessment.primary_change import change_of_table
-from pellucid.procedures.run import assess
-from pellucid.session.running_indices import SHOWN_INDEX_NAMES, RunningIndices
-from pellucid.session.torque_estimate import TorqueEstimator
+from pellucid.live.session.running_indices import SHOWN_INDEX_NAMES, RunningIndices
+from pellucid.live.session.torque_estimate import TorqueEstimator
+from pellucid.people.index_table import IndexTable
+from pellucid.people.indices import INDICES
+from pellucid.people.study.primary_change import change_of_table
+from pellucid.study.pages.quantities import cell_text, number, typeset_quantities, without_negative_zero
+from pellucid.study.procedures.run import assess
 
 
 def shorter(person, condition, time, angle, target, emg_time):

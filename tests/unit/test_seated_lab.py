@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pellucid_lab.known_rigs import rig_text
+from pellucid_lab.seated.muscles import torque_at_rest
+from pellucid_lab.seated.protocol import seated_trials
+from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
+from pellucid_lab.seated.subject import subjects
+from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid._errors import IdentificationError, StudyError
-from pellucid.fit.swing import swing_information
-from pellucid.lab.known_rigs import rig_text
-from pellucid.lab.seated.muscles import torque_at_rest
-from pellucid.lab.seated.protocol import seated_trials
-from pellucid.lab.seated.rig import SeatedRig, load_seated_rig
-from pellucid.lab.seated.subject import subjects
-from pellucid.lab.study import record_in_memory, write_study
+from pellucid.emg.models.muscle_geometry import muscle_table
 from pellucid.models.joint import GRAVITY
-from pellucid.models.muscle_geometry import muscle_table
-from pellucid.procedures.loaded_swing.identify_loaded_swing import identify_swings
-from pellucid.procedures.loaded_swing.loaded_swing_page import _panels
+from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import identify_swings
+from pellucid.orthosis.study.loaded_swing.loaded_swing_page import _panels
+from pellucid.orthosis.swing import swing_information
 
 pytestmark = pytest.mark.slow
 

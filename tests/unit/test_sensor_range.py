@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.recordings.defects.sensor_range import agrees_at_limit, sensor_ends
+from pellucid.files.defects.sensor_range import agrees_at_limit, sensor_ends
 
 RATE_HZ = 250.0
 INERTIA, WEIGHT, VISCOUS, COULOMB = 0.054, 2.0, 0.1, 0.2

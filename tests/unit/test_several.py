@@ -4,14 +4,14 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 from typer.testing import CliRunner
 
 from pellucid.cli import app
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
-from pellucid.procedures.several import Outcome, identify_several, table_of
-from pellucid.studies.results import read_rows
-from pellucid.terminal import _print_first_line, remaining_text, share_text
+from pellucid.study.procedures.several import Outcome, identify_several, table_of
+from pellucid.study.results import read_rows
+from pellucid.study.terminal import _print_first_line, remaining_text, share_text
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_a_table_over_none_has_no_columns_of_parameters():
 
 
 def test_progress_without_a_terminal_goes_on_while_a_step_lasts(capsys, monkeypatch):
-    monkeypatch.setattr("pellucid.terminal.FIRST_PROGRESS_S", 0.05)
+    monkeypatch.setattr("pellucid.study.terminal.FIRST_PROGRESS_S", 0.05)
     with _print_first_line() as tell:
         tell("fitting", 0.5)
         time.sleep(0.4)
@@ -83,7 +83,7 @@ def test_a_decimal_is_told_where_a_percent_takes_longer_than_two_seconds():
 
 
 def test_before_a_prediction_the_time_so_far_is_told(capsys, monkeypatch):
-    monkeypatch.setattr("pellucid.terminal.FIRST_PROGRESS_S", 0.05)
+    monkeypatch.setattr("pellucid.study.terminal.FIRST_PROGRESS_S", 0.05)
     with _print_first_line() as tell:
         tell("reading", 0.0)
         time.sleep(0.12)

@@ -9,15 +9,15 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
-from pellucid.fit.parameter import Parameter, Verdict
+from pellucid.models.parameter import Parameter, Verdict
 from pellucid.models.parameter_card import ParameterCard
-from pellucid.pages.page import Page, Section
-from pellucid.procedures import registry
-from pellucid.procedures.procedure import Procedure, quiet
-from pellucid.procedures.result import ParameterTable, Result
-from pellucid.procedures.run import run
-from pellucid.studies import read_rows
-from pellucid.studies.results import ResultRow
+from pellucid.study import read_rows
+from pellucid.study.pages.page import Page, Section
+from pellucid.study.procedures import registry
+from pellucid.study.procedures.procedure import Procedure, quiet
+from pellucid.study.procedures.result import ParameterTable, Result
+from pellucid.study.procedures.run import run
+from pellucid.study.results import ResultRow
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def test_families_are_of_a_joint_alone(both, monkeypatch):
 
 
 def test_where_one_runs_its_own_result_is_returned(make_study):
-    from pellucid.procedures.joint.joint_result import JointResult
+    from pellucid.joint.study.joint_result import JointResult
 
     found = pl.identify(make_study(), families=["symmetric"], thorough=False)
     assert type(found) is JointResult

@@ -20,10 +20,10 @@ from evidence._exports_read import (
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.deployment.simulator_folder import describe_simulator_model, write_simulator_folder
-from pellucid.deployment.simulator_model import joint_simulator_model, require_bodies, tree_simulator_model
+from pellucid.controllers.export.simulator_folder import describe_simulator_model, write_simulator_folder
+from pellucid.controllers.export.simulator_model import joint_simulator_model, require_bodies, tree_simulator_model
 from pellucid.models.card import write_card
-from pellucid.studies.study_file import JointLimits
+from pellucid.study.study_file import JointLimits
 
 EQUAL = 1e-6
 

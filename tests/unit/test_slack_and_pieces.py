@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.emg_torque.procedure import MIN_PIECE_S
-from pellucid.procedures.procedure import Procedure
-from pellucid.procedures.result import Result
-from pellucid.procedures.run import _run
-from pellucid.recordings.cut import Cut
-from pellucid.recordings.defects import clipped, dropouts, gaps
-from pellucid.recordings.defects.watched import WatchedRecording
-from pellucid.recordings.pieces import pieces_between_cuts
-from pellucid.recordings.recording import Channel, Recording, make_cut
+from pellucid.emg.study.emg_torque.procedure import MIN_PIECE_S
+from pellucid.files.cut import Cut
+from pellucid.files.defects import clipped, dropouts, gaps
+from pellucid.files.defects.watched import WatchedRecording
+from pellucid.files.pieces import pieces_between_cuts
+from pellucid.files.recording import Channel, Recording, make_cut
+from pellucid.study.procedures.procedure import Procedure
+from pellucid.study.procedures.result import Result
+from pellucid.study.procedures.run import _run
 
 FS = 500.0
 

@@ -7,21 +7,21 @@ import tomllib
 
 import numpy as np
 import pytest
+from pellucid_lab.elbow import protocol as elbow_protocol
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid_lab.init import start_study
+from pellucid_lab.known_rigs import rig_names, rig_text
+from pellucid_lab.simulate import study_name
+from pellucid_lab.study import write_study
 from typer.testing import CliRunner
 
 import pellucid
 from pellucid import cli
 from pellucid._errors import PellucidError, StudyError
-from pellucid.lab.elbow import protocol as elbow_protocol
-from pellucid.lab.elbow.protocol import trials
-from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid.lab.init import start_study
-from pellucid.lab.known_rigs import rig_names, rig_text
-from pellucid.lab.simulate import study_name
-from pellucid.lab.study import write_study
 from pellucid.models.slider_card import read_slider_card
-from pellucid.procedures.run import check
-from pellucid.studies.results import read_rows
+from pellucid.study.procedures.run import check
+from pellucid.study.results import read_rows
 
 run = CliRunner().invoke
 
@@ -320,7 +320,7 @@ def test_reproduce_prints_its_lines(tmp_path, monkeypatch):
         asked.append((paper, out))
         return SimpleNamespace(lines=["Table 1: as printed"], page=out / "index.html")
 
-    monkeypatch.setattr("pellucid.papers.reproduce.reproduce", reproduce)
+    monkeypatch.setattr("pellucid_lab.papers.reproduce.reproduce", reproduce)
     result = run(cli.app, ["reproduce", "able", "--out", str(tmp_path / "out")])
     assert result.exit_code == 0, result.output
     assert "Table 1: as printed" in result.output

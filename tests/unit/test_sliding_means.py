@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.joint.recorded_motions import filtering_of
-from pellucid.signals.filters import sliding_mean
-from pellucid.studies.study_file import Processing
+from pellucid.numerics.filters import sliding_mean
+from pellucid.study.recorded_motions import filtering_of
+from pellucid.study.study_file import Processing
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 40, 100])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.fit.discrepancy import Discrepancy
-from pellucid.fit.parameter import Parameter
-from pellucid.procedures.joint.findings import wide_interval
+from pellucid.joint.fit.discrepancy import Discrepancy
+from pellucid.joint.study.findings import wide_interval
+from pellucid.models.parameter import Parameter
 
 STIFFNESS, GAIN = 30.0, 2.0  # N*m/rad; of the study's drive [N*m/A]
 NO_GRAVITY = ("[processing]", '[model]\ngravity = "none"\n\n[processing]')

@@ -5,16 +5,16 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from pellucid_lab.ranking.rank import rank
 from typer.testing import CliRunner
 
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.deployment.joint_values import joint_values
+from pellucid.controllers.export.joint_values import joint_values
 from pellucid.models.card import read_card, write_card
-from pellucid.procedures.registry import open_study
-from pellucid.ranking.rank import rank
-from pellucid.studies.results import ResultRow, require_own_page, write_rows
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.results import ResultRow, require_own_page, write_rows
 
 STALE = r"joint\.json: found a stale card: {} changed since it was made; identify again: pellucid identify "
 

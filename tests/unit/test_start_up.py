@@ -7,8 +7,8 @@ import pytest
 from simulated_joint import BODY, FRICTION, SimulatedJoint, changed, identified, live
 
 import pellucid as pl
-from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.control.instruments import Instruments
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.instruments import Instruments
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
 from pellucid.models.joint import PARAMETER_FIELDS

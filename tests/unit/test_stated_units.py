@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.inference.assign_roles import TableHints, assign_roles
-from pellucid.proposals.given_files import read_given
-from pellucid.proposals.propose_study import propose_study
-from pellucid.recordings.name_evidence import read_name
-from pellucid.recordings.quantity import quantity_of
-from pellucid.recordings.stated_units import split_unit, unit_from_text
+from pellucid.files.name_evidence import read_name
+from pellucid.files.quantity import quantity_of
+from pellucid.files.stated_units import split_unit, unit_from_text
+from pellucid.start.given_files import read_given
+from pellucid.start.inference.assign_roles import TableHints, assign_roles
+from pellucid.start.propose_study import propose_study
 from pellucid.units import to_si_factor
 
 

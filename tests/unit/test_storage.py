@@ -5,7 +5,7 @@ import pytest
 
 import pellucid
 from pellucid._errors import RecordingError, StudyError
-from pellucid.recordings.readers import read_columns
+from pellucid.files.readers import read_columns
 
 STORAGE = """Coordinates
 version=1
@@ -124,7 +124,7 @@ def test_a_wrong_study_file(study, old, new, said):
 
 def test_a_dat_file_is_read_as_what_it_is(tmp_path):
     """OpenSim's header or plain columns: the content says, not the ending."""
-    from pellucid.recordings.readers import read_columns
+    from pellucid.files.readers import read_columns
 
     (tmp_path / "storage.dat").write_text(
         "Made by hand\n\nendheader\ntime_s\tforce_N\n0.0\t1.5\n0.1\t2.5\n", encoding="utf-8"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.procedures.registry import ALL_PROCEDURES, open_study
-from pellucid.procedures.rig_instruments import rig_instruments
-from pellucid.studies import instruments_table, session_table, study_file
+from pellucid.controllers.study.rig_instruments import rig_instruments
+from pellucid.study import instruments_table, session_table, study_file
+from pellucid.study.procedures.registry import ALL_PROCEDURES, open_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)

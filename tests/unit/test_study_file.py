@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
-from pellucid.procedures.hinge.hinge_table import HingeTable
-from pellucid.procedures.onset.onset_table import OnsetTable
-from pellucid.procedures.registry import open_study
+from pellucid.emg.study.onset.onset_table import OnsetTable
+from pellucid.orthosis.study.hinge.hinge_table import HingeTable
+from pellucid.study.procedures.registry import open_study
 
 
 def test_everything_is_si(make_study):
@@ -236,8 +236,8 @@ def test_the_schema_for_editors_accepts_what_is_accepted(make_study):
 
     import jsonschema
 
-    from pellucid.procedures.registry import study_model
-    from pellucid.studies.study_file import json_schema
+    from pellucid.study.procedures.registry import study_model
+    from pellucid.study.study_file import json_schema
 
     schema = json_schema(study_model())
     raw = tomllib.loads((make_study().folder / "study.toml").read_text())
@@ -380,7 +380,7 @@ def test_the_schema_for_editors_knows_both_forms_of_a_rig(make_joints):
 
     import jsonschema
 
-    from pellucid.studies.study_file import json_schema
+    from pellucid.study.study_file import json_schema
 
     raw = tomllib.loads((make_joints(SHOULDER + RAIL).folder / "study.toml").read_text())
     jsonschema.validate(raw, json_schema())

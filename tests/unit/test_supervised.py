@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.instruments import Instruments
-from pellucid.control.supervised import supervised
-from pellucid.lab.safety.fault_table import FAULT_KINDS
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.supervised import supervised
 from pellucid.models.fields import model_fields
 
 NUMBERS = {

@@ -8,14 +8,14 @@ import pytest
 from test_tree_laws import arm, with_joint_numbers
 
 from pellucid._errors import PellucidError
-from pellucid.control import joint_compensation, tree_laws
-from pellucid.control import supervised as rules
-from pellucid.control.control_law import LAWS, ControlLaw
-from pellucid.control.instruments import Instruments
-from pellucid.control.limits import Limits
-from pellucid.control.probe import PROBE_ANSWER_NAMES
-from pellucid.control.supervised import StartUpWave, body_of, start_up_wave, supervised
-from pellucid.control.worn import watched_worn
+from pellucid.controllers import joint_compensation, tree_laws
+from pellucid.controllers import supervised as rules
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.limits import Limits
+from pellucid.controllers.probe import PROBE_ANSWER_NAMES
+from pellucid.controllers.supervised import StartUpWave, body_of, start_up_wave, supervised
+from pellucid.controllers.worn import watched_worn
 from pellucid.models.anthropometry import Segment
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.slider_card import SliderCard

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.survival import survival
+from pellucid.people.survival import survival
 
 
 def test_the_curve_is_scipys():

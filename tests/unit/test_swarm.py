@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.searches.swarm import conjugate_gradient, particle_swarm, swarm_with_gradients
+from pellucid.numerics.searches.swarm import conjugate_gradient, particle_swarm, swarm_with_gradients
 
 
 def sphere(x):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.estimators.synergies import (
+from pellucid.emg.estimators.synergies import (
     Synergies,
     SynergyCount,
     chance_similarity,
@@ -15,10 +15,10 @@ from pellucid.estimators.synergies import (
     similarity,
     solve_non_negative,
 )
-from pellucid.procedures.muscle_channels import MuscleEnvelopes
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check, report, synergies
-from pellucid.procedures.synergies.find_synergies import divide_by_own_maximum
+from pellucid.emg.study.muscle_channels import MuscleEnvelopes
+from pellucid.emg.study.synergies.find_synergies import divide_by_own_maximum
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check, report, synergies
 
 MUSCLES = ("a", "b", "c", "d", "e", "f", "g")
 TIME = np.arange(0.0, 20.0, 0.02)

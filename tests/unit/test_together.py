@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from made_muscles import across
 
-from pellucid.estimators.hill import fit_hill
-from pellucid.fit.posterior import hamiltonian
-from pellucid.fit.posterior.calibration_posterior import calibration_posterior
-from pellucid.models.muscle_card import calibrated_muscles
-from pellucid.procedures.emg_torque import together
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings
-from pellucid.procedures.emg_torque.muscle_figures import departures, joints_together
-from pellucid.procedures.emg_torque.together import FIT_WORDS, calibrate_together
-from pellucid.procedures.emg_torque.together_findings import (
+from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.fit.calibration_posterior import calibration_posterior
+from pellucid.emg.models.muscle_card import calibrated_muscles
+from pellucid.emg.study.emg_torque import together
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque.muscle_figures import departures, joints_together
+from pellucid.emg.study.emg_torque.together import FIT_WORDS, calibrate_together
+from pellucid.emg.study.emg_torque.together_findings import (
     together_cards,
     together_figure_data,
     together_rows,
     together_tables,
     together_verdicts,
 )
+from pellucid.numerics.posterior import hamiltonian
 
 TRUE = {"strength.gastrocnemius_medialis": 1.4, "strength.soleus": 1.3, "delay": 0.02, "time_constant": 0.02}
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, RecordingError
-from pellucid.estimators import torque_map
-from pellucid.estimators.cross_validation import block_folds, grouped_folds, score
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.families.family import Family
-from pellucid.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
-from pellucid.estimators.ridge import Ridge
-from pellucid.estimators.smoothing import smooth, smoothing_delay
-from pellucid.estimators.torque_map import (
+from pellucid.emg.estimators import torque_map
+from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds, score
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.families.family import Family
+from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
+from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.estimators.smoothing import smooth, smoothing_delay
+from pellucid.emg.estimators.torque_map import (
     FOLD_GAP_S,
     MapJob,
     cross_validate_torque_maps,
     fit_torque_map,
     fit_torque_maps,
 )
-from pellucid.estimators.torque_reference import MovedBody, human_torque
-from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.emg.estimators.torque_reference import MovedBody, human_torque
+from pellucid.emg.estimators.torque_trial import TorqueTrial
 
 FS = 100.0
 

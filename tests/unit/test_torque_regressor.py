@@ -13,9 +13,9 @@ from test_calibrate import leg
 
 import pellucid as pl
 from pellucid._errors import IdentificationError
-from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.neural_network import NeuralNetwork
-from pellucid.estimators.ridge import Ridge
+from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.estimators.neural_network import NeuralNetwork
+from pellucid.emg.estimators.ridge import Ridge
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ SCRIPT = """
 import sys
 import numpy as np
 import pellucid as pl
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 X = np.linspace(0.0, 1.0, 50)[:, None]
 assert abs(pl.TorqueRegressor("neighbours").fit(X, X[:, 0]).predict(X)[25] - X[25, 0]) < 0.05
 for name in set(ESTIMATOR_FAMILIES) - {"neighbours", "ridge", "motion", "boost", "hill"}:

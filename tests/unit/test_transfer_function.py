@@ -7,20 +7,20 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
-from pellucid.fit.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
-from pellucid.fit.transfer.transfer_function_fit import (
+from pellucid.files.recording import Channel, Recording
+from pellucid.models.joint import joint_model
+from pellucid.models.linear_recursion import march
+from pellucid.models.simulate import LoopSetting, simulate
+from pellucid.orthosis.input_output import InputOutput, input_output
+from pellucid.orthosis.pendulum import NAMES, pendulum_drive, simulate_pendulum
+from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
+from pellucid.orthosis.transfer.transfer_function_fit import (
     coefficient_units,
     evaluate_transfer_function,
     fit_percent,
     fit_records,
 )
-from pellucid.models.joint import joint_model
-from pellucid.models.linear_recursion import march
-from pellucid.models.pendulum import NAMES, pendulum_drive, simulate_pendulum
-from pellucid.models.simulate import LoopSetting, simulate
-from pellucid.models.transfer_function import TransferFunction
-from pellucid.recordings.recording import Channel, Recording
-from pellucid.signals.input_output import InputOutput, input_output
+from pellucid.orthosis.transfer_function import TransferFunction
 
 SYSTEMS = [
     ([2.0], [1.0, 0.3, 20.0]),

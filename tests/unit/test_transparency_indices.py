@@ -5,20 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
-
-from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.people import draw_people
-from pellucid.lab.pointing.rig import elbow_participants
-from pellucid.lab.pointing.session import Unpowered
-from pellucid.ranking.elbow import point
-from pellucid.ranking.transparency_indices import (
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import Unpowered
+from pellucid_lab.ranking.elbow import point
+from pellucid_lab.ranking.transparency_indices import (
     ELBOW_PAPER,
     TRANSPARENCY_INDICES,
     IndexComparison,
     index_values,
     see,
 )
+from scipy import stats
 
 
 def test_there_are_twenty_of_every_kind_with_sources():
@@ -67,7 +66,7 @@ def test_only_what_the_paper_tests_is_attributed_to_it():
 
 
 def test_smoothness_is_that_of_an_assessment(free):
-    from pellucid.assessment.smoothness import smoothness
+    from pellucid.people.smoothness import smoothness
 
     seen = see(free)
     reversed_motion = replace(seen.motion, velocity=0.5 * seen.motion.velocity)

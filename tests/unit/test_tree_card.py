@@ -8,7 +8,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.fit.tree.friction_terms import FRICTION_COEFFICIENTS
+from pellucid.arm.fit.friction_terms import FRICTION_COEFFICIENTS
 from pellucid.models.card import CardParameter
 from pellucid.models.tree_card import JointRange, Ripple, TreeCard, read_tree_card, write_tree_card
 

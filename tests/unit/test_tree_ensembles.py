@@ -9,8 +9,8 @@ from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
 from sklearn.tree import DecisionTreeRegressor
 
 from pellucid._core import SortedRows, drawn_rows, tree_answers
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.tree_ensembles import BaggedTrees, BoostedTrees
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.tree_ensembles import BaggedTrees, BoostedTrees
 
 
 def recording(rng, n=160):

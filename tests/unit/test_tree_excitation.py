@@ -5,12 +5,12 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
+from pellucid.arm.protocols.capsules import BASE_LINK, Capsule, Capsules, capsules_along_links, segment_distance
+from pellucid.arm.protocols.tree_fourier import information_cost, optimised_tree_fourier, random_tree_fourier
+from pellucid.arm.study.tree_excitation import tree_protocol
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
-from pellucid.procedures.tree_excitation import tree_protocol
-from pellucid.protocols.capsules import BASE_LINK, Capsule, Capsules, capsules_along_links, segment_distance
-from pellucid.protocols.step_by_step import step_by_step
-from pellucid.protocols.tree_fourier import information_cost, optimised_tree_fourier, random_tree_fourier
-from pellucid.protocols.tree_limits import TreeLimits
+from pellucid.numerics.protocols.step_by_step import step_by_step
+from pellucid.numerics.protocols.tree_limits import TreeLimits
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 

@@ -8,18 +8,18 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import IdentificationError
-from pellucid.fit.tree.base_parameters import find_base_parameters
-from pellucid.fit.tree.fit_tree import fit_tree, make_tree_estimate
-from pellucid.fit.tree.friction_terms import plain_families
-from pellucid.fit.tree.identify_tree import identify_tree, plain_model
-from pellucid.fit.tree.segments_out import heldout_errors
-from pellucid.fit.tree.tree_estimators import ESTIMATION_METHODS, solve_by_method
-from pellucid.fit.tree.tree_families import choose_families
-from pellucid.fit.tree.tree_regression import TreeModel, collect_rows, fit_rows
-from pellucid.fit.tree.tree_verdicts import parameter_verdict
+from pellucid.arm.fit.base_parameters import find_base_parameters
+from pellucid.arm.fit.fit_tree import fit_tree, make_tree_estimate
+from pellucid.arm.fit.friction_terms import plain_families
+from pellucid.arm.fit.identify_tree import identify_tree, plain_model
+from pellucid.arm.fit.segments_out import heldout_errors
+from pellucid.arm.fit.tree_estimators import ESTIMATION_METHODS, solve_by_method
+from pellucid.arm.fit.tree_families import choose_families
+from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
+from pellucid.arm.fit.tree_verdicts import parameter_verdict
+from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
-from pellucid.signals.tree_motion import TreeMotion
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 SHARED = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 1.0, 1.0))

@@ -7,10 +7,10 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.control import tree_laws
-from pellucid.control.instruments import Instruments
-from pellucid.control.limits import Limits
-from pellucid.control.tree_stability import LinearShares, TreeCoupling, gravity_slope, linear_law
+from pellucid.controllers import tree_laws
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.limits import Limits
+from pellucid.controllers.tree_stability import LinearShares, TreeCoupling, gravity_slope, linear_law
 from pellucid.models.anthropometry import Segment
 from pellucid.models.tree_card import COLUMNS, JointRange, TreeCard
 

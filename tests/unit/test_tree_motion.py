@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.signals.motion import Filtering
-from pellucid.signals.tree_motion import tree_motion_of
+from pellucid.arm.tree_motion import tree_motion_of
+from pellucid.numerics.motion import Filtering
 
 FS = 500.0
 FILTERING = Filtering(lowpass=20.0, decimate=5, dead_band=0.05, trim=50)

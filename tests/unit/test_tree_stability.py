@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.control.coupling import Coupling
-from pellucid.control.residual_compensator import Law, design
-from pellucid.control.stability import LinearSystem, closed_loop, margins, radius, sampled, worn_orthosis
-from pellucid.control.tree_stability import (
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import Law, design
+from pellucid.controllers.stability import LinearSystem, closed_loop, margins, radius, sampled, worn_orthosis
+from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     TreeCoupling,
     closed_tree,

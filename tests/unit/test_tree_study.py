@@ -10,11 +10,11 @@ import pytest
 from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 
 import pellucid as pl
-from pellucid.fit.parameter import Parameter
+from pellucid.arm.study.findings import held_by_a_bound, sign_in_doubt
+from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS
+from pellucid.models.parameter import Parameter
 from pellucid.models.tree_card import read_tree_card
-from pellucid.procedures.compare import compare
-from pellucid.procedures.tree.findings import held_by_a_bound, sign_in_doubt
-from pellucid.procedures.tree.tree_result import MODEL_DESCRIPTIONS
+from pellucid.study.procedures.compare import compare
 
 
 @pytest.fixture(scope="module")

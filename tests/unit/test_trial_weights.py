@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from made_muscles import trial
 
-from pellucid.estimators.condition_choice import ConditionTestErrors, choose_estimator, run_condition_tests
-from pellucid.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.estimators.features import Features
-from pellucid.estimators.muscle_trials import make_muscle_samples
-from pellucid.estimators.ridge import Ridge
-from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.estimators.torque_regressor import TorqueRegressor
-from pellucid.estimators.tree_ensembles import BoostedTrees
-from pellucid.estimators.trial_weights import ERROR_FLOOR_SHARE, find_row_weights, find_trial_weights
+from pellucid.emg.estimators.condition_choice import ConditionTestErrors, choose_estimator, run_condition_tests
+from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
+from pellucid.emg.estimators.features import Features
+from pellucid.emg.estimators.muscle_trials import make_muscle_samples
+from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.torque_regressor import TorqueRegressor
+from pellucid.emg.estimators.tree_ensembles import BoostedTrees
+from pellucid.emg.estimators.trial_weights import ERROR_FLOOR_SHARE, find_row_weights, find_trial_weights
 
 
 def test_weights_follow_the_noise_model_and_have_a_mean_of_one():
@@ -86,7 +86,7 @@ def test_the_trial_with_the_largest_torques_does_not_decide(name):
 
     weighted = error_share(fit_torque_map([slow, fast], name))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pellucid.estimators.torque_map.find_row_weights", lambda torques: None)
+        patch.setattr("pellucid.emg.estimators.torque_map.find_row_weights", lambda torques: None)
         plain = error_share(fit_torque_map([slow, fast], name))
     assert weighted < plain
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pellucid.fit.uncertainty import (
+from pellucid.numerics.uncertainty import (
     block_bootstrap,
     block_length,
     correlation_time,

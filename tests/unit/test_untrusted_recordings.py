@@ -12,7 +12,7 @@ import scipy.io
 
 from pellucid import _given
 from pellucid._errors import RecordingError
-from pellucid.recordings.readers import _apart, _caps, read_columns
+from pellucid.files.readers import _apart, _caps, read_columns
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,7 +68,7 @@ def test_a_library_that_never_ends_is_ended(tmp_path, killer, monkeypatch):
 
 
 def test_what_is_read_apart_is_what_the_reader_reads(tmp_path):
-    from pellucid.recordings.readers import mat
+    from pellucid.files.readers import mat
 
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"t": np.arange(5.0), "log": {"q": np.eye(3), "n": 3}})

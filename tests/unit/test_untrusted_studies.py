@@ -9,7 +9,7 @@ from evidence._mutations import damaged_toml
 
 import pellucid as pl
 from pellucid._errors import PellucidError, RecordingError, StudyError
-from pellucid.procedures.registry import open_study
+from pellucid.study.procedures.registry import open_study
 
 EACH = int(os.environ.get("FUZZ", "300"))
 
@@ -141,9 +141,9 @@ def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, 
     """With the right fingerprint, but other numbers."""
     from dataclasses import replace
 
-    from pellucid.procedures.registry import asked
-    from pellucid.procedures.result import Result, fingerprint
-    from pellucid.studies.kept import keep_result
+    from pellucid.study.kept import keep_result
+    from pellucid.study.procedures.registry import asked
+    from pellucid.study.procedures.result import Result, fingerprint
 
     study = make_study()
     result = pl.identify(study, families=["symmetric"], thorough=False)

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 from pellucid._errors import PellucidError, RecordingError
 from pellucid._given import csv_cell, visible_text
-from pellucid.drawing.drawing import Drawing, draw
-from pellucid.pages.page import Page, Section, write_page
-from pellucid.procedures.assessment.paper_tables import csv_text, latex
-from pellucid.procedures.emg_torque.study_muscles import read_muscle_constants
-from pellucid.procedures.result import FigureTable
-from pellucid.recordings import Channel, write_csv
+from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants
+from pellucid.files import Channel, write_csv
+from pellucid.people.study.paper_tables import csv_text, latex
+from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.page import Page, Section, write_page
+from pellucid.study.procedures.result import FigureTable
 
 EACH = int(os.environ.get("FUZZ", "300"))
 HOSTILE = (

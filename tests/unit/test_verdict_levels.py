@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pellucid.fit.block_test import MIN_IMPROVEMENT
-from pellucid.fit.joint.family_choice import choose_family
-from pellucid.fit.parameter import Parameter
-from pellucid.procedures.joint.findings import family_choice, prediction
-from pellucid.procedures.tree.findings import heldout_worse
+from pellucid.arm.study.findings import heldout_worse
+from pellucid.joint.fit.family_choice import choose_family
+from pellucid.joint.study.findings import family_choice, prediction
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.block_test import MIN_IMPROVEMENT
 
 
 def predicted(error, count=4000):

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-
-from pellucid.lab.safety.fault_table import draw_worn_robot
-from pellucid.lab.safety.worn_knee import draw_worn_knee
+from pellucid_lab.safety.fault_table import draw_worn_robot
+from pellucid_lab.safety.worn_knee import draw_worn_knee
 
 OBEYS = 3.0
 """Periods within which a power stage that is to have no power has none."""

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-
-from pellucid.control.worn import watched_worn
-from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.safety.worn_knee import draw_worn_knee
-from pellucid.papers.knee.paper import KneePaper
-from pellucid.papers.knee.walking import (
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.papers.knee.paper import KneePaper
+from pellucid_lab.papers.knee.walking import (
     EXTENDED_LAWS,
     FREE_FOOT,
     LAW_WORDS,
@@ -18,6 +15,9 @@ from pellucid.papers.knee.walking import (
     walking_section,
     watched_walking,
 )
+from pellucid_lab.safety.worn_knee import draw_worn_knee
+
+from pellucid.controllers.worn import watched_worn
 
 CONDITIONS = (SITTING_CONDITION, "3.6", "5.4")
 

@@ -7,10 +7,10 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.fit.strap.strap_model import CORE_NAMES
-from pellucid.fit.strap.strap_slip import find_slip
-from pellucid.fit.strap.wearer_coupling import coupling_verdicts, identify_wearer
-from pellucid.fit.transfer.transfer_function_fit import fit_percent
+from pellucid.orthosis.strap.strap_model import CORE_NAMES
+from pellucid.orthosis.strap.strap_slip import find_slip
+from pellucid.orthosis.strap.wearer_coupling import coupling_verdicts, identify_wearer
+from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
 
 PAIR = Pair()
 

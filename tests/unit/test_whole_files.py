@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.drawing.drawing import Drawing
-from pellucid.pages.page import Page, Section, write_page
-from pellucid.studies import ResultRow, lock, read_rows, write_rows
+from pellucid.study import ResultRow, lock, read_rows, write_rows
+from pellucid.study.drawing.drawing import Drawing
+from pellucid.study.pages.page import Page, Section, write_page
 
 SOURCES = Path(pellucid.__file__).parent
 WRITES = re.compile(
@@ -65,11 +65,11 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
 
 def test_nothing_is_written_but_whole():
     """Only `_atomic.py` opens a file for writing; what goes into a scratch folder is nobody's result."""
-    scratch = {"_atomic.py": 1, "deployment/c_folder.py": 1, "datasets/init.py": 1, "ranking/foreign_cost.py": 1}
+    scratch = {"_atomic.py": 1, "controllers/export/c_folder.py": 1, "study/datasets/init.py": 1, "pellucid_lab/ranking/foreign_cost.py": 1}
     # A live session's log is appended to while its process runs; its region and rings are memory that
     # processes share, of a fixed size and written in place. None is read as a result. A recording is appended to, and
     # readable whenever its writer ends.
-    live = {"live/engine.py": 1, "live/region.py": 1, "live/shared_memory.py": 1, "recordings/xdf_writer.py": 2}
+    live = {"live/engine.py": 1, "live/region.py": 1, "live/shared_memory.py": 1, "files/xdf_writer.py": 2}
     found = {}
     for path in sorted(SOURCES.rglob("*.py")):
         text = re.sub(r"^\s*(>>>|\.\.\.) .*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -82,7 +82,7 @@ def test_nothing_is_written_but_whole():
 
 WRITER = """
 import sys
-from pellucid.studies import ResultRow, write_rows
+from pellucid.study import ResultRow, write_rows
 path, command = sys.argv[1:]
 sys.stdin.readline()
 for i in range(10):
@@ -136,7 +136,7 @@ def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(tmp_path, there):
 
 HOLDER = """
 import sys, time
-from pellucid.studies.lock import hold_lock
+from pellucid.study.lock import hold_lock
 with hold_lock(sys.argv[1]):
     print(1, flush=True)
     time.sleep(60)

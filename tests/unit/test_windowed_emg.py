@@ -5,16 +5,16 @@ import pytest
 from made_emg import FS, raw_emg
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.assessment.assessment_table import AssessmentTable
-from pellucid.procedures.assessment.recorded_activity import activity
-from pellucid.procedures.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
-from pellucid.procedures.emg_torque.study_faults import trial_refusals
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
-from pellucid.procedures.muscle_channels import relative_envelopes
-from pellucid.procedures.onset.find_onsets import find_onsets
-from pellucid.procedures.onset.onset_table import OnsetTable
-from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import check
+from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
+from pellucid.emg.study.emg_torque.study_faults import trial_refusals
+from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.emg.study.muscle_channels import relative_envelopes
+from pellucid.emg.study.onset.find_onsets import find_onsets
+from pellucid.emg.study.onset.onset_table import OnsetTable
+from pellucid.people.study.assessment_table import AssessmentTable
+from pellucid.people.study.recorded_activity import activity
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check
 
 SECONDS = 14.0
 STUDY = """

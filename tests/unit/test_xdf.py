@@ -8,9 +8,9 @@ from scipy.io import savemat
 
 import pellucid as pl
 from pellucid._errors import RecordingError, TruncatedFileWarning
-from pellucid.procedures.registry import open_study
-from pellucid.recordings.readers.read import read_columns
-from pellucid.recordings.xdf_writer import chunks
+from pellucid.files.readers.read import read_columns
+from pellucid.files.xdf_writer import chunks
+from pellucid.study.procedures.registry import open_study
 
 
 def chunk(tag: int, content: bytes) -> bytes:

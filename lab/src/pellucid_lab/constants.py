@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal, Self, get_args, get_origin
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from .._errors import StudyError
-from .._given import visible_text
-from ..studies.toml_place import format_place, line_of
+from pellucid._errors import StudyError
+from pellucid._given import visible_text
+from pellucid.study.toml_place import format_place, line_of
 
 MAX_TEXT_LENGTH = 1000
 """Largest number of characters of a text in a rig's file."""

@@ -10,8 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from .. import _core
-from ..control.instruments import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
+from pellucid import _core
+from pellucid.controllers.instruments import DRIVE_GAIN_ERROR, DRIVE_OFFSET_SHARE
 
 NOISE_COUNT = 50_021
 """Number of control periods of noise that are drawn before the noise repeats.

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .._atomic import write_text_atomically
-from .._given import require_empty_folder
+from pellucid._atomic import write_text_atomically
+from pellucid._given import require_empty_folder
+
 from .known_rigs import rig_names, rig_text
 
 RIG_FILE = "lab/rig.toml"

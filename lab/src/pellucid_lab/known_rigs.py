@@ -6,7 +6,8 @@ from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
-from .._errors import StudyError
+from pellucid._errors import StudyError
+
 from .elbow.rig import ElbowRig, drawn_rigs
 from .rig import DEFAULT_KIND, KINDS, Rig, parse_tables
 from .shipped_rigs import rig_packages, shipped_rig, shipped_rig_names, text_of_rig

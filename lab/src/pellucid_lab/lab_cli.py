@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
-from ._printed_command import printed_command
-from .command_group import example
-from .procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
-from .terminal import (
+from pellucid._printed_command import printed_command
+from pellucid.study.command_group import example
+from pellucid.study.procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
+from pellucid.study.terminal import (
     Json,
     count_of,
     is_verbose,
@@ -39,7 +39,7 @@ def simulate(
     ] = False,
 ) -> None:
     """Simulate the recordings of a virtual rig."""
-    from .lab.simulate import simulate as run
+    from .simulate import simulate as run
 
     with show_progress() as tell:
         made = run(folder, seed, controllers=controller, overwrite=overwrite, on_progress=tell)
@@ -81,10 +81,11 @@ def predict(
     json: Json = False,
 ) -> None:
     """Predict an experiment with drawn people and robots."""
-    from .assessment.cluster import cluster
-    from .lab.predict import PREDICTION_FILE
-    from .lab.predict import predict as run
-    from .procedures.print_result import print_result
+    from pellucid.people.cluster import cluster
+    from pellucid.study.procedures.print_result import print_result
+
+    from .predict import PREDICTION_FILE
+    from .predict import predict as run
     from .ranking.prediction_page import write_prediction_page
 
     with cluster(scheduler) as executor, show_progress() as tell:
@@ -115,7 +116,7 @@ def demo(
     for chapter, said in chapter_sentences(made):
         console.print(f"\n{chapter}")
         print_items(console, [("good", said)])
-    from .procedures.print_result import plain_table
+    from pellucid.study.procedures.print_result import plain_table
 
     table = plain_table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
     for c in made.coverages:

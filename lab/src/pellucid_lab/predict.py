@@ -8,10 +8,11 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .._errors import PellucidError, StudyError
-from ..control.elbow_controllers import ELBOW_CONTROLLERS, stated_load
-from ..procedures.result import FigureTable, Result
-from ..studies.results import ResultRow, write_rows
+from pellucid._errors import PellucidError, StudyError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS, stated_load
+from pellucid.study.procedures.result import FigureTable, Result
+from pellucid.study.results import ResultRow, write_rows
+
 from .known_rigs import parse_rig
 from .pointing.predicted_indices import PREDICTED_INDICES
 from .pointing.prediction import (

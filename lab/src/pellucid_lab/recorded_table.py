@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import _core
+from pellucid import _core
+
 from .shared_tables import EmgTable
 
 MAIN_STREAM = "main"

@@ -15,8 +15,9 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
-from .._errors import StudyError
-from .._given import parse_toml
+from pellucid._errors import StudyError
+from pellucid._given import parse_toml
+
 from .constants import RigConstants
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, file_name
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..live.setup import EngineSetup
+    from pellucid.live.setup import EngineSetup
 
 VIRTUAL_MAX_GAP_S = 0.05
 """A law on a virtual rig goes on after gaps of this length [s]; a robot's law has five periods.

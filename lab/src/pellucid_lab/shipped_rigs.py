@@ -7,9 +7,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import ModuleType
 
-from .._errors import StudyError
-from .._given import read_given
-from .._plugins import load_plugins, require_attributes
+from pellucid._errors import StudyError
+from pellucid._given import read_given
+from pellucid._plugins import load_plugins, require_attributes
 
 MAX_RIG_FILE_BYTES = 3_000_000
 """Largest size of a rig's file [B]."""

@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._errors import PellucidError, StudyError
-from .._given import require_folder
-from ..studies.study import STUDY_FILE, Study
+from pellucid._errors import PellucidError, StudyError
+from pellucid._given import require_folder
+from pellucid.study.study import STUDY_FILE, Study
+
 from .init import RIG_FILE
 from .known_rigs import parse_rig
 from .shipped_rigs import text_of_rig

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..control.instruments import Instruments
-from ..procedures.rig_instruments import rig_instruments
-from ..studies.study_file import OneJoint, rig_units
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.study.rig_instruments import rig_instruments
+from pellucid.study.study_file import OneJoint, rig_units
 
 ENCODER_NOISE_FACTOR = 4.0
 """Standard deviations of an encoder's noise that the error of one reading has beside the quantum [1]."""

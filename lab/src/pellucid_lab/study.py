@@ -16,14 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from .._atomic import write_text_atomically
-from .._given import read_given
-from ..procedures.registry import open_study, study_model
-from ..recordings.optical import AXES, OpticalRecording
-from ..recordings.recording import Channel, Recording
-from ..studies.lock import hold_lock
-from ..studies.study import STUDY_FILE, Study
-from ..studies.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
+from pellucid._atomic import write_text_atomically
+from pellucid._given import read_given
+from pellucid.files.optical import AXES, OpticalRecording
+from pellucid.files.recording import Channel, Recording
+from pellucid.study.lock import hold_lock
+from pellucid.study.procedures.registry import open_study, study_model
+from pellucid.study.study import STUDY_FILE, Study
+from pellucid.study.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
+
 from .recorded_table import MAIN_STREAM, MARKER_STREAM, StoredTable, file_name
 from .rig import Rig, Taken, Tell, Trial
 from .study_text import study_text

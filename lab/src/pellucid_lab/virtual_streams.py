@@ -1,4 +1,4 @@
-"""Send a virtual wearer's EMG, markers and encoder as streams: `python -m pellucid.lab.virtual_streams REGION OPTIONS`.
+"""Send a virtual wearer's EMG, markers and encoder as streams: `python -m pellucid_lab.virtual_streams REGION OPTIONS`.
 
 The process follows the engine's records and sends what instruments would have measured: EMG whose amplitude follows the
 excitations, markers at elbow and hand, and the joint's encoder, each at its own rate.
@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from ..live.intake import streaming_layer
-from ..live.region import Region
-from ..live.session_process import SessionProcess
+from pellucid.live.intake import streaming_layer
+from pellucid.live.region import Region
+from pellucid.live.session_process import SessionProcess
+
 from .emg_synthesis import motor_unit_noise
 
 EMG_RATE_HZ = 2048.0

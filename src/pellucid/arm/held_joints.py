@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from .._errors import IdentificationError
-from .kinematic_tree import Tree, TreeJoint
-from .robot import Robot
+from ..models.kinematic_tree import Tree, TreeJoint
+from ..models.robot import Robot
 
 
 def hold_joints(robot: Robot, posture: Mapping[str, float]) -> Robot:

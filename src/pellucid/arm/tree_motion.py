@@ -9,9 +9,9 @@ from typing import Literal, Protocol
 import numpy as np
 
 from .._errors import RecordingError
-from .filters import central_difference, decimate, runs
-from .judged import JudgedData
-from .motion import Filtering, lowpassed
+from ..numerics.filters import central_difference, decimate, runs
+from ..numerics.judged import JudgedData
+from ..numerics.motion import Filtering, lowpassed
 
 DEFAULT_PART_COUNT = 10
 """A recording whose joints do not stop together is divided into this many equal parts."""

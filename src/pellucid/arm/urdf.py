@@ -13,14 +13,14 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from ..._errors import IdentificationError, RecordingError
-from ...models.kinematic_tree import GRAVITY, Link, Tree, TreeJoint
-from ...models.robot import Robot
-from ...models.welded import Pose, hold_joint, weld_fixed_joints
-from ._xml import read_xml
+from .._errors import IdentificationError, RecordingError
+from ..files.readers._xml import read_xml
+from ..models.kinematic_tree import GRAVITY, Link, Tree, TreeJoint
+from ..models.robot import Robot
+from ..models.welded import Pose, hold_joint, weld_fixed_joints
 
 if TYPE_CHECKING:
-    from ...models.kinematic_tree import Vector
+    from ..models.kinematic_tree import Vector
 
 _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 

@@ -39,7 +39,7 @@ class CommandedLaw:
     Examples
     --------
     >>> import pellucid as pl
-    >>> from pellucid.control.limits import Limits
+    >>> from pellucid.controllers.limits import Limits
     >>> law = CommandedLaw(pl.supervised(commanded_law(Limits(effort=5.0), 0.002), start_up=False))
     >>> efforts = [law.step(0.002 * i, 0.5 + 1e-4 * i, 1.0) for i in range(100)]
     >>> efforts[-1], law.fault

@@ -123,7 +123,7 @@ class ControlLaw:
 
     Examples
     --------
-    >>> from pellucid.control.control_law import LAWS, ControlLaw
+    >>> from pellucid.controllers.control_law import LAWS, ControlLaw
     >>> law = ControlLaw("joint", LAWS["joint"].defaults | {
     ...     "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 5.0, "rate_limit": 500.0,
     ...     "velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": 0.001})

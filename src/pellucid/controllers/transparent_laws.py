@@ -263,8 +263,8 @@ def with_load(law: ControlLaw, load: Segment) -> ControlLaw:
 
     Examples
     --------
-    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
-    >>> from pellucid.control.transparent_laws import with_load
+    >>> from pellucid.controllers.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.controllers.transparent_laws import with_load
     >>> from pellucid.models.anthropometry import point_mass
     >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0, "inertia": 0.06})
     >>> round(with_load(law, point_mass(1.0, 0.3)).values["gravity_sine"], 3)
@@ -309,8 +309,8 @@ def with_support(law: ControlLaw, limb: Segment, share: float = 1.0) -> ControlL
 
     Examples
     --------
-    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
-    >>> from pellucid.control.transparent_laws import with_support
+    >>> from pellucid.controllers.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.controllers.transparent_laws import with_support
     >>> from pellucid.models.anthropometry import forearm
     >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0})
     >>> round(with_support(law, forearm(70.0, 1.75), 0.3).supported, 2)
@@ -332,8 +332,8 @@ def expecting_load(law: ControlLaw, load: Segment) -> ControlLaw:
 
     Examples
     --------
-    >>> from pellucid.control.control_law import TRANSPARENT_LAW, ControlLaw
-    >>> from pellucid.control.transparent_laws import expecting_load
+    >>> from pellucid.controllers.control_law import TRANSPARENT_LAW, ControlLaw
+    >>> from pellucid.controllers.transparent_laws import expecting_load
     >>> from pellucid.models.anthropometry import point_mass
     >>> law = ControlLaw("transparent", TRANSPARENT_LAW.defaults | {"gravity_sine": 2.0})
     >>> round(expecting_load(law, point_mass(1.0, 0.3)).unstated, 3)

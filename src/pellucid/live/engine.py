@@ -21,7 +21,7 @@ import numpy as np
 
 from .. import _atomic
 from .._errors import PellucidError
-from ..control.supervisor_faults import FAULT_NAMES
+from ..controllers.supervisor_faults import FAULT_NAMES
 from . import layout
 from .clock_tracker import ClockState
 from .intake import NAMES_WORD

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
-from ..control.control_law import JOINT_LAW, ControlLaw
-from ..control.instruments import Instruments
-from ..control.limits import Limits
-from ..control.supervised import SupervisedLaw, body_of, supervised
-from ..control.supervisor_faults import NO_FAULT
+from ..controllers.control_law import JOINT_LAW, ControlLaw
+from ..controllers.instruments import Instruments
+from ..controllers.limits import Limits
+from ..controllers.supervised import SupervisedLaw, body_of, supervised
+from ..controllers.supervisor_faults import NO_FAULT
 from . import layout
 
 ASSUMED_RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import PellucidError
-from ..recordings.xdf_writer import FIRST_BYTES, SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
+from ..files.xdf_writer import FIRST_BYTES, SAMPLES_TAG, XdfStream, XdfWriter, chunks, sample_block, scan_xdf
 from .region import Event, Region
 from .replay_columns import RAW_COLUMNS, READABLE_COLUMNS, raw_values, robot_values
 from .session_process import ORPHAN_S, SessionProcess

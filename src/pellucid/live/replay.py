@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import PellucidError
-from ..control.control_law import LAWS, ControlLaw
-from ..control.supervised import SUPERVISOR_NAMES, SupervisedLaw
-from ..control.supervisor_faults import FAULT_NAMES
-from ..recordings.xdf_writer import SAMPLES_TAG, WrittenXdf, chunks, sample_block, scan_xdf
+from ..controllers.control_law import LAWS, ControlLaw
+from ..controllers.supervised import SUPERVISOR_NAMES, SupervisedLaw
+from ..controllers.supervisor_faults import FAULT_NAMES
+from ..files.xdf_writer import SAMPLES_TAG, WrittenXdf, chunks, sample_block, scan_xdf
 from . import layout
 from .replay_columns import RAW_COLUMNS, records_of
 from .setup import Condition

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from .._errors import PellucidError
-from ..control.control_law import LAWS
-from ..control.supervised import SupervisedLaw
+from ..controllers.control_law import LAWS
+from ..controllers.supervised import SupervisedLaw
 
 DEFAULT_LATE_SHARE = 0.5
 """A cycle is late if it begins later after its deadline than this share of the period [1]."""

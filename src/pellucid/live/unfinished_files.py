@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 from .._errors import PellucidError
-from ..recordings.readers.read import find_lost_end
-from ..recordings.xdf_writer import seal_xdf
+from ..files.readers.read import find_lost_end
+from ..files.xdf_writer import seal_xdf
 
 MIN_UNFINISHED_AGE_S = 2.0
 """A file that grew within this time may still have a recorder, which appends 50 times a second."""

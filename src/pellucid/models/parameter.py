@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isnan
 
-from ..models.card import CardParameter
+from .card import CardParameter
 
 UNDETERMINED_REASON = "undetermined: a change of the recordings by 1e-12 moves it beyond its interval"
 """Reason for refusing the interval of a parameter whose value depends on the rounding of the processor."""

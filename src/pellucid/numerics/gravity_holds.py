@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from ..._errors import IdentificationError
-from ...signals.filters import runs, zero_phase_lowpass
-from ..parameter import Parameter
+from .._errors import IdentificationError
+from ..models.parameter import Parameter
+from .filters import runs, zero_phase_lowpass
 
 MAX_HOLD_SPEED = 0.02
 """Below this speed [rad/s] a segment counts as held."""

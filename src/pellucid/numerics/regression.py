@@ -20,8 +20,8 @@ from typing import Generic, Protocol, TypeVar, cast, runtime_checkable
 import numpy as np
 
 from .._errors import IdentificationError
-from ..signals.judged import require_fitted
-from .parameter import Parameter
+from ..models.parameter import Parameter
+from .judged import require_fitted
 
 
 class FittedMotion(Protocol):

@@ -38,8 +38,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..models.parameter import Whiteness
 from .column_norms import column_norms
-from .parameter import Whiteness
 
 BLOCK_CORRELATION_TIMES = 10
 """Length of a block in correlation times."""

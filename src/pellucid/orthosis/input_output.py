@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.cut import MIN_GAP_STEP_RATIO
-from ..recordings.defects import garbage
-from ..recordings.recording import Recording
-from .filters import runs
+from ..files.cut import MIN_GAP_STEP_RATIO
+from ..files.defects import garbage
+from ..files.recording import Recording
+from ..numerics.filters import runs
 
 MAX_LOST_SAMPLES = 5
 """At most this many consecutive samples may be lost; a simulation holds the input over them."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..numerics.tied_ranks import tied_ranks
 from ..units import COORDINATES_BY_UNIT, Coordinate
-from .tied_ranks import tied_ranks
 
 LABEL_TOLERANCE_RAD = 0.01
 """A label matches a movement's amplitude within this tolerance, because labels may be rounded."""

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
-from ..signals.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_signs
+from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_signs
 from .friedman import FriedmanTest, friedman, nemenyi
 from .signed_rank import signed_rank
 

@@ -31,7 +31,7 @@ from math import factorial
 import numpy as np
 from scipy import stats
 
-from ..signals.tied_ranks import tie_groups
+from ..numerics.tied_ranks import tie_groups
 from .equivalence import Equivalence, Margin, Method, equivalence, equivalence_of_estimate
 
 PERMUTATION_COUNT = 20_000

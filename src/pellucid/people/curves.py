@@ -29,8 +29,8 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
-from ..signals.filters import runs
-from ..signals.resampling import linear
+from ..numerics.filters import runs
+from ..numerics.resampling import linear
 from .equivalence import Margin
 
 MAX_EXACT_PARTICIPANTS = 12

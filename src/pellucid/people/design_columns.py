@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 
-from ..signals.amplitude_check import MAX_AMPLITUDE_COUNT
+from .amplitude_check import MAX_AMPLITUDE_COUNT
 
 
 class DesignRole(Enum):

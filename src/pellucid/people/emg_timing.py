@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import signal, stats
 
-from .filters import zero_phase_lowpass
+from ..numerics.filters import zero_phase_lowpass
 from .movements import Kinematics
 
 PLAUSIBLE_LEAD_S = (-0.1, 0.4)

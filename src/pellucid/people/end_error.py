@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..signals.movements import Kinematics, Movement
+from .movements import Kinematics, Movement
 
 
 def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:

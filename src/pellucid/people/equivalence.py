@@ -42,7 +42,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
-from ..signals.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
+from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
 from .mean_test import critical_statistic, mean_p_values
 from .signed_rank import sign_distribution
 

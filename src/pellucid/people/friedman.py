@@ -7,7 +7,7 @@ asks whether the rank sums are further apart than chance:
    \chi^2 = \frac{(k-1) \sum_j (R_j - n(k+1)/2)^2}{\sum_{ij} (r_{ij} - (k+1)/2)^2}
    \quad\overset{\text{no ties}}{=}\quad \frac{12}{nk(k+1)} \sum_j R_j^2 - 3n(k+1)
 
-with ties sharing their mean rank; values that rounding alone tells apart are ties (`signals/tied_ranks.py`). Its
+with ties sharing their mean rank; values that rounding alone tells apart are ties (`numerics/tied_ranks.py`). Its
 distribution over many participants is chi-squared with k - 1 degrees of freedom; over few, the chance of the same or a
 larger statistic is counted exactly instead: under the null hypothesis each participant's ranks are as likely in any
 order, and the orders of one participant after another are folded into a distribution of rank sums. That takes moments
@@ -33,7 +33,7 @@ import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
-from ..signals.tied_ranks import tied_ranks
+from ..numerics.tied_ranks import tied_ranks
 
 MAX_EXACT_CONDITIONS = 6
 """Largest number of conditions for the exact distribution, which lists all orders of the conditions."""

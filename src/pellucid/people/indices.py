@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache
 
-from ..signals.movements import Kinematics, Movement
 from ..units import COORDINATES_BY_UNIT, Coordinate
 from .measured import DIRECTION_DOWN, DIRECTION_UP
+from .movements import Kinematics, Movement
 from .survival import Survival
 
 

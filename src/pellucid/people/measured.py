@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..signals.movements import Movement
+from .movements import Movement
 
 DIRECTION_UP = "up"
 """Direction of increasing angle, which is 0 where the segment hangs."""

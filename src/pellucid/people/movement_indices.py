@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import RecordingError
-from ..signals.movements import (
+from .movements import (
     MovementRule,
     kinematics,
     movements,

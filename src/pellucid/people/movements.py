@@ -29,10 +29,10 @@ from typing import Literal
 import numpy as np
 
 from .._errors import RecordingError
+from ..numerics.even_times import even_times
+from ..numerics.filters import central_difference, runs, zero_phase_lowpass
+from ..numerics.speed import moving_samples, tangential_speed
 from ..units import COORDINATES_BY_UNIT
-from .even_times import even_times
-from .filters import central_difference, runs, zero_phase_lowpass
-from .speed import moving_samples, tangential_speed
 
 MIN_MOVEMENT_SAMPLES = 8
 """A movement must have at least this many samples, so that its largest speed can be located."""

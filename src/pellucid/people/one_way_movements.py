@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .even_times import even_times
-from .filters import central_difference, runs, zero_phase_lowpass
+from ..numerics.even_times import even_times
+from ..numerics.filters import central_difference, runs, zero_phase_lowpass
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._processes import processes
-from ..signals.tied_ranks import tied_ranks
+from ..numerics.tied_ranks import tied_ranks
 from .signed_rank import rank_sums, two_sided_p
 
 STUDIES_PER_PART = 500

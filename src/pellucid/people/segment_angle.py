@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.optical import OpticalRecording
+from ..files.optical import OpticalRecording
 from .movements import NoAngle
 
 MIN_HORIZONTAL_SHARE = 0.1

@@ -3,7 +3,7 @@ r"""Wilcoxon's signed-rank test of paired differences, its p counted, with the e
 Differences are ranked by size; W+ and W- are the rank sums of those above and below 0. If conditions do not differ,
 each difference is as likely of either sign, so that the chance of a W+ at least as far from its middle is a sum over
 :math:`2^n` signs, counted rank by rank. Ties share their mean rank; differences of 0 are left out [1]_. Differences
-that rounding alone tells apart are ties (`signals/tied_ranks.py`). The matched
+that rounding alone tells apart are ties (`numerics/tied_ranks.py`). The matched
 rank-biserial correlation is (W+ - W-) / (W+ + W-) [2]_: 1 where all differ upwards.
 
 .. [1] F. Wilcoxon, "Individual comparisons by ranking methods", Biometrics Bull. 1, 1945.
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
-from ..signals.tied_ranks import tied_ranks, tied_signs
+from ..numerics.tied_ranks import tied_ranks, tied_signs
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,8 @@ from __future__ import annotations
 import numpy as np
 
 from .._errors import RecordingError
-from ..signals.movements import Kinematics, Movement
-from ..signals.speed import tangential_speed
+from ..numerics.speed import tangential_speed
+from .movements import Kinematics, Movement
 
 SPECTRUM_OVERSAMPLING_POWER = 4
 """The spectrum is sampled 2 to this power times finer than the movement's own length gives (zero padding)."""

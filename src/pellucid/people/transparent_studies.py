@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ..signals.tied_ranks import TIE_TOLERANCE
+from ..numerics.tied_ranks import TIE_TOLERANCE
 from .certificate import ESTIMAND_METHODS, Estimand
 from .crossover import carry_over_of_studies, is_balanced, without_period
 from .equivalence import FAR_MARGIN_COUNT, Margin, Method, critical_rank_sum, share_bound

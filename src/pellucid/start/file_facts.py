@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..recordings.name_evidence import words_of
-from ..recordings.stated_units import split_unit, unit_from_text
+from ..files.name_evidence import words_of
+from ..files.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
 
 _NUMBER_TEXT = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"

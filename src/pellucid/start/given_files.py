@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import PellucidError, RecordingError, StudyError
-from ..inference.flat_arrays import FlatShape, common_rows, find_flat_shape
-from ..recordings.name_evidence import read_name, words_of
-from ..recordings.personal_fields import PersonalField
-from ..recordings.readers import read_columns
-from ..recordings.readers._comma import TWO_READINGS
-from ..recordings.readers.urdf import read_urdf
+from ..arm.urdf import read_urdf
+from ..files.name_evidence import read_name, words_of
+from ..files.personal_fields import PersonalField
+from ..files.readers import read_columns
+from ..files.readers._comma import TWO_READINGS
+from .inference.flat_arrays import FlatShape, common_rows, find_flat_shape
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""

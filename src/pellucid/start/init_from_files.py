@@ -14,9 +14,9 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, StudyError, UnfitRecordingError
 from .._given import require_empty_folder
-from ..pages.page import write_page
-from ..recordings.fault import Fault, grouped_messages
-from ..studies.study import STUDY_FILE
+from ..files.fault import Fault, grouped_messages
+from ..study.pages.page import write_page
+from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
 from .missing_parts import missing_part
 from .proposal_page import proposal_page

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
-from ..drawing.style import FIGURE_WIDTH, colour
-from ..inference.assign_roles import ColumnRole
-from ..inference.processing_choice import ProcessingChoice
+from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
+from ..study.drawing.style import FIGURE_WIDTH, colour
 from .given_files import GivenTable
+from .inference.assign_roles import ColumnRole
+from .inference.processing_choice import ProcessingChoice
 from .propose_study import Layout
 
 MAX_PANELS_IN_FIGURE = 12
@@ -88,7 +88,7 @@ def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing
 
 
 def _times(layout: Layout, table: GivenTable) -> tuple[np.ndarray, str]:
-    from ..inference.clocks import UNIT_SECONDS
+    from .inference.clocks import UNIT_SECONDS
 
     clock, rate = layout.roles.clock, layout.roles.rate
     if clock.column is not None and clock.column in table.columns:

@@ -6,9 +6,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from .._printed_command import printed_command
-from ..drawing.drawing import draw
-from ..pages.page import Answer, Page, Section, Tile, without_drawing
-from ..pages.tables import Row, Table
+from ..study.drawing.drawing import draw
+from ..study.pages.page import Answer, Page, Section, Tile, without_drawing
+from ..study.pages.tables import Row, Table
 from .proposal_figures import channel_figures, spectrum_figure
 from .propose_study import Layout, Proposal
 from .study_text import channel_mark, channel_name

@@ -10,26 +10,26 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import PellucidError, StudyError
-from ..inference.angle_units import USUAL_COUNTS
-from ..inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
-from ..inference.clocks import UNIT_SECONDS
-from ..inference.commands import find_resting_limit
-from ..inference.derivatives import UNIT_RATIOS
-from ..inference.emg_spectrum import swings_fast
-from ..inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
-from ..inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
-from ..inference.processing_choice import ProcessingChoice, choose_processing
-from ..inference.repeated_motions import RepeatedMotion, find_repeated_motion
-from ..inference.static_postures import find_postures
-from ..recordings.defects.sensor_range import agrees_at_limit, sensor_ends
-from ..recordings.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
-from ..recordings.readers.urdf import read_urdf
-from ..recordings.recording import LOCKED_SPRING_PROTOCOL
-from ..recordings.stated_units import unit_from_text
-from ..studies.study_file import channel_unit, rig_units
+from ..arm.urdf import read_urdf
+from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
+from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
+from ..files.recording import LOCKED_SPRING_PROTOCOL
+from ..files.stated_units import unit_from_text
+from ..study.study_file import channel_unit, rig_units
 from ..units import to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
+from .inference.angle_units import USUAL_COUNTS
+from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
+from .inference.clocks import UNIT_SECONDS
+from .inference.commands import find_resting_limit
+from .inference.derivatives import UNIT_RATIOS
+from .inference.emg_spectrum import swings_fast
+from .inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
+from .inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
+from .inference.processing_choice import ProcessingChoice, choose_processing
+from .inference.repeated_motions import RepeatedMotion, find_repeated_motion
+from .inference.static_postures import find_postures
 from .questions import Question, select_questions
 
 DEFAULT_RATE_HZ = 100.0

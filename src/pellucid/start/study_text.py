@@ -9,11 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..inference.angle_units import MAX_RADIAN_RANGE, USUAL_COUNTS
-from ..inference.assign_roles import ColumnRole
 from ..units import to_si_factor
 from .file_facts import FileFact
 from .given_files import GivenTable
+from .inference.angle_units import MAX_RADIAN_RANGE, USUAL_COUNTS
+from .inference.assign_roles import ColumnRole
 from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
@@ -174,7 +174,7 @@ def _joint_name(proposal: Proposal) -> str:
         angles = [r.label for r in proposal.main.channels if r.quantity in ("angle", "moment") and r.label]
         return angles[0] if len(angles) == 1 else "leg" if any("knee" in a for a in angles) else "joint"
     named = [r for r in proposal.main.channels if r.quantity == "position"]
-    from ..recordings.name_evidence import read_name
+    from ..files.name_evidence import read_name
 
     joint = next((read_name(r.column).joint for r in named if read_name(r.column).joint), None)
     return joint or "joint"
@@ -483,8 +483,8 @@ def _sound_window(recording: ProposedRecording, proposal: Proposal) -> tuple[flo
     """Return the window [s] that leaves out stale rows before time first advances, None if there are none."""
     import numpy as np
 
-    from ..inference.clocks import UNIT_SECONDS, find_clock
-    from ..recordings.name_evidence import read_name
+    from ..files.name_evidence import read_name
+    from .inference.clocks import UNIT_SECONDS, find_clock
 
     clock = proposal.main.roles.clock
     if clock.column is None or clock.column not in recording.table.columns:

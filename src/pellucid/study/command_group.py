@@ -1,6 +1,6 @@
 """The help of the command line: commands by what somebody wants to do, an example for each, and options of all.
 
-A command says to which of `pellucid.procedures.command.HELP_GROUPS` it belongs, and how it is called; `CommandGroup`
+A command says to which of `pellucid.study.procedures.command.HELP_GROUPS` it belongs, and how it is called; `CommandGroup`
 prints them.
 """
 
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ._errors import missing_lab
+from .._errors import missing_lab
 from .procedures.command import HELP_GROUPS, LEARN_GROUP
 from .terminal import set_quiet, set_verbose
 

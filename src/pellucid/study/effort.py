@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.recording import Recording
+from ..files.recording import Recording
 from .drive_channel import DRIVE_CHANNELS
 from .study_file import Drive, JointTable
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from .._tabular import data_frame, html_table, text_table
 from ..models.card import named
-from .parameter import Parameter
+from ..models.parameter import Parameter
 
 if TYPE_CHECKING:
     import pandas
 
-    from ..drawing.drawing import Figure
+    from .drawing.drawing import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -104,7 +104,7 @@ class NamedEstimates(Mapping[str, Parameter]):
         -------
         matplotlib.figure.Figure
         """
-        from .parameter_figures import parameters
+        from .pages.parameter_figures import parameters
 
         return parameters(self).figure
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from ..recordings.cut import Cut
-from ..recordings.defects import clipped, dropouts, frozen, gaps, missing, sensor_range, silent, spikes
-from ..recordings.defects.watched import WatchedRecording
-from ..recordings.recording import Recording
+from ..files.cut import Cut
+from ..files.defects import clipped, dropouts, frozen, gaps, missing, sensor_range, silent, spikes
+from ..files.defects.watched import WatchedRecording
+from ..files.recording import Recording
 from .drive_channel import command_channel
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .._atomic import write_bytes_atomically
-from ..recordings.keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
+from ..files.keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
 from .code_fingerprint import PACKAGE_NAME
 
 TREE_KEY = "tree"

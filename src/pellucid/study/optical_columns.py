@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.optical import AXES, OpticalRecording
+from ..files.optical import AXES, OpticalRecording
 
 if TYPE_CHECKING:
-    from ..recordings.readers import Columns
+    from ..files.readers import Columns
     from .study_file import Optical
 
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import UnfitRecordingError
-from ..recordings.cut import MAX_EVEN_JITTER, sound_samples
-from ..recordings.defects import clipped, limited, sensor_range
-from ..recordings.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
-from ..recordings.defects.watched import WatchedRecording
-from ..recordings.delay import SHIFTED_KIND
-from ..recordings.fault import Fault
-from ..recordings.optical_faults import find_optical_faults
-from ..recordings.pieces import breaking_cuts, pieces_between_cuts
-from ..recordings.recording import Recording
+from ..files.cut import MAX_EVEN_JITTER, sound_samples
+from ..files.defects import clipped, limited, sensor_range
+from ..files.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
+from ..files.defects.watched import WatchedRecording
+from ..files.delay import SHIFTED_KIND
+from ..files.fault import Fault
+from ..files.optical_faults import find_optical_faults
+from ..files.pieces import breaking_cuts, pieces_between_cuts
+from ..files.recording import Recording
 from .drive_channel import DRIVE_CHANNELS, command_channel
 from .find_defects import (
     MAX_CLIPPED_SHARE,

@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import RecordingError
-from ...recordings.cut import MAX_EVEN_JITTER
-from ...recordings.delay import interpolate_at
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording, channels_within
-from ...signals.even_times import even_times
-from ...signals.filters import runs
-from ...signals.long_motion import MIN_LONG_SAMPLES, pieces
-from ...signals.motion import Filtering, Motion, motion_of, shortest
-from ...studies.effort import DriveModel, command_of, drive_model
-from ...studies.study import Study
-from ...studies.study_file import Processing
+from .._errors import RecordingError
+from ..files.cut import MAX_EVEN_JITTER
+from ..files.delay import interpolate_at
+from ..files.fault import Fault
+from ..files.recording import Recording, channels_within
+from ..numerics.even_times import even_times
+from ..numerics.filters import runs
+from ..numerics.long_motion import MIN_LONG_SAMPLES, pieces
+from ..numerics.motion import Filtering, Motion, motion_of, shortest
+from .effort import DriveModel, command_of, drive_model
+from .study import Study
+from .study_file import Processing
 
 EXCERPT_SAMPLE_COUNT = 12_000
 """Number of samples in an excerpt of fitted, and of held-out, recordings. Methods that simulate use the excerpt."""

@@ -14,16 +14,16 @@ import numpy as np
 
 from .._errors import IdentificationError, RecordingError, StudyError
 from .._given import require_folder, require_inside
-from ..recordings.clock import first_deliveries
-from ..recordings.cut import Cut
-from ..recordings.defects.garbage import KIND as GARBAGE_KIND
-from ..recordings.defects.garbage import find_garbage
-from ..recordings.delay import shift_channels, undo_lags
-from ..recordings.empty_ends import trim_missing_ends, within_streams
-from ..recordings.joined_stream import initial_offset, join_stream
-from ..recordings.optical import OpticalRecording
-from ..recordings.pieces import pieces_between_cuts
-from ..recordings.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording
+from ..files.clock import first_deliveries
+from ..files.cut import Cut
+from ..files.defects.garbage import KIND as GARBAGE_KIND
+from ..files.defects.garbage import find_garbage
+from ..files.delay import shift_channels, undo_lags
+from ..files.empty_ends import trim_missing_ends, within_streams
+from ..files.joined_stream import initial_offset, join_stream
+from ..files.optical import OpticalRecording
+from ..files.pieces import pieces_between_cuts
+from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording
 from ..units import contradicts_unit
 from .drive_channel import command_channel
 from .find_defects import find_cuts, regressed_joints
@@ -32,7 +32,7 @@ from .results import ResultRow, read_rows
 from .study_place import StudyPlace, checksum
 
 if TYPE_CHECKING:
-    from ..recordings.readers import Columns
+    from ..files.readers import Columns
     from .study_fields import Table
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
@@ -414,7 +414,7 @@ class Study:
         return recording
 
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
-        from ..recordings.kept_columns import kept_columns
+        from ..files.kept_columns import kept_columns
 
         digest = self.digest(path)
         if path not in files:
@@ -683,7 +683,7 @@ def _truncation_cut(path: Path, time: np.ndarray, window: tuple[float, float] | 
 
     The complete samples were taken at `time`, shape (n,) [s].
     """
-    from ..recordings.readers.read import find_lost_end
+    from ..files.readers.read import find_lost_end
 
     lost = find_lost_end(path)
     if not lost or (window is not None and window[1] <= time[-1]):

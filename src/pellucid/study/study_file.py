@@ -24,8 +24,8 @@ from pydantic import (
 
 from .._errors import IdentificationError, StudyError
 from .._given import parse_toml, read_given
+from ..files.recording import MAXIMAL_PROTOCOL
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
-from ..recordings.recording import MAXIMAL_PROTOCOL
 from ..units import parse_quantity, si_text, to_si_factor
 from .instruments_table import InstrumentsTable
 from .session_table import SessionTable

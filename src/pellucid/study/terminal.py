@@ -197,7 +197,7 @@ def print_json(result: Result) -> None:
     """Print every row of a result as JSON."""
     from json import dumps
 
-    from .studies.results import finite_row, row_table
+    from .results import finite_row, row_table
 
     typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ... import _core
-from ...models.joint import GRAVITY
-from ...models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid import _core
+from pellucid.models.joint import GRAVITY
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+
 from .constants import ArmConstants, LinkTable, MakerTable
 from .human_motion import JOINTS
 

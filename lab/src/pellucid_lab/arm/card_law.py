@@ -8,14 +8,15 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...control.tree_laws import TreeLaw
-from ...fit.tree.fit_tree import make_tree_estimate
-from ...fit.tree.identify_tree import fit_best_model
-from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import collect_rows
-from ...models.tree_card import JointRange, TreeCard
-from ...signals.motion import Filtering
-from ...signals.tree_motion import TreeMotion, tree_motion_of
+from pellucid.arm.fit.fit_tree import make_tree_estimate
+from pellucid.arm.fit.identify_tree import fit_best_model
+from pellucid.arm.fit.tree_estimate import TreeEstimate
+from pellucid.arm.fit.tree_regression import collect_rows
+from pellucid.arm.tree_motion import TreeMotion, tree_motion_of
+from pellucid.controllers.tree_laws import TreeLaw
+from pellucid.models.tree_card import JointRange, TreeCard
+from pellucid.numerics.motion import Filtering
+
 from .human_motion import JOINTS
 from .protocol import ArmTrial
 from .rig import ArmRig

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...control.control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
-from ...control.limits import Limits
+from pellucid.controllers.control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
+from pellucid.controllers.limits import Limits
+
 from .human_motion import HumanMotion
 from .protocol import gains_of
 from .rig import ArmRig

@@ -14,7 +14,7 @@ from itertools import groupby
 
 import numpy as np
 
-from ...datasets import RecordedMotion, recorded_motions
+from pellucid.study.datasets import RecordedMotion, recorded_motions
 
 JOINTS = ("abduction", "flexion", "internal_rotation", "elbow_flexion")
 """Joints in the order of the chain, from the trunk outwards."""

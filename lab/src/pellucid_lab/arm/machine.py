@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ... import _core
-from ...models.kinematic_tree import Tree
-from ...models.robot import Robot
+from pellucid import _core
+from pellucid.models.kinematic_tree import Tree
+from pellucid.models.robot import Robot
+
 from ..rig import Rig
 from .bodies import built_gravity, built_tree, drawing, drive_rows, friction_rows, transmission_rows
 from .constants import ArmConstants

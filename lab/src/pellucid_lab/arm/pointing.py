@@ -19,10 +19,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...control.supervisor_faults import NO_FAULT
-from ...signals.filters import zero_phase_lowpass
-from ...signals.movements import MovementRule
-from ...signals.speed import moving_samples, tangential_speed
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.numerics.filters import zero_phase_lowpass
+from pellucid.numerics.speed import moving_samples, tangential_speed
+from pellucid.people.movements import MovementRule
+
 from .bodies import built_tree
 from .human_motion import GENERATED_REACHES, JOINTS
 from .rig import ArmRig

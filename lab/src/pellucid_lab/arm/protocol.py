@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...protocols.step_by_step import step_by_step
-from ...protocols.tree_fourier import TreeFourier, random_tree_fourier, shrink_within_limits
-from ...protocols.tree_limits import TreeLimits
+from pellucid.arm.protocols.tree_fourier import TreeFourier, random_tree_fourier, shrink_within_limits
+from pellucid.numerics.protocols.step_by_step import step_by_step
+from pellucid.numerics.protocols.tree_limits import TreeLimits
+
 from ..rig import Trial
 from .human_motion import JOINTS, HumanMotion, generated_motion
 from .machine import ArmMachine

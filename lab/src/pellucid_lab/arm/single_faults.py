@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ... import _core
-from ...control.supervisor_faults import NO_FAULT
-from ...control.tree_laws import TreeLaw
+from pellucid import _core
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.tree_laws import TreeLaw
+
 from ..drive_reading import EXACT_READING, DriveReading
 from .card_law import CardLaw, Point
 from .human_motion import HumanMotion

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from ...models import anthropometry as winter
-from ...models.joint import GRAVITY
-from ...models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid.models import anthropometry as winter
+from pellucid.models.joint import GRAVITY
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+
 from .bodies import AXES
 from .human_motion import JOINTS, HumanMotion
 

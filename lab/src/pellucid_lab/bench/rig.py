@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ... import _core
-from ...models.joint import NAMES
-from ...models.simulate import substeps_for
-from ...protocols.excitation import multisine, point_to_point
-from ...protocols.random_phase_multisine import MULTISINE_NAME
-from ...protocols.reversals import reversals
+from pellucid import _core
+from pellucid.models.joint import NAMES
+from pellucid.models.simulate import substeps_for
+from pellucid.numerics.protocols.excitation import multisine, point_to_point
+from pellucid.numerics.protocols.random_phase_multisine import MULTISINE_NAME
+from pellucid.numerics.protocols.reversals import reversals
+
 from ..multisine import multisine_references, multisine_study
 from ..noise import draw_noise
 from ..recorded_table import MAIN_STREAM, Column, StoredTable

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..datasets import init
-from ..lab.bench.rig import bench_joint
-from ..procedures.registry import open_study
-from ..procedures.run import identify
-from ..procedures.run import report as write_report
+from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import identify
+from pellucid.study.procedures.run import report as write_report
+
+from ..bench.rig import bench_joint
 from .coverage import Coverage, coverage
 
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fit.joint.friction_solver import solve_family
-from ..fit.regression import Stack, stack
-from ..fit.uncertainty import sandwich_covariance
-from ..lab.bench.rig import BenchRig, matched
-from ..models.joint import joint_model
-from ..protocols.excitation import multisine
-from ..signals.motion import Filtering, motion_of
+from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.models.joint import joint_model
+from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.protocols.excitation import multisine
+from pellucid.numerics.regression import Stack, stack
+from pellucid.numerics.uncertainty import sandwich_covariance
+
+from ..bench.rig import BenchRig, matched
 
 PER_MOTION = 25
 """Number of repetitions with new noise before a new motion is drawn. A single motion may give too wide or too narrow

@@ -11,33 +11,34 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from .._given import require_folder
-from .._processes import processes
-from ..control.control_law import ControlLaw
-from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
-from ..datasets.registry import names, shipped
-from ..deployment.c_folder import check_on_host
-from ..deployment.elbow_values import lowest_resonance
-from ..deployment.export import export
-from ..deployment.microcontroller import measure, missing_tools, save_measured
-from ..fit.slider.slider_fit import SliderFit
-from ..lab.elbow.protocol import ElbowTrial, trials
-from ..lab.elbow.rig import ElbowRig, able_elbow
-from ..lab.pointing.conditions import controller_builder
-from ..lab.pointing.people import Person
-from ..lab.pointing.rig import PointingRig, elbow_participants
-from ..lab.pointing.session import CONTROL_CONDITION
-from ..lab.study import write_study
-from ..models.slider_card import SliderCard, read_slider_card
-from ..procedures.assessment.assessment_result import AssessmentResult
-from ..procedures.joint.joint_result import JointResult
-from ..procedures.registry import asked, open_study
-from ..procedures.run import assess, identify
-from ..studies.results import ResultRow, read_rows, write_rows
-from ..studies.session_table import RUN_FOLDER
-from ..studies.study import RESULTS_FILE, STUDY_FILE, Study
+from pellucid._atomic import write_text_atomically
+from pellucid._errors import PellucidError
+from pellucid._given import require_folder
+from pellucid._processes import processes
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+from pellucid.controllers.export.c_folder import check_on_host
+from pellucid.controllers.export.elbow_values import lowest_resonance
+from pellucid.controllers.export.export import export
+from pellucid.controllers.export.microcontroller import measure, missing_tools, save_measured
+from pellucid.joint.slider.slider_fit import SliderFit
+from pellucid.joint.study.joint_result import JointResult
+from pellucid.models.slider_card import SliderCard, read_slider_card
+from pellucid.people.study.assessment_result import AssessmentResult
+from pellucid.study.datasets.registry import names, shipped
+from pellucid.study.procedures.registry import asked, open_study
+from pellucid.study.procedures.run import assess, identify
+from pellucid.study.results import ResultRow, read_rows, write_rows
+from pellucid.study.session_table import RUN_FOLDER
+from pellucid.study.study import RESULTS_FILE, STUDY_FILE, Study
+
+from ..elbow.protocol import ElbowTrial, trials
+from ..elbow.rig import ElbowRig, able_elbow
+from ..pointing.conditions import controller_builder
+from ..pointing.people import Person
+from ..pointing.rig import PointingRig, elbow_participants
+from ..pointing.session import CONTROL_CONDITION
+from ..study import write_study
 from .beside import count_coverage, identify_machine, write_kept_report
 from .coverage import Coverage
 from .demonstration import Demonstration

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..deployment.microcontroller import OnCortexM4
-from ..fit.slider.slider_fit import SliderFit
-from ..lab.elbow.rig import ElbowRig
-from ..procedures.assessment.assessment_result import AssessmentResult
-from ..procedures.joint.joint_result import JointResult
-from ..studies.study import Study
+from pellucid.controllers.export.microcontroller import OnCortexM4
+from pellucid.joint.slider.slider_fit import SliderFit
+from pellucid.joint.study.joint_result import JointResult
+from pellucid.people.study.assessment_result import AssessmentResult
+from pellucid.study.study import Study
+
+from ..elbow.rig import ElbowRig
 from .coverage import Coverage
 from .replayed_session import ReplayedSession
 

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import PellucidError
-from ..lab.live import virtual_elbow
-from ..lab.session_devices import bridge_stalls
-from ..live import layout
-from ..live.engine import LiveEngine
-from ..live.replay import Replay, read_session, replay_records
+from pellucid._errors import PellucidError
+from pellucid.live import layout
+from pellucid.live.engine import LiveEngine
+from pellucid.live.replay import Replay, read_session, replay_records
+
+from ..live import virtual_elbow
+from ..session_devices import bridge_stalls
 
 TARGETS_RAD = (1.45, 1.0)
 """Targets of the session, one after another [rad]."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..drawing.drawing import Drawing, colour, key, line, tidy
+from pellucid.study.drawing.drawing import Drawing, colour, key, line, tidy
+
 from .replayed_session import TARGETS_RAD, ReplayedSession
 
 SHOWN_MOMENT_S = 0.55

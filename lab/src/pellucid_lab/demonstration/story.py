@@ -9,13 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from .._printed_command import printed_command
-from ..assessment.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TORQUE, Index
-from ..control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
-from ..datasets.registry import info
-from ..drawing.drawing import draw
-from ..pages.page import Answer, Page, Section, Tile, write_page
-from ..pages.quantities import (
+from pellucid._printed_command import printed_command
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+from pellucid.joint.slider.study import direction_figures
+from pellucid.joint.slider.study.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
+from pellucid.joint.study.joint_page import error_range_text, headline_error, joint_answer, parameter_value
+from pellucid.people.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TORQUE, Index
+from pellucid.people.study import assessment_figures
+from pellucid.people.study.assessment_page import change_value, known_changes
+from pellucid.people.study.assessment_result import AssessmentResult
+from pellucid.study.datasets.registry import info
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Answer, Page, Section, Tile, write_page
+from pellucid.study.pages.quantities import (
     number,
     parameter_interval,
     parameter_label,
@@ -23,14 +29,9 @@ from ..pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ..pages.tables import Row, Table
-from ..pages.values import Value
-from ..procedures.assessment import assessment_figures
-from ..procedures.assessment.assessment_page import change_value, known_changes
-from ..procedures.assessment.assessment_result import AssessmentResult
-from ..procedures.joint.joint_page import error_range_text, headline_error, joint_answer, parameter_value
-from ..procedures.slider import direction_figures
-from ..procedures.slider.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
+from pellucid.study.pages.tables import Row, Table
+from pellucid.study.pages.values import Value
+
 from .coverage import RICHER_PLANTS
 from .demonstration import Demonstration
 from .session_figures import screens_figure

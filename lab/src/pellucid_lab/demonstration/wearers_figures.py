@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..drawing.drawing import line, tidy
-from ..drawing.style import FIGURE_WIDTH, colour
-from ..pages.moving import MovingDrawing, Way, cursor, strokes
-from ..procedures.assessment.assessment_figures import FRAME_COUNT, REST_S, START_ANGLE_RAD, tones
-from ..procedures.assessment.assessment_result import Profile
+from pellucid.people.study.assessment_figures import FRAME_COUNT, REST_S, START_ANGLE_RAD, tones
+from pellucid.people.study.assessment_result import Profile
+from pellucid.study.drawing.drawing import line, tidy
+from pellucid.study.drawing.style import FIGURE_WIDTH, colour
+from pellucid.study.pages.moving import MovingDrawing, Way, cursor, strokes
 
 ELBOW_PLACE = np.array([0.0, 0.0])
 """Drawn place of the elbow."""

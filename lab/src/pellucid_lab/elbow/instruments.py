@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ... import _core
-from ...models.simulate import substeps_for
+from pellucid import _core
+from pellucid.models.simulate import substeps_for
+
 from ..noise import draw_noise
 from .machine import ElbowMachine
 from .protocol import ElbowTrial

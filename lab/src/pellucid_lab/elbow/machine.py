@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ... import _core
-from ...control.instruments import Instruments
-from ...models.joint import GRAVITY
+from pellucid import _core
+from pellucid.controllers.instruments import Instruments
+from pellucid.models.joint import GRAVITY
+
 from ..rig import Rig
 from ..stated_instruments import ENCODER_NOISE_FACTOR, stated_instruments
 from .constants import ElbowConstants

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from ...protocols.fourier import optimised_fourier, play
-from ...protocols.reversals import REVERSALS_NAME
-from ...protocols.swept_sine import swept_sine
+from pellucid.numerics.protocols.fourier import optimised_fourier, play
+from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid.numerics.protocols.swept_sine import swept_sine
+
 from ..rig import Trial
 from .machine import ElbowMachine
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...models.anthropometry import Segment
-from ...models.joint import GRAVITY
+from pellucid.models.anthropometry import Segment
+from pellucid.models.joint import GRAVITY
+
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, marker_columns
 from ..rig import Outcome, Taken, Tell
 from ..shipped_rigs import shipped_rig

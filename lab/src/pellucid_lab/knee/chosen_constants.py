@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
-from ...control.coupling import Coupling
-from ...control.residual_compensator import Law, Noise, ResidualDesign, design, within
-from ...control.worn import StrapLearning
-from ...estimators.causal_map import EmgSettings
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import Law, Noise, ResidualDesign, design, within
+from pellucid.controllers.worn import StrapLearning
+from pellucid.emg.estimators.causal_map import EmgSettings
 
 CONSTANTS_FILE = Path(__file__).with_name("chosen.toml")
 """File of the constants."""

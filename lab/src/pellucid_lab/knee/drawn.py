@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...models.anthropometry import shank_length, winter
+from pellucid.models.anthropometry import shank_length, winter
+
 from .rig import KneeRig
 from .subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 

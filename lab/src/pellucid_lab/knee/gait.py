@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..._errors import DatasetError
-from ...datasets import recorded_walking
-from ...signals.filters import zero_phase_lowpass
+from pellucid._errors import DatasetError
+from pellucid.numerics.filters import zero_phase_lowpass
+from pellucid.study.datasets import recorded_walking
 
 GAIT_LOWPASS_HZ = 6.0
 """Corner of the low-pass filter for recorded walking [Hz]; a knee moves more slowly than that."""

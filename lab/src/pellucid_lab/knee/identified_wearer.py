@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import IdentificationError
-from ...control.coupling import Coupling
-from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
-from ...fit.joint.actuator_residual import actuator_residual
-from ...procedures.coupling.actuator_card import REQUIRED_CHANNELS
-from ...procedures.coupling.identify_coupling import identify_worn
-from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
+from pellucid._errors import IdentificationError
+from pellucid.controllers.coupling import Coupling
+from pellucid.emg.estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
+from pellucid.joint.fit.actuator_residual import actuator_residual
+from pellucid.orthosis.study.coupling.actuator_card import REQUIRED_CHANNELS
+from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
+from pellucid.orthosis.study.coupling.strapped_trials import strapped_emg_trial
+
 from .recorded_session import STRAP_PROTOCOLS, take
 from .rig import KneeRig
 

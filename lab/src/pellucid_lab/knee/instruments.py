@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.joint import GRAVITY
+from pellucid.models.joint import GRAVITY
+
 from ..noise import draw_noise
 from .machine import KneeMachine
 from .subject import KneeSubject

@@ -20,12 +20,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._errors import DatasetError
-from ...control.coupling import Coupling
-from ...datasets.walking import RecordedGait, recorded_gait
-from ...models.anthropometry import shank_length, winter
-from ...models.joint import GRAVITY
-from ...signals.filters import zero_phase_lowpass
+from pellucid._errors import DatasetError
+from pellucid.controllers.coupling import Coupling
+from pellucid.models.anthropometry import shank_length, winter
+from pellucid.models.joint import GRAVITY
+from pellucid.numerics.filters import zero_phase_lowpass
+from pellucid.study.datasets.walking import RecordedGait, recorded_gait
+
 from .gait import FADE_IN_S, GAIT_LOWPASS_HZ, generate_walking
 from .machine import KneeMachine
 from .protocol import KneeTrial

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...fit.joint.gravity_holds import find_holds
-from ...recordings.recording import Recording
-from ...signals.input_output import InputOutput, input_output
-from ...studies.study_file import StudyFile
+from pellucid.files.recording import Recording
+from pellucid.numerics.gravity_holds import find_holds
+from pellucid.orthosis.input_output import InputOutput, input_output
+from pellucid.study.study_file import StudyFile
+
 from ..study import record_in_memory
 from .protocol import bench_trials, subject_trials
 from .rig import KneeRig

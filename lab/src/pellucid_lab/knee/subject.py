@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...models.joint import GRAVITY
+from pellucid.models.joint import GRAVITY
+
 from .constants import EmgGainTable, LimbTable, StrengthTable, SubjectStrapTable
 
 FLEXOR_MUSCLE = "lateral_hamstring"

@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ... import _core
+from pellucid import _core
+
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from .instruments import ImuReadings, Mounting, draw_mounting, take_imu
 from .machine import KneeMachine

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..._errors import StudyError
-from ...control.residual_compensator import ResidualDesign
-from ...control.worn import WornCompensator
-from ...control.worn_design import design_worn_law
-from ...estimators.causal_map import EmgSettings
+from pellucid._errors import StudyError
+from pellucid.controllers.residual_compensator import ResidualDesign
+from pellucid.controllers.worn import WornCompensator
+from pellucid.controllers.worn_design import design_worn_law
+from pellucid.emg.estimators.causal_map import EmgSettings
+
 from ..knee.chosen_constants import chosen, design_reproduced_law
 from ..knee.identified_wearer import IdentifiedWearer
 from ..knee.rig import KneeRig

@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..._processes import ordered_results
+from pellucid._processes import ordered_results
+
 from ..knee.drawn import drawn_rig
 from ..knee.identified_wearer import IdentifiedWearer, identify_wearer_of
 from ..knee.instruments import draw_mounting

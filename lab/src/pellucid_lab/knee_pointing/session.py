@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ... import _core
-from ...control.supervisor_faults import NO_FAULT
+from pellucid import _core
+from pellucid.controllers.supervisor_faults import NO_FAULT
+
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from ..knee.instruments import Mounting
 from ..knee.rig import KneeRig

@@ -7,13 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from ... import _core
-from ..._errors import PellucidError
-from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ...control.supervised import supervised
-from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
-from ...models.simulate import substeps_for
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.supervised import supervised
+from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
+from pellucid.models.simulate import substeps_for
+
 from ..drive_reading import EXACT_READING
 from ..elbow.rig import able_elbow
 from ..pointing.conditions import CONTROL_CONDITION, Cards, controller_builder, identify_cards, published_conditions
@@ -94,7 +95,7 @@ def virtual_elbow(
         seed=seed,
         wearer=ReachingPlan(rig, wearer, seed),
         streams=StreamsProgram(
-            "pellucid.lab.virtual_streams",
+            "pellucid_lab.virtual_streams",
             {
                 "channels": [vars(channel) for channel in MUSCLE_CHANNELS],
                 "rate": EMG_RATE_HZ,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ... import _core
-from ..._errors import PellucidError
-from ...control.control_law import JOINT_LAW, ControlLaw
-from ...control.worn import watched_worn
-from ...live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.controllers.control_law import JOINT_LAW, ControlLaw
+from pellucid.controllers.worn import watched_worn
+from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, StreamsProgram
+
 from ..drive_reading import EXACT_READING
 from ..knee.rig import knee_orthosis
 from ..virtual_streams import EMG_RATE_HZ, MuscleChannel
@@ -136,7 +137,7 @@ def virtual_knee(
         seed=seed,
         wearer=SwingPlan(seed),
         streams=StreamsProgram(
-            "pellucid.lab.virtual_streams",
+            "pellucid_lab.virtual_streams",
             {
                 "channels": [vars(channel) for channel in MUSCLE_CHANNELS],
                 "rate": EMG_RATE_HZ,

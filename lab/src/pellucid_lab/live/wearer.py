@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...live.setup import Task
+from pellucid.live.setup import Task
+
 from ..pointing.load_learning import load_regressor, update_expected_load
 from ..pointing.movement_choice import preferred_duration
 from ..pointing.people import Person

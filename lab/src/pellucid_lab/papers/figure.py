@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from ..studies.results import ResultRow, write_rows
+from pellucid._atomic import write_text_atomically
+from pellucid._errors import PellucidError
+from pellucid.study.results import ResultRow, write_rows
+
 from .printed import Printed
 
 VERDICT_WORDS = ("agrees", "differs", "recomputed", "ours only", "cannot be")

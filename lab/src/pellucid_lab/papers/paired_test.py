@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from scipy import stats
 
-from .._errors import PellucidError
+from pellucid._errors import PellucidError
 
 
 @dataclass(frozen=True)

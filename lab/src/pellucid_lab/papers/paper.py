@@ -13,8 +13,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import ClassVar
 
-from .._errors import PellucidError
-from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from pellucid._errors import PellucidError
+from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+
 from .figure import Figures, Reproduced
 from .printed import PrintedPaper, papers, printed
 from .row_sections import row_sections
@@ -48,7 +49,7 @@ class Paper(ABC):
 
     Examples
     --------
-    >>> from pellucid.papers.figure import figure
+    >>> from pellucid_lab.papers.figure import figure
     >>> class Pendulum(Paper):
     ...     def figures(self, tell):
     ...         yield figure("pendulum", "period", "Period", "s", 2.006, self.printed.values["period"])

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from .._errors import PellucidError
-from .._plugins import load_plugins, require_attributes
+from pellucid._errors import PellucidError
+from pellucid._plugins import load_plugins, require_attributes
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .._given import require_folder
-from ..pages.page import write_page
-from ..studies.results import require_own_page
+from pellucid._given import require_folder
+from pellucid.study.pages.page import write_page
+from pellucid.study.results import require_own_page
+
 from .figure import Figures, Reproduced, write_figures
 from .paper import Paper
 from .paper import paper as paper_named

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..pages.page import Section
-from ..pages.quantities import MINUS_SIGN, typeset_quantities, unit_text
-from ..pages.tables import Row, Table
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.quantities import MINUS_SIGN, typeset_quantities, unit_text
+from pellucid.study.pages.tables import Row, Table
+
 from .figure import Reproduced
 
 VERDICTS_FROM_PRINT = ("recomputed", "cannot be")

@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._errors import PellucidError, StudyError
-from ..._processes import tell_job_share
-from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
-from ...control.elbow_laws import full_compensation
-from ...control.transparent_laws import known_travel
-from ...fit.slider.slider_fit import SliderFit
-from ...models.slider_card import SliderCard
-from ...procedures.slider.identify_slider import fit_slider
-from ...procedures.slider.slider_result import slider_card
-from ...signals.movements import MovementRule, movements
+from pellucid._errors import PellucidError, StudyError
+from pellucid._processes import tell_job_share
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
+from pellucid.controllers.elbow_laws import full_compensation
+from pellucid.controllers.transparent_laws import known_travel
+from pellucid.joint.slider.slider_fit import SliderFit
+from pellucid.joint.slider.study.identify_slider import fit_slider
+from pellucid.joint.slider.study.slider_result import slider_card
+from pellucid.models.slider_card import SliderCard
+from pellucid.people.movements import MovementRule, movements
+
 from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
 from ..study import record_in_memory

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from ... import _core
-from ...signals.one_way_movements import OneWay, one_way_movements, robust_spread
+from pellucid import _core
+from pellucid.people.one_way_movements import OneWay, one_way_movements, robust_spread
+
 from .people import Person, parameter_names, person_model
 from .speed_accuracy import Accuracy, Aim
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri
 
-from ... import _core
-from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
+from pellucid import _core
+from pellucid.models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
 
 if TYPE_CHECKING:
     from .plant import PointingPlant

@@ -8,7 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from ... import _core
+from pellucid import _core
+
 from ..elbow.rig import ElbowRig
 from ..rig import Rig
 from .constants import PointingConstants, RobotTable

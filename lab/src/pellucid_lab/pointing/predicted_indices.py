@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...assessment.indices import (
+from pellucid.people.indices import (
     EMG_PER_ACCELERATION,
     MEDIAN_DURATION,
     MOVEMENT_DURATION,
     PEAK_VELOCITY,
     UNSETTLED_SHARE,
 )
+
 from .session_indices import PUBLISHED_RULE, SessionIndices
 
 

@@ -17,12 +17,13 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import qmc
 
-from ..._errors import PellucidError
-from ..._processes import ordered_results
-from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ...control.transparent_laws import expecting_load
-from ...models.anthropometry import Segment
+from pellucid._errors import PellucidError
+from pellucid._processes import ordered_results
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.transparent_laws import expecting_load
+from pellucid.models.anthropometry import Segment
+
 from ..elbow.rig import ElbowRig, with_fastened_load
 from .conditions import Cards, choose_exponents, controller_builder, identify_cards, offered_controller
 from .people import Person, draw_people

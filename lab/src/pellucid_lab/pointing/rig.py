@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ... import _core
-from ..._errors import StudyError
+from pellucid import _core
+from pellucid._errors import StudyError
+
 from ..elbow.rig import ElbowRig
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, emg_columns, marker_columns
 from ..rig import Taken, Trial

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ... import _core
-from ...control.control_law import ControlLaw
-from ...control.supervised import supervised
-from ...control.supervisor_faults import NO_FAULT
-from ...models.simulate import substeps_for
-from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
+from pellucid import _core
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.supervised import supervised
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.models.simulate import substeps_for
+from pellucid.people.movements import Kinematics, MovementRule, Stretch, kinematics
+
 from .load_learning import load_regressor, update_expected_load
 from .movement_choice import preferred_duration
 from .people import Person, parameter_names, person_model

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...assessment.isochrony import affine
-from ...assessment.survival import survival
-from ...signals.movements import Kinematics, Movement, MovementRule, Stretch, movements
+from pellucid.people.isochrony import affine
+from pellucid.people.movements import Kinematics, Movement, MovementRule, Stretch, movements
+from pellucid.people.survival import survival
+
 from .session import PointingSession, true_motion
 
 PUBLISHED_RULE = "published"

@@ -9,18 +9,19 @@ from functools import partial
 
 import numpy as np
 
-from .._processes import job_part, tell_job_share
-from ..control.instruments import Instruments
-from ..control.supervisor_faults import NO_FAULT
-from ..control.tree_laws import TreeLaw, carried, with_force_sensor
-from ..lab.arm.card_law import Point, card_of, identified, sensor_points
-from ..lab.arm.human_motion import HumanMotion, generated_motion
-from ..lab.arm.rig import ArmRig, able_arm, drawn_arms
-from ..lab.arm.single_faults import KINDS, FaultyLaw, LawInput, compare_with_healthy
-from ..lab.arm.wearer import Person, drawn_people
-from ..lab.arm.worn_trial import ArmLaw, WornTrial, run
-from ..lab.safety.fault_table import FAULT_KINDS
+from pellucid._processes import job_part, tell_job_share
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
+
+from ..arm.card_law import Point, card_of, identified, sensor_points
+from ..arm.human_motion import HumanMotion, generated_motion
+from ..arm.rig import ArmRig, able_arm, drawn_arms
+from ..arm.single_faults import KINDS, FaultyLaw, LawInput, compare_with_healthy
+from ..arm.wearer import Person, drawn_people
+from ..arm.worn_trial import ArmLaw, WornTrial, run
 from ..papers.able.arm_worn import LAWS, LAWS_WITH_FORCE_SENSOR
+from ..safety.fault_table import FAULT_KINDS
 from .foreign_law import ForeignLaw, ForeignProcess
 from .strategies import REACHING_TASK, strategies_of_task
 from .tried import ControllerTrial, given_and_taken_power

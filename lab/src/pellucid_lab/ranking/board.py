@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..studies.results import ResultRow, read_rows, write_rows
+from pellucid.study.results import ResultRow, read_rows, write_rows
+
 from .foreign_law import ForeignLaw
 from .strategies import SIMPLE_RIVALS
 from .task_ranking import TaskRanking

@@ -8,16 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._processes import job_part, tell_job_share
-from ..assessment.indices import EMG_PER_ACCELERATION, MEDIAN_DURATION, PEAK_VELOCITY
-from ..control.control_law import ControlLaw
-from ..control.elbow_controllers import BEST_CONTROLLER
-from ..control.law_fuzz import step_times
-from ..control.supervised import SupervisedLaw
-from ..control.supervisor_faults import NO_FAULT
-from ..control.transparent_laws import sensitivity_amplification
-from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ..lab.pointing.conditions import (
+from pellucid._processes import job_part, tell_job_share
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER
+from pellucid.controllers.law_fuzz import step_times
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.transparent_laws import sensitivity_amplification
+from pellucid.people.indices import EMG_PER_ACCELERATION, MEDIAN_DURATION, PEAK_VELOCITY
+
+from ..elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from ..pointing.conditions import (
     Cards,
     choose_exponents,
     controller_builder,
@@ -25,13 +26,13 @@ from ..lab.pointing.conditions import (
     interaction_rms,
     offered_controller,
 )
-from ..lab.pointing.people import Person, draw_people
-from ..lab.pointing.predicted_indices import change
-from ..lab.pointing.rig import PointingRig, elbow_participants
-from ..lab.pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
-from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
-from ..lab.safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS, try_law
-from ..lab.safety.worn_robot import WornRobot, make_worn_robot
+from ..pointing.people import Person, draw_people
+from ..pointing.predicted_indices import change
+from ..pointing.rig import PointingRig, elbow_participants
+from ..pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
+from ..pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ..safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS, try_law
+from ..safety.worn_robot import WornRobot, make_worn_robot
 from .foreign_elbow import elbow_law_of
 from .foreign_law import ForeignLaw, ForeignProcess
 from .learnt_elbow import elbow_rules, learnt_compensation

@@ -12,7 +12,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from ..deployment.microcontroller import missing_tools
+from pellucid.controllers.export.microcontroller import missing_tools
+
 from .foreign_law import COMPILER_FLAGS, ForeignLaw
 from .foreign_worker import C_FUNCTIONS, JOINT_COUNTS
 

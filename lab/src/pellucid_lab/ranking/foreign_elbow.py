@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from ..control.commanded import commanded_law
-from ..control.elbow_laws import ELBOW_LIMITS
-from ..control.supervised import SupervisedLaw
-from ..lab.safety.worn_robot import WornRobot
+from pellucid.controllers.commanded import commanded_law
+from pellucid.controllers.elbow_laws import ELBOW_LIMITS
+from pellucid.controllers.supervised import SupervisedLaw
+
+from ..safety.worn_robot import WornRobot
 from .foreign_law import ForeignProcess
 
 

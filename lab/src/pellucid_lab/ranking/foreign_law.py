@@ -19,9 +19,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._errors import PellucidError
-from ..control.supervisor_faults import NO_FAULT
-from ..studies.study_place import checksum
+from pellucid._errors import PellucidError
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.study.study_place import checksum
+
 from . import foreign_worker
 
 LAW_SUFFIXES = (".c", ".so", ".py")

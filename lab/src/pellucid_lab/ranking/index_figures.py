@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..drawing.drawing import Drawing, one_panel
+from pellucid.study.drawing.drawing import Drawing, one_panel
+
 from .transparency_indices import TRANSPARENCY_INDICES, IndexComparison
 
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..drawing.drawing import draw
-from ..pages.page import Section
-from ..pages.tables import Row, number_table
-from ..studies.results import ResultRow
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.tables import Row, number_table
+from pellucid.study.results import ResultRow
+
 from .index_figures import agreement_map
 from .strategies import controller_words
 from .task_ranking import TaskRanking

@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from .._processes import job_part
-from ..control.supervisor_faults import NO_FAULT
-from ..control.worn_design import design_worn_law, other_straps
-from ..lab.knee.chosen_constants import ChosenConstants, chosen
-from ..lab.knee.gait import walking
-from ..lab.knee.identified_wearer import WearerCard
-from ..lab.knee.protocol import swing_trial, walking_trial
-from ..lab.knee.rig import KneeRig, knee_orthosis
-from ..lab.knee.trial import Controller, KneeReadings, run_trial
+from pellucid._processes import job_part
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.worn_design import design_worn_law, other_straps
+
+from ..knee.chosen_constants import ChosenConstants, chosen
+from ..knee.gait import walking
+from ..knee.identified_wearer import WearerCard
+from ..knee.protocol import swing_trial, walking_trial
+from ..knee.rig import KneeRig, knee_orthosis
+from ..knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power

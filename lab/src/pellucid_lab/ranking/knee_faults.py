@@ -12,15 +12,16 @@ from contextlib import closing
 
 import numpy as np
 
-from .._processes import tell_job_share
-from ..control.supervised import SupervisedLaw
-from ..control.supervisor_faults import NO_FAULT
-from ..control.worn import WornCompensator
-from ..lab.knee.rig import KneeRig
-from ..lab.knee.trial import Controller
-from ..lab.safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS
-from ..lab.safety.worn_knee import KNOWLEDGE_LOG_SD, KneeInUse, LawCommand, try_worn_law
+from pellucid._processes import tell_job_share
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.worn import WornCompensator
+
+from ..knee.rig import KneeRig
+from ..knee.trial import Controller
 from ..papers.knee.body_laws import BodyLaw
+from ..safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS
+from ..safety.worn_knee import KNOWLEDGE_LOG_SD, KneeInUse, LawCommand, try_worn_law
 from .foreign_law import ForeignLaw, ForeignProcess
 from .watched_knee import IdentifiedDrive, watched, watched_command
 

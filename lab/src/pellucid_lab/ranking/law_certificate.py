@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..assessment.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
-from ..assessment.equivalence import Margin
-from ..assessment.mean_test import MIN_PEOPLE
+from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
+from pellucid.people.equivalence import Margin
+from pellucid.people.mean_test import MIN_PEOPLE
+
 from .tried import ControllerTrial
 
 LAW_MARGINS = {"duration": Margin.of_ratio(0.10), "peak_velocity": Margin.of_ratio(0.10)}

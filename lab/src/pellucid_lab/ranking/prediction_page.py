@@ -6,16 +6,17 @@ from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
 
-from ..drawing.drawing import Drawing, draw
-from ..lab.pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
-from ..lab.pointing.prediction import NOTHING_CARRIED, condition_words
-from ..lab.predict import Predicted
-from ..pages.forest import Estimate, forest
-from ..pages.page import Answer, AnswerVerdict, Page, Section, write_page
-from ..pages.quantities import cell_text, number
-from ..pages.tables import Row, Table
-from ..pages.values import Value
-from ..procedures.result_tables import FigureTable
+from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.forest import Estimate, forest
+from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, write_page
+from pellucid.study.pages.quantities import cell_text, number
+from pellucid.study.pages.tables import Row, Table
+from pellucid.study.pages.values import Value
+from pellucid.study.procedures.result_tables import FigureTable
+
+from ..pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
+from ..pointing.prediction import NOTHING_CARRIED, condition_words
+from ..predict import Predicted
 
 PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
 """Folder of the page, relative to the study's folder."""

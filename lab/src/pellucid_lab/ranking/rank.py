@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import PellucidError
-from .._given import require_folder
-from .._processes import shared_results
-from ..assessment.friedman import friedman, nemenyi
-from ..signals.tied_ranks import tied_ranks
-from ..studies.results import ResultRow, require_own_page, write_rows
+from pellucid._errors import PellucidError
+from pellucid._given import require_folder
+from pellucid._processes import shared_results
+from pellucid.numerics.tied_ranks import tied_ranks
+from pellucid.people.friedman import friedman, nemenyi
+from pellucid.study.results import ResultRow, require_own_page, write_rows
+
 from .arm import arm_pair
 from .board import add_to_board
 from .elbow import elbow_pair
@@ -101,7 +102,7 @@ def rank(
 
     Examples
     --------
-    >>> from pellucid.ranking.rank import rank
+    >>> from pellucid_lab.ranking.rank import rank
     >>> ranked = rank("ranking", pairs=6)                                    # doctest: +SKIP
     """
     from .ranking_page import write_ranking

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..drawing.drawing import Drawing, one_panel
-from ..drawing.style import colour
+from pellucid.study.drawing.drawing import Drawing, one_panel
+from pellucid.study.drawing.style import colour
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..assessment.mean_test import MIN_PEOPLE
-from ..control.supervisor_faults import NO_FAULT
-from ..drawing.drawing import draw
-from ..pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
-from ..pages.tables import Row, Table, number_table
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.people.mean_test import MIN_PEOPLE
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
+from pellucid.study.pages.tables import Row, Table, number_table
+
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
 from .index_section import index_section

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ..assessment.friedman import FriedmanTest
+from pellucid.people.friedman import FriedmanTest
+
 from .tried import ControllerTrial
 
 SIGNIFICANCE_LEVEL = 0.05

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from .._errors import PellucidError
-from ..assessment.smoothness import smoothness
-from ..lab.pointing.session import PointingSession, true_motion
-from ..lab.pointing.session_indices import EMG_LEAD_S
-from ..signals.movements import Kinematics, Movement, MovementRule, movements
-from ..signals.speed import tangential_speed
-from ..signals.tied_ranks import tied_ranks
+from pellucid._errors import PellucidError
+from pellucid.numerics.speed import tangential_speed
+from pellucid.numerics.tied_ranks import tied_ranks
+from pellucid.people.movements import Kinematics, Movement, MovementRule, movements
+from pellucid.people.smoothness import smoothness
+
+from ..pointing.session import PointingSession, true_motion
+from ..pointing.session_indices import EMG_LEAD_S
 
 ELBOW_PAPER = "Verdel et al., Robotica 39, 2021 (the elbow's paper)"
 THIS_TOOLKIT = "this toolkit"

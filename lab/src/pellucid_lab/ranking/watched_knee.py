@@ -9,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..control.commanded import CommandedLaw, commanded_law
-from ..control.control_law import ControlLaw
-from ..control.coupling import Coupling
-from ..control.limits import Limits
-from ..control.supervised import SupervisedLaw
-from ..control.supervisor_faults import NO_FAULT
-from ..control.worn import watched_worn
-from ..lab.knee.machine import KneeMachine
-from ..lab.knee.trial import Controller
+from pellucid.controllers.commanded import CommandedLaw, commanded_law
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.limits import Limits
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.worn import watched_worn
+
+from ..knee.machine import KneeMachine
+from ..knee.trial import Controller
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ... import _core
-from ..._processes import ordered_results
-from ...control.supervised import SupervisedLaw
+from pellucid import _core
+from pellucid._processes import ordered_results
+from pellucid.controllers.supervised import SupervisedLaw
+
 from ..drive_reading import stated_readings
 from ..elbow.rig import able_elbow, drawn_rigs
 from ..pointing.conditions import identify_cards

@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ... import _core
-from ..._processes import ordered_results
-from ...control.coupling import Coupling
-from ...control.residual_compensator import ResidualDesign
-from ...control.supervised import SupervisedLaw
-from ...control.supervisor_faults import NO_FAULT
-from ...control.worn import watched_worn
-from ...control.worn_design import design_worn_law
+from pellucid import _core
+from pellucid._processes import ordered_results
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import ResidualDesign
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.worn import watched_worn
+from pellucid.controllers.worn_design import design_worn_law
+
 from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis

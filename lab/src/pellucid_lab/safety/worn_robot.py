@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ... import _core
-from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ...control.elbow_laws import ELBOW_LIMITS
-from ...control.instruments import Instruments
-from ...control.joint_compensation import compensation, rest_friction
-from ...control.supervised import SupervisedLaw, body_of, supervised
-from ...models.simulate import substeps_for
-from ...models.slider_card import SliderCard
+from pellucid import _core
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import ELBOW_LIMITS
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.joint_compensation import compensation, rest_friction
+from pellucid.controllers.supervised import SupervisedLaw, body_of, supervised
+from pellucid.models.simulate import substeps_for
+from pellucid.models.slider_card import SliderCard
+
 from ..drive_reading import EXACT_READING, DriveReading
 from ..pointing.people import Person
 from ..pointing.rig import PointingRig

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
-from ...models.muscle_geometry import muscle_table
+from pellucid.emg.models.muscle_geometry import muscle_table
+
 from ..constants import (
     Angle,
     AngleSize,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...models.joint import GRAVITY
+from pellucid.models.joint import GRAVITY
+
 from ..rig import Rig
 from .constants import SeatedConstants
 

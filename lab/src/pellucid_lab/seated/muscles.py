@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ... import _core
-from ...models.hill import HillMuscle
-from ...models.muscle_geometry import muscle_table
+from pellucid import _core
+from pellucid.emg.models.hill import HillMuscle
+from pellucid.emg.models.muscle_geometry import muscle_table
 
 KNEE_RANGE_RAD = (-2.20, 0.17)
 """Smallest and largest knee angle of the tables [rad]."""

@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from ...fit.swing.swing_information import optimise_swing
-from ...models.anthropometry import shank_length, winter
-from ...protocols.fourier import FourierSeries, play
-from ...protocols.two_sines import two_sines
+from pellucid.models.anthropometry import shank_length, winter
+from pellucid.numerics.protocols.fourier import FourierSeries, play
+from pellucid.numerics.protocols.two_sines import two_sines
+from pellucid.orthosis.swing.swing_information import optimise_swing
+
 from ..rig import Trial
 from .machine import SeatedMachine
 from .subject import SeatedSubject, subjects

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from ...models.anthropometry import shank_length, winter
-from ...models.hill import HillMuscle
-from ...models.muscle_geometry import muscle_table
+from pellucid.emg.models.hill import HillMuscle
+from pellucid.emg.models.muscle_geometry import muscle_table
+from pellucid.models.anthropometry import shank_length, winter
+
 from .machine import SeatedMachine
 from .muscles import VirtualMuscle, torque_at_rest
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...models.joint import GRAVITY
+from pellucid.models.joint import GRAVITY
+
 from ..emg_synthesis import Electrodes, EmgSynthesis
 from ..noise import draw_noise
 from .machine import SeatedMachine

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ... import _core
-from ...models.joint import GRAVITY
-from ...models.muscle import Muscle
+from pellucid import _core
+from pellucid.emg.models.muscle import Muscle
+from pellucid.models.joint import GRAVITY
+
 from ..noise import draw_noise, draw_wandering_path
 from .machine import SeatedMachine
 from .muscles import DriveMap

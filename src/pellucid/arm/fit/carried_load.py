@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
+from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters, find_base_parameters
 from .tree_regression import TreeRows, collect_rows
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.kinematic_tree import BODY_QUANTITIES
-from ..uncertainty import student_to_normal_ratio
+from ...numerics.uncertainty import student_to_normal_ratio
 from .base_parameters import BaseParameters
 from .consistent_inertias import ConsistentFit, solve_consistent_inertias
 from .fit_tree import UNDETERMINED_REASON, make_tree_estimate

@@ -1,7 +1,7 @@
 r"""Solve normal equations for physically consistent inertial parameters.
 
 Least squares finds base parameters. Bodies with these base parameters may or may not be physically possible. With P_i,
-linear in theta, the pseudo-inertia of link i (`models/pseudo_inertia.py`),
+linear in theta, the pseudo-inertia of link i (`arm/pseudo_inertia.py`),
 
 .. math::
    \min_\theta\ \tfrac12\theta^\top N\theta - b^\top\theta
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.pseudo_inertia import (
+from ..pseudo_inertia import (
     MIN_EIGENVALUE,
     SCALING_LENGTH_M,
     bodies_from_pseudo_inertia,

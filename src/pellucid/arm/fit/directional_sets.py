@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
+from ..tree_motion import TreeMotion
 from .base_parameters import rigid_columns
 from .fit_tree import fit_tree
 from .friction_terms import PLAIN_TERMS, plain_families

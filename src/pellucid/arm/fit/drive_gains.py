@@ -25,10 +25,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
-from ..parameter import Parameter
-from ..uncertainty import student_to_normal_ratio
+from ...numerics.uncertainty import student_to_normal_ratio
+from ..tree_motion import TreeMotion
 from .carried_load import LoadedRows, collect_loaded_rows
 from .friction_terms import plain_families, smooth_sign
 from .tree_regression import TreeModel, compute_loads, determined_parameters, fit_rows, linearise_rows

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from ..._errors import IdentificationError, RecordingError
 from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
-from ...signals.motion import Filtering
-from ...signals.tree_motion import TreeMotion, tree_motion_of
+from ...numerics.motion import Filtering
+from ..tree_motion import TreeMotion, tree_motion_of
 from .identify_tree import identify_tree
 from .tree_estimate import TreeEstimate
 from .tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS

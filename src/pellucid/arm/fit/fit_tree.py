@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
-from ..parameter import Parameter
-from ..regression import make_parameters
+from ...numerics.regression import make_parameters
+from ..tree_motion import TreeMotion
 from .friction_terms import STRIBECK_VELOCITY_NAME, plain_families
 from .tree_estimate import TreeEstimate
 from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.robot import Robot
-from ...signals.judged import require_fitted
-from ...signals.tree_motion import TreeMotion
+from ...numerics.judged import require_fitted
+from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters
 from .fit_tree import make_tree_estimate
 from .friction_terms import FURTHER_MOTOR_TERMS, FURTHER_TERMS, plain_families

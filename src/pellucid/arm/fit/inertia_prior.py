@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.pseudo_inertia import (
+from ..pseudo_inertia import (
     EIGENVALUE_TOLERANCE,
     MIN_EIGENVALUE,
     SCALING_LENGTH_M,

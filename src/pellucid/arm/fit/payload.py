@@ -16,11 +16,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...models.kinematic_tree import BODY_QUANTITIES
+from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
-from ..estimates import Estimates
-from ..parameter import Parameter
-from ..regression import make_parameters
+from ...numerics.regression import make_parameters
+from ...study.estimates import Estimates
+from ..tree_motion import TreeMotion
 from .carried_load import PAYLOAD_PREFIX, LoadedRows, collect_loaded_rows
 from .consistent_inertias import solve_consistent_inertias
 from .fit_tree import UNDETERMINED_REASON

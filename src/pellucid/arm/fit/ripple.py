@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..block_test import sign_flip_p_value
+from ...numerics.block_test import sign_flip_p_value
 from .tree_estimate import Ripple
 from .tree_families import MAX_TERM_P_VALUE
 from .tree_regression import (

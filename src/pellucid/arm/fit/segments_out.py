@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...signals.tree_motion import TreeMotion
+from ..tree_motion import TreeMotion
 from .tree_estimate import TreeEstimate
 from .tree_regression import TreeModel, TreeRows, TreeSolution, compute_loads, linearise_rows
 

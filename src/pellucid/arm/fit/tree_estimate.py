@@ -11,9 +11,9 @@ import numpy as np
 from ... import _core
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.kinematic_tree import BODY_QUANTITIES
+from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ..estimates import NamedEstimates
-from ..parameter import Parameter
+from ...study.estimates import NamedEstimates
 from .base_parameters import REGROUPED_SUFFIX
 from .friction_terms import (
     MOTOR_PREFIX,
@@ -25,7 +25,7 @@ from .friction_terms import (
 )
 
 if TYPE_CHECKING:
-    from ...signals.tree_motion import TreeMotion
+    from ..tree_motion import TreeMotion
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from ...models.friction_terms import DIRECTIONAL_FEATURE, STRIBECK_FRICTION
-from ..block_test import MIN_IMPROVEMENT, sign_flip_p_value
+from ...numerics.block_test import MIN_IMPROVEMENT, sign_flip_p_value
 from .friction_terms import FRICTION_COEFFICIENTS, FURTHER_MOTOR_TERMS, FURTHER_TERMS, TERM_COEFFICIENTS, plain_families
 from .tree_regression import (
     FrictionPart,

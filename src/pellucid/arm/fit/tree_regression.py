@@ -24,8 +24,8 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import LOAD_FEATURE, STRIBECK_FRICTION
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
-from ..regression import least_squares_within
+from ...numerics.regression import least_squares_within
+from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters, find_base_parameters, rigid_columns
 from .friction_terms import (
     FRICTION_COEFFICIENTS,

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
+from ...numerics.uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
 from .tree_regression import LinearisedModel, TreeRows, TreeSolution
 
 MAX_LEVERAGE = 0.999

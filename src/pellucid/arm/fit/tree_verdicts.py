@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..parameter import Parameter
+from ...models.parameter import Parameter
 from .friction_terms import STRIBECK_VELOCITY_NAME
 from .tree_estimate import TreeEstimate
 

@@ -21,10 +21,10 @@ from functools import partial
 import numpy as np
 from scipy.linalg import null_space
 
-from .._errors import PellucidError
-from .fourier import fourier_basis
-from .interior_search import interior_search
-from .tree_limits import TreeLimits
+from ..._errors import PellucidError
+from ...numerics.protocols.fourier import fourier_basis
+from ...numerics.protocols.interior_search import interior_search
+from ...numerics.protocols.tree_limits import TreeLimits
 
 INFORMATION_CRITERIA = ("D", "A")
 """Criteria of an excitation: determinant (D) or trace (A) of the parameters' covariance."""

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...fit.parameter import Parameter
-from ...fit.tree.drive_gains import gains_from_desired, gains_from_payload
-from ...fit.tree.payload import identify_payload
-from ...fit.tree.tree_estimate import TreeEstimate
 from ...models.friction_terms import STRIBECK_FRICTION
+from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
-from ...studies.study import Study
+from ...study.study import Study
+from ..fit.drive_gains import gains_from_desired, gains_from_payload
+from ..fit.payload import identify_payload
+from ..fit.tree_estimate import TreeEstimate
+from ..tree_motion import TreeMotion
 from .tree_result import FoundPayload
 from .tree_table import TreeTable
 

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
+from ..tree_motion import TreeMotion
 from .sign_search import _Rows, _rows, _solve, _weights
 
 MIN_UNEXPLAINED_SHARE = 0.01

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
-from ...fit.tree import identify_tree as identification
-from ...fit.tree.consistent_fit import ConsistentSolution, make_consistent_estimate, solve_consistent
-from ...fit.tree.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
-from ...fit.tree.identify_tree import TreeIdentification, plain_model, rows_without_maker_effort
-from ...fit.tree.inertia_prior import fit_with_prior
-from ...fit.tree.published_friction import published_parameters
-from ...fit.tree.segments_out import cross_validate_segments, heldout_errors, relative_errors, residuals_on
-from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
-from ...signals.tree_motion import TreeMotion
-from ...studies.study import Study
-from ..findings import collect_findings
-from ..joint.recorded_motions import filtering_of
-from ..procedure import Progress, quiet
+from ...study.procedures.findings import collect_findings
+from ...study.procedures.procedure import Progress, quiet
+from ...study.recorded_motions import filtering_of
+from ...study.study import Study
+from ..fit import identify_tree as identification
+from ..fit.consistent_fit import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
+from ..fit.identify_tree import TreeIdentification, plain_model, rows_without_maker_effort
+from ..fit.inertia_prior import fit_with_prior
+from ..fit.published_friction import published_parameters
+from ..fit.segments_out import cross_validate_segments, heldout_errors, relative_errors, residuals_on
+from ..fit.tree_estimate import TreeEstimate
+from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
+from ..tree_motion import TreeMotion
 from . import findings
 from .carried_payloads import GAIN_SOURCES, identify_payloads, with_gains
 from .recorded_tree import file_of, recorded_tree

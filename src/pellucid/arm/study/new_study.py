@@ -7,8 +7,8 @@ import re
 
 from ..._errors import StudyError
 from ...models.kinematic_tree import TreeJoint
-from ...recordings.readers.urdf import Limits, Urdf
-from ...studies.study_fields import NAME_PATTERN
+from ...study.study_fields import NAME_PATTERN
+from ..urdf import Limits, Urdf
 
 ROBOT_FILE = "robot.urdf"
 """Name of the copy of the robot's file."""

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..procedure import Procedure, Progress, quiet
+from ...study.procedures.procedure import Procedure, Progress, quiet
 from .tree_table import TreeTable
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
-    from ...studies.study import Study
+    from ...files.fault import Fault
+    from ...study.pages.page import Page
+    from ...study.study import Study
     from .tree_result import TreeResult
 
 

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError, StudyError
+from ...files.recording import Recording
 from ...models.joint import GRAVITY
 from ...models.joint_frames import FrameRow, JointFrame, frame_of_row, frame_of_screw
 from ...models.kinematic_tree import Link, Tree, TreeJoint, Vector
 from ...models.robot import Robot
 from ...models.welded import Pose, roll_pitch_yaw
-from ...recordings.readers.urdf import STAND_IN, Urdf, read_urdf
-from ...recordings.recording import Recording
-from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
-from ...studies.drive_channel import DRIVE_CHANNELS, command_channel
-from ...studies.effort import command_of, drive_model
-from ...studies.study import Study
-from ...studies.study_file import PayloadSpec, RigJoint
-from ..joint.recorded_motions import filtering_of, usable_stretches
+from ...study.drive_channel import DRIVE_CHANNELS, command_channel
+from ...study.effort import command_of, drive_model
+from ...study.recorded_motions import filtering_of, usable_stretches
+from ...study.study import Study
+from ...study.study_file import PayloadSpec, RigJoint
+from ..tree_motion import TreeMotion, segments_of, tree_motion_of
+from ..urdf import STAND_IN, Urdf, read_urdf
 from .tree_table import TreeTable
 
 BASE_LINK_NAME = "base"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.robot import Robot
-from ...signals.tree_motion import TreeMotion
+from ..tree_motion import TreeMotion
 
 SIGN_ROW_COUNT = 4000
 """Approximate number of rows, spread over all recordings, from which signs are determined."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...drawing.style import colour
 from ...models.kinematic_tree import Tree
-from ...pages.moving import Way, strokes
+from ...study.drawing.style import colour
+from ...study.pages.moving import Way, strokes
 
 FRAME_COUNT = 120
 """Number of frames of the moving figure."""

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._errors import PellucidError, StudyError
-from ..fit.tree.base_parameters import find_base_parameters
-from ..models.robot import Robot
+from ..._errors import PellucidError, StudyError
+from ...models.robot import Robot
+from ...numerics.protocols.protocol import write_references
+from ...numerics.protocols.step_by_step import StepByStep, step_by_step
+from ...numerics.protocols.tree_limits import TreeLimits
+from ...study.procedures.procedure import Progress, quiet
+from ..fit.base_parameters import find_base_parameters
 from ..protocols.capsules import Capsules, capsules_along_links
-from ..protocols.protocol import write_references
-from ..protocols.step_by_step import StepByStep, step_by_step
 from ..protocols.tree_fourier import Excitation, Information, optimised_tree_fourier
-from ..protocols.tree_limits import TreeLimits
-from .procedure import Progress, quiet
 
 if TYPE_CHECKING:
-    from ..studies.study import Study
+    from ...study.study import Study
 
 OPTIMISED_MOTION = "optimised_fourier"
 """Name of the optimised motion in `pellucid protocol`, and in `protocol` of a recording in study.toml."""
@@ -177,7 +177,7 @@ def tree_protocol(
     `rate` is in [Hz]. `resolution` is one over an optimised motion's period [Hz], 0.1 by default. `posture`, (m,), is
     the position about which joints are isolated [rad; m].
     """
-    from .tree.recorded_tree import robot_of
+    from .recorded_tree import robot_of
 
     if name not in MOTION_NAMES:
         raise PellucidError(f"unknown motion {name!r}; known: {', '.join(MOTION_NAMES)}")

@@ -8,14 +8,14 @@ from itertools import combinations
 import numpy as np
 
 from ..._errors import PellucidError
+from ...files.fault import Fault, warn_if_held_out
 from ...models.robot import Robot
-from ...recordings.fault import Fault, warn_if_held_out
-from ...signals.tree_motion import TreeMotion
-from ...studies.quality import clock_faults, inspect
-from ...studies.study import Study
-from ...studies.study_file import RigJoint
-from ..dead_effort import dead_effort_faults
-from ..joint.recorded_motions import short_stretch_faults
+from ...study.procedures.dead_effort import dead_effort_faults
+from ...study.quality import clock_faults, inspect
+from ...study.recorded_motions import short_stretch_faults
+from ...study.study import Study
+from ...study.study_file import RigJoint
+from ..tree_motion import TreeMotion
 from .effort_mixups import find_effort_mixup
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
 from .sign_search import (

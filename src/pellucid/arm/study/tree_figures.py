@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ...drawing.drawing import Drawing, Head, dots, heads, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...pages.moving import MovingDrawing
-from ...pages.quantities import number, percent, unit_text
+from ...study.drawing.drawing import Drawing, Head, dots, heads, key, line, tidy
+from ...study.drawing.style import FIGURE_WIDTH, colour
+from ...study.pages.moving import MovingDrawing
+from ...study.pages.quantities import number, percent, unit_text
 from .stick_figures import stick_figure
 from .tree_result import MODEL_DESCRIPTIONS, TreeResult, TreeTrace
 

@@ -7,12 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...drawing.drawing import draw
-from ...fit.parameter import Parameter
-from ...fit.tree.friction_terms import sum_friction
-from ...fit.tree.tree_verdicts import parameter_verdict
-from ...pages.page import AnswerVerdict, Page, Section, Tile
-from ...pages.quantities import (
+from ...models.parameter import Parameter
+from ...study.drawing.drawing import draw
+from ...study.pages.page import AnswerVerdict, Page, Section, Tile
+from ...study.pages.quantities import (
     number,
     parameter_interval,
     parameter_label,
@@ -21,10 +19,12 @@ from ...pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ...pages.tables import Row, Table, number_table
-from ...studies.study import Study
-from ..badge_bounds import MAX_GOOD_ERROR
-from ..study_page import figure_tables, provenance, study_page
+from ...study.pages.tables import Row, Table, number_table
+from ...study.procedures.badge_bounds import MAX_GOOD_ERROR
+from ...study.procedures.study_page import figure_tables, provenance, study_page
+from ...study.study import Study
+from ..fit.friction_terms import sum_friction
+from ..fit.tree_verdicts import parameter_verdict
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
 from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, terms_of

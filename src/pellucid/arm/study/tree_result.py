@@ -9,17 +9,17 @@ from typing import Literal
 
 import numpy as np
 
-from ...fit.parameter import Parameter
-from ...fit.tree.ripple import SpectralLine
-from ...fit.tree.segment_jackknife import SegmentJackknife
-from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import TreeModel
-from ...fit.tree.tree_verdicts import parameter_verdicts
+from ...models.parameter import Parameter
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
-from ...studies.results import ResultRow, combined_checksum
-from ...studies.study import Study
-from ..result import FigureTable, ParameterTable, Result
+from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.results import ResultRow, combined_checksum
+from ...study.study import Study
+from ..fit.ripple import SpectralLine
+from ..fit.segment_jackknife import SegmentJackknife
+from ..fit.tree_estimate import TreeEstimate
+from ..fit.tree_regression import TreeModel
+from ..fit.tree_verdicts import parameter_verdicts
 from .tree_table import TreeTable
 
 COMMAND_NAME = "identify"

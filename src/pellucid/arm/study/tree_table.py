@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from ...studies.study_fields import ProcedureTable, RelativePath, Word, quantity
-from ...studies.study_file import RigJoint
+from ...study.study_fields import ProcedureTable, RelativePath, Word, quantity
+from ...study.study_file import RigJoint
 from ...units import parse_quantity
 
 if TYPE_CHECKING:
-    from ...studies.study_file import StudyFile
+    from ...study.study_file import StudyFile
 
 READ_QUANTITIES = frozenset(
     ("position", "motor_position", "velocity", "torque", "force", "current", "voltage", "duty", "supply", "enabled")

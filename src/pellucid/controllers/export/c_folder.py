@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from .. import _core
-from .._atomic import remove_leftovers, write_text_atomically
-from .._errors import PellucidError
-from ..control.control_law import LAWS, LawSensor
-from ..control.supervisor_faults import SUPERVISOR_FAULTS
-from ..control.unmeasured_drive import warn_of_unmeasured_drive
-from ..models.fields import COORDINATE_UNITS, Field, model_fields
+from ... import _core
+from ..._atomic import remove_leftovers, write_text_atomically
+from ..._errors import PellucidError
+from ...models.fields import COORDINATE_UNITS, Field, model_fields
+from ..control_law import LAWS, LawSensor
+from ..supervisor_faults import SUPERVISOR_FAULTS
+from ..unmeasured_drive import warn_of_unmeasured_drive
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 
@@ -221,7 +221,7 @@ def render(template: str, kind: str = "", /, **content: object) -> str:
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("pellucid.deployment", "templates"),
+        loader=jinja2.PackageLoader("pellucid.controllers.export", "templates"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

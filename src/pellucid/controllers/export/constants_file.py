@@ -6,9 +6,9 @@ import math
 import re
 from pathlib import Path
 
-from .._errors import PellucidError
-from .._given import read_given
-from ..control.supervised import SUPERVISOR_NAMES
+from ..._errors import PellucidError
+from ..._given import read_given
+from ..supervised import SUPERVISOR_NAMES
 
 CONSTANTS_FILE = "pellucid_constants.h"
 """File of an exported folder that holds the law's and the supervisor's numbers."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from ..control.control_law import LAWS, ControlLaw
-from ..control.instruments import Instruments
-from ..control.supervised import SupervisedLaw, supervised
-from ..control.worn import watched_worn
-from ..models.anthropometry import Segment
-from ..models.fields import COORDINATE_UNITS
+from ...models.anthropometry import Segment
+from ...models.fields import COORDINATE_UNITS
+from ..control_law import LAWS, ControlLaw
+from ..instruments import Instruments
+from ..supervised import SupervisedLaw, supervised
+from ..worn import watched_worn
 from .instruments_listing import ListedInstrument, list_instruments
 
 NO_START_UP_TEST_NOTE = (

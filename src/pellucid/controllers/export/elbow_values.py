@@ -6,11 +6,15 @@ from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from typing import Any
 
-from .._errors import PellucidError
-from ..control.control_law import LAWS, ControlLaw
-from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController, stated_load
-from ..control.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
-from ..control.joint_compensation import (
+from ..._errors import PellucidError
+from ...models.anthropometry import Segment, forearm
+from ...models.slider_card import SliderCard, read_slider_card
+from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.study import Study
+from ..control_law import LAWS, ControlLaw
+from ..elbow_controllers import ELBOW_CONTROLLERS, ElbowController, stated_load
+from ..elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
+from ..joint_compensation import (
     DEFAULT_PERIOD_S,
     SLIDER_SPEED,
     compensation,
@@ -18,13 +22,9 @@ from ..control.joint_compensation import (
     place_on_rail,
     rest_friction,
 )
-from ..control.supervised import body_of
-from ..control.transparent_laws import MIN_STIFF_RESONANCE_HZ
-from ..models.anthropometry import Segment, forearm
-from ..models.slider_card import SliderCard, read_slider_card
-from ..procedures.card_sources import require_fresh, source_notes
-from ..procedures.rig_instruments import rig_instruments
-from ..studies.study import Study
+from ..study.rig_instruments import rig_instruments
+from ..supervised import body_of
+from ..transparent_laws import MIN_STIFF_RESONANCE_HZ
 from .controller_values import ControllerValues
 from .joint_values import drive_notes
 from .study_limits import limits_of

@@ -7,28 +7,28 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from .._errors import PellucidError
-from .._printed_command import printed_commands
-from ..control.joint_compensation import DEFAULT_PERIOD_S
-from ..control.unmeasured_drive import warn_of_unmeasured_drive
-from ..procedures.coupling.coupling_table import CouplingTable
-from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from ..procedures.registry import asked
-from ..procedures.rig_instruments import rig_instruments
-from ..procedures.tree.tree_table import TreeTable
-from ..studies.study import Study
+from ..._errors import PellucidError
+from ..._printed_command import printed_commands
+from ...arm.study.tree_table import TreeTable
+from ...emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from ...emg.study.estimator_folder import chosen_card, write_estimator_folder
+from ...emg.study.subject import ENDINGS, export_subject
+from ...orthosis.study.coupling.coupling_table import CouplingTable
+from ...orthosis.study.worn_values import worn_values
+from ...study.procedures.registry import asked
+from ...study.study import Study
+from ..joint_compensation import DEFAULT_PERIOD_S
+from ..study.rig_instruments import rig_instruments
+from ..unmeasured_drive import warn_of_unmeasured_drive
 from .c_folder import HEADER_FOLDER, INCIDENT_TEMPLATE_FOLDERS, TEMPLATE_FOLDERS, template_path, write_c_folder
 from .constants_file import read_constants
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
-from .estimator_folder import chosen_card, write_estimator_folder
 from .joint_values import joint_values
 from .owned_folder import mark_own_folder, require_own_folder
 from .simulator_folder import SIMULATOR_FILES, export_simulator_model
-from .subject import ENDINGS, export_subject
 from .tree_folder import write_tree_folder
 from .tree_values import tree_values
-from .worn_values import worn_values
 
 EXPORT_LANGUAGES = ("c",)
 """Programming languages in which a controller can be exported."""

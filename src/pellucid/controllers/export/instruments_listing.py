@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..control.instruments import CompleteInstruments, Instruments
-from ..control.worn import completed_by_spring
+from ..instruments import CompleteInstruments, Instruments
+from ..worn import completed_by_spring
 
 
 @dataclass(frozen=True)

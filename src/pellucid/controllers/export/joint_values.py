@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from hashlib import sha256
 
-from .._errors import PellucidError
-from ..control.joint_compensation import (
+from ..._errors import PellucidError
+from ...models.card import Card, read_card, read_table
+from ...models.slider_card import SliderCard, read_slider_card
+from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.study import Study
+from ..joint_compensation import (
     DEFAULT_PERIOD_S,
     EFFORT_RISE_S,
     WIDTH_SHARE,
@@ -17,11 +21,7 @@ from ..control.joint_compensation import (
     rest_friction,
     suggested_limits,
 )
-from ..models.card import Card, read_card, read_table
-from ..models.slider_card import SliderCard, read_slider_card
-from ..procedures.card_sources import require_fresh, source_notes
-from ..procedures.rig_instruments import rig_instruments
-from ..studies.study import Study
+from ..study.rig_instruments import rig_instruments
 from .controller_values import ControllerValues
 
 CARD_NAMES = ("joint.json", "slider.load.json", "slider.consistent.json")

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from .._errors import PellucidError
-from ..studies.results import ResultRow, write_rows
-from ..studies.study import Study
+from ..._errors import PellucidError
+from ...study.results import ResultRow, write_rows
+from ...study.study import Study
 from .c_folder import copied_controller
 
 COMMAND_NAME = "export"

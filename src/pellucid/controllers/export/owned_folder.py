@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from .._given import read_given, require_folder, visible_text
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
+from ..._given import read_given, require_folder, visible_text
 
 OWNER_FILE = "pellucid.json"
 """File of an exported folder that states what Pellucid wrote there."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .. import _core
-from ..control.control_law import LAWS, LawSensor
+from ... import _core
+from ..control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
 
 NO_EVENT = 0

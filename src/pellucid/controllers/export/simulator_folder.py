@@ -6,13 +6,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from ..models.card import read_card, read_table
-from ..models.tree_card import read_tree_card
-from ..procedures.card_sources import require_fresh
-from ..procedures.tree.tree_table import TreeTable
-from ..studies.study import Study
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
+from ...arm.study.tree_table import TreeTable
+from ...models.card import read_card, read_table
+from ...models.tree_card import read_tree_card
+from ...study.procedures.card_sources import require_fresh
+from ...study.study import Study
 from .owned_folder import mark_own_folder, require_own_folder
 from .simulator_model import (
     SimulatorModel,

@@ -15,14 +15,14 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from .. import _core
-from .._errors import PellucidError
-from .._given import visible_text
-from ..models.card import ModelCard
-from ..models.friction_terms import COULOMB_FRICTION, TERMS, VISCOUS_FRICTION
-from ..models.joint import GRAVITY, NAMES, SYMBOLS_BY_NAME
-from ..models.tree_card import COLUMNS, TreeCard
-from ..studies.study_file import JointLimits
+from ... import _core
+from ..._errors import PellucidError
+from ..._given import visible_text
+from ...models.card import ModelCard
+from ...models.friction_terms import COULOMB_FRICTION, TERMS, VISCOUS_FRICTION
+from ...models.joint import GRAVITY, NAMES, SYMBOLS_BY_NAME
+from ...models.tree_card import COLUMNS, TreeCard
+from ...study.study_file import JointLimits
 
 FRICTION_FIELDS = tuple(
     name for name in COLUMNS["joints"] if name not in ("offset", "velocity_width", "presliding_travel")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..control.limits import Limits
-from ..studies.study import Study
+from ...study.study import Study
+from ..limits import Limits
 
 
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import _core
-from ..models.fields import Field, model_fields
+from ... import _core
+from ...models.fields import Field, model_fields
 from .c_folder import (
     HEADER_FOLDER,
     OUTPUT_FILE,

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 
-from .._errors import PellucidError
-from ..control.instruments import Instruments
-from ..control.joint_compensation import DEFAULT_PERIOD_S
-from ..control.tree_laws import TreeLaw, carried, full_compensation, transparent
-from ..models.tree_card import TreeCard, read_tree_card
-from ..procedures.card_sources import require_fresh, source_notes
-from ..studies.study import Study
+from ..._errors import PellucidError
+from ...models.tree_card import TreeCard, read_tree_card
+from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.study import Study
+from ..instruments import Instruments
+from ..joint_compensation import DEFAULT_PERIOD_S
+from ..tree_laws import TreeLaw, carried, full_compensation, transparent
 
 CARD_NAMES = ("tree.best.json", "tree.consistent.json", "tree.base.json")
 """File names of the cards that can be exported; the first one that exists is used."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..control.supervisor_faults import NO_FAULT, SUPERVISOR_FAULTS_BY_NAME
-from ..pages.quantities import MINUS_SIGN, MOTION_READINGS, number, unit_text
-from ..recordings.incident import Incident, read_incident
+from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS, number, unit_text
+from ..incident import Incident, read_incident
+from ..supervisor_faults import NO_FAULT, SUPERVISOR_FAULTS_BY_NAME
 
 if TYPE_CHECKING:
     import pandas

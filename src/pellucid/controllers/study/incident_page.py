@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..drawing.drawing import Drawing, draw
-from ..drawing.style import colour
-from ..pages.over_time import Traces, over_time
-from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
-from ..pages.quantities import MINUS_SIGN, MOTION_READINGS
-from ..pages.tables import Row, Table, number_table
+from ...study.drawing.drawing import Drawing, draw
+from ...study.drawing.style import colour
+from ...study.pages.over_time import Traces, over_time
+from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
+from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS
+from ...study.pages.tables import Row, Table, number_table
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
 
 PANEL_HEIGHT = 1.9

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .._errors import StudyError
-from ..control.instruments import Instruments
-from ..studies.effort import drive_model
-from ..studies.instruments_table import DriveSensor
-from ..studies.study_file import JointTable, SeveralJoints
+from ..._errors import StudyError
+from ...study.effort import drive_model
+from ...study.instruments_table import DriveSensor
+from ...study.study_file import JointTable, SeveralJoints
+from ..instruments import Instruments
 
 INSTRUMENT_KEYS: Mapping[str, str] = {
     "encoder_resolution": "encoder_resolution",

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 from .standardise import mean_and_scale
 
 DEFAULT_WINDOW_S = 6.0

@@ -29,8 +29,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .. import _core
-from ..fit.muscles.muscle_calibration import MuscleSamples
+from ... import _core
+from ..fit.muscle_calibration import MuscleSamples
 from ..models.hill import MUSCLE_QUANTITIES, HillMuscle
 
 LINEARISATION_COUNT = 4

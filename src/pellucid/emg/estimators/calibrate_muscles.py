@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import IdentificationError
-from ..fit.estimates import Estimates
-from ..fit.muscles.muscle_information import muscle_parameters, reported_covariance
+from ..._errors import IdentificationError
+from ...study.estimates import Estimates
+from ..fit.muscle_information import muscle_parameters, reported_covariance
 from ..models.muscle_geometry import muscle_table
 from .hill import HillMap, fit_hill
 from .muscle_source import FIBRE_DAMPING, MuscleSource

@@ -20,11 +20,11 @@ from typing import TypedDict
 
 import numpy as np
 
-from .. import _core
-from .._errors import IdentificationError, PellucidError
-from ..models.card import CardParameter
-from ..models.parameter_card import ParameterCard
-from ..signals.filters import zero_phase_lowpass
+from ... import _core
+from ..._errors import IdentificationError, PellucidError
+from ...models.card import CardParameter
+from ...models.parameter_card import ParameterCard
+from ...numerics.filters import zero_phase_lowpass
 from .cross_validation import first_best
 
 CARD_KIND = "causal_emg_map"

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
+from ..._errors import IdentificationError
+from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .families import ESTIMATOR_FAMILIES
 from .features import compute_features, filter_and_differentiate
 from .hill import HillMap

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 
 TIE_SHARE = 1e-9
 """Errors that differ by less than this share are equal: processors sum in other orders, which moves the last digits."""

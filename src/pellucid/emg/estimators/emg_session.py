@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 from .features import filter_and_differentiate
 from .ridge import Ridge
 from .torque_trial import TorqueTrial

@@ -24,8 +24,8 @@ from typing import Literal
 
 import numpy as np
 
-from .._errors import IdentificationError
-from ..signals.correlation_length import correlation_length
+from ..._errors import IdentificationError
+from ...numerics.correlation_length import correlation_length
 from .stride_period import find_period
 
 DEFAULT_WORTHWHILE_GAIN = 0.05

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import IdentificationError
-from .._tabular import data_frame, html_table, text_table
+from ..._errors import IdentificationError
+from ..._tabular import data_frame, html_table, text_table
 from .synergies import Synergies, SynergyCount, count_synergies, find_synergies
 
 MIN_MUSCLES = 2

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from ..signals.filters import central_difference, zero_phase_lowpass
+from ...numerics.filters import central_difference, zero_phase_lowpass
 from .torque_trial import TorqueTrial
 
 MOTION_LOWPASS_HZ = 6.0

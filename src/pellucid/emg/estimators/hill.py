@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import ndtri
 
-from .. import _core
-from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
-from ..fit.muscles.muscle_freedom import DEFAULT_QUANTITIES
+from ... import _core
+from ..._errors import IdentificationError
+from ..fit.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
+from ..fit.muscle_freedom import DEFAULT_QUANTITIES
 from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score, weighted_rmse
 from .muscle_trials import find_driven_muscles, make_muscle_samples
@@ -73,7 +73,7 @@ class HillMap:
 
         The interval combines the residual's variance and the variance that the parameters' covariance implies.
         """
-        from ..fit.muscles.muscle_information import covariance
+        from ..fit.muscle_information import covariance
 
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from .._errors import IdentificationError
-from ..fit.muscles.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S, TIMING_CANDIDATES, Timing, coupled_priors
-from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
-from ..fit.muscles.muscle_information import covariance, muscle_parameters, recording_information
-from ..fit.parameter import Parameter
-from ..fit.posterior.calibration_posterior import CalibrationPosterior
+from ..._errors import IdentificationError
+from ...models.parameter import Parameter
+from ..fit.calibration_posterior import CalibrationPosterior
+from ..fit.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S, TIMING_CANDIDATES, Timing, coupled_priors
+from ..fit.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
+from ..fit.muscle_information import covariance, muscle_parameters, recording_information
 from ..models.hill import HillMuscle
 from ..models.muscle_card import CalibratedMuscles
 from .cross_validation import Score, score

@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 from .neural_network import NeuralNetwork
 
 ANGLE_RULE_COUNT = 5

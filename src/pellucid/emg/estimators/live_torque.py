@@ -12,11 +12,11 @@ from math import nan
 
 import numpy as np
 
-from .. import _core
-from .._errors import PellucidError
+from ... import _core
+from ..._errors import PellucidError
+from ...units import to_si_factor
 from ..models.emg_estimator import EmgEstimatorCard
 from ..models.estimator_faults import ESTIMATOR_FAULTS_BY_NAME
-from ..units import to_si_factor
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class LiveTorque:
     --------
     Read the card of a calibrated study and step it:
 
-    >>> from pellucid.models.emg_estimator import read_estimator_card
+    >>> from pellucid.emg.models.emg_estimator import read_estimator_card
     >>> live = LiveTorque(read_estimator_card(path), angle_unit="deg")
     >>> live.step(12.34, {"soleus": 0.21}, {"knee": -14.0, "ankle": 6.0}).valid
     False

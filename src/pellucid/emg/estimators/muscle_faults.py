@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .torque_trial import TorqueTrial
 
 MAX_NEGATIVE_SHARE = 0.1

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleSamples
+from ..._errors import IdentificationError
+from ..fit.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from ..models.muscle_geometry import muscle_table
 from .features import filter_and_differentiate

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ..fit.muscles.muscle_calibration import MuscleSamples
+from ..fit.muscle_calibration import MuscleSamples
 from ..models.hill import HillModel, HillMuscle
 from .hill import make_folds
 from .hill_together import HillTogether, TrialByJoint

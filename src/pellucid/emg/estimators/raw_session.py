@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from .._errors import IdentificationError
-from ..signals.filters import runs
+from ..._errors import IdentificationError
+from ...numerics.filters import runs
 from .emg_session import ChannelChange
 
 EMG_BAND_HZ = (20.0, 450.0)

@@ -14,7 +14,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 from .standardise import mean_and_scale
 
 SINGULAR_VALUE_TOLERANCE = 1e-10

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .emg_session import COMPARISON_INTERVAL_S, MIN_WATCH_S, WINDOW_S, ChannelChange, ChannelComparison, FittedSession
 from .torque_trial import TorqueTrial
 

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 from .cross_validation import block_folds
 
 FACTORISATION_SEED = 19990

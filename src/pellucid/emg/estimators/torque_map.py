@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._errors import IdentificationError
-from .._processes import results_with_helpers
+from ..._errors import IdentificationError
+from ..._processes import results_with_helpers
 from .cross_validation import Fold, Score, block_folds, first_best, grouped_folds, score, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor

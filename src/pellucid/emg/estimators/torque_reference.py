@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..signals.filters import central_difference, zero_phase_lowpass
+from ...numerics.filters import central_difference, zero_phase_lowpass
 
 
 @dataclass(frozen=True)

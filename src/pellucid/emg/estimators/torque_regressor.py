@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.model_selection import GroupKFold, KFold
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 from ..models.muscle_geometry import muscle_table
 from .cross_validation import first_best, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .._errors import IdentificationError, RecordingError
+from ..._errors import IdentificationError, RecordingError
 from .muscle_source import MuscleSource
 
 

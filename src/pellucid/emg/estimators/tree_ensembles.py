@@ -11,7 +11,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._core import SortedRows, drawn_rows, tree_answers
+from ..._core import SortedRows, drawn_rows, tree_answers
 
 MAX_SEED = np.iinfo(np.int32).max
 """Upper bound of the seeds that are drawn for each bagged tree and for the features at its splits."""

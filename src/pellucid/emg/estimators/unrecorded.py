@@ -15,8 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .._errors import IdentificationError
-from ..fit.muscles.muscle_calibration import MuscleFit, MuscleSamples
+from ..._errors import IdentificationError
+from ..fit.muscle_calibration import MuscleFit, MuscleSamples
 from .assisted import AssistedMuscles
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .features import filter_and_differentiate

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from .._atomic import write_text_atomically
+from ..._atomic import write_text_atomically
 from ..models.hill import HillData, HillModel, HillMuscle
 from .muscle_remark import MuscleRemark, subject_numbers
 

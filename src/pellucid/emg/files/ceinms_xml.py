@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ..muscle_constants import MuscleConstants, require_physical, require_range
-from ._xml import read_xml
+from ...files.readers._xml import read_xml
+from .muscle_constants import MuscleConstants, require_physical, require_range
 
 PLAUSIBLE_RANGES: Mapping[str, tuple[float, float]] = {
     "strengthCoefficient": (1e-3, 100.0), "shapeFactor": (-10.0, 10.0), "C1": (-1.0, 1.0), "C2": (-1.0, 1.0),

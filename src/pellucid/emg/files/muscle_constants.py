@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from .. import _given
-from .._errors import RecordingError
+from ... import _given
+from ..._errors import RecordingError
 
 PLAUSIBLE_RANGES: Mapping[str, tuple[float, float]] = {
     "largest_force": (1e-3, 1e5), "optimal_fibre_length": (1e-4, 2.0), "tendon_slack_length": (0.0, 2.0),

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError, RecordingError
-from .._given import read_given, visible_text
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError, RecordingError
+from ..._given import read_given, visible_text
 from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fit_muscle_polynomial
 from .muscle_constants import MuscleConstants, require_physical
-from .readers.osim import read_model
-from .readers.osim_paths import MuscleModel, read_paths
+from .osim import read_model
+from .osim_paths import MuscleModel, read_paths
 
 FORMAT_VERSION = 1
 """Version of the file's format."""

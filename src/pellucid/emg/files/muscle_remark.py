@@ -13,14 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from .._errors import PellucidError, RecordingError
-from .._given import read_given, visible_text
+from ..._errors import PellucidError, RecordingError
+from ..._given import read_given, visible_text
+from ...models.parameter_card import ParameterCard
 from ..models.hill import HillMuscle
 from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
-from ..models.parameter_card import ParameterCard
+from .ceinms_xml import SubjectMuscle, read_subject
 from .muscle_constants import MuscleConstants, require_physical
-from .readers.ceinms_xml import SubjectMuscle, read_subject
-from .readers.osim import read_model
+from .osim import read_model
 
 REMARK_START = "pellucid calibrated muscles "
 """Every remark begins with this text, which a table in JSON follows."""

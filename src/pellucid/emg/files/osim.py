@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 from ..._errors import RecordingError
-from ..muscle_constants import MuscleConstants, require_physical
-from ._xml import read_xml
+from ...files.readers._xml import read_xml
+from .muscle_constants import MuscleConstants, require_physical
 
 # OpenSim's element for each field of `MuscleConstants`.
 _ELEMENT_NAMES = {

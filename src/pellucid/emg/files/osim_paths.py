@@ -13,7 +13,8 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..._given import visible_text
-from ...models.coordinate_function import (
+from ...files.readers._xml import read_xml
+from ..models.coordinate_function import (
     Constant,
     CoordinateFunction,
     Linear,
@@ -22,10 +23,9 @@ from ...models.coordinate_function import (
     ScaledFunction,
     Spline,
 )
-from ...models.muscle_path import MusclePath, PathPoint, PathSurface
-from ...models.skeleton import GROUND_BODY, Axis, Coordinate, Coupling, Skeleton, SkeletonJoint, frame
-from ...models.wrapping import METHODS, Cylinder, Ellipsoid, Side, Sphere, Surface
-from ._xml import read_xml
+from ..models.muscle_path import MusclePath, PathPoint, PathSurface
+from ..models.skeleton import GROUND_BODY, Axis, Coordinate, Coupling, Skeleton, SkeletonJoint, frame
+from ..models.wrapping import METHODS, Cylinder, Ellipsoid, Side, Sphere, Surface
 
 MAX_DISTANCE_M = 5.0
 """Points of a muscle lie at most this far from their body's origin [m]. Larger values mean a model in millimetres."""

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.parsers import expat
 
-from .._atomic import write_bytes_atomically
-from .._errors import RecordingError
-from .._given import read_given, visible_text
+from ..._atomic import write_bytes_atomically
+from ..._errors import RecordingError
+from ..._given import read_given, visible_text
 from .muscle_remark import MuscleRemark, osim_numbers, without_remark
-from .readers.osim import read_model
+from .osim import read_model
 
 _RENAMED_ELEMENTS = {"pennation_angle": "pennation_angle_at_optimal"}
 """Present name of each element that was renamed in OpenSim 3."""

@@ -24,13 +24,13 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
-from ..muscles.muscle_freedom import muscle_priors
-from ..muscles.muscle_information import recording_information
-from ..searches.bounded_least_squares import bounded_least_squares
-from .hamiltonian import drawn_by_gradients
-from .marginal_likelihood import PRIOR_LOG_VARIANCE_SPREAD, MarginalLikelihood, Noise, Prior
-from .posterior import Posterior, summary
+from ...numerics.posterior.hamiltonian import drawn_by_gradients
+from ...numerics.posterior.marginal_likelihood import PRIOR_LOG_VARIANCE_SPREAD, MarginalLikelihood, Noise, Prior
+from ...numerics.posterior.posterior import Posterior, summary
+from ...numerics.searches.bounded_least_squares import bounded_least_squares
+from .muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
+from .muscle_freedom import muscle_priors
+from .muscle_information import recording_information
 
 SHARED_QUANTITIES = ("max_velocity", "force_length_width", "optimal_length_shift")
 """Quantities with one value for all muscles. A calibration keeps them at their anatomical values."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.hill import FreeParameter, HillMuscle
+from ..models.hill import FreeParameter, HillMuscle
 from .muscle_freedom import QUANTITY_FREEDOMS, Prior, muscle_priors
 
 MUSCLE_GROUPS: Mapping[str, tuple[str, ...]] = {

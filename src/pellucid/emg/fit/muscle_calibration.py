@@ -28,10 +28,10 @@ from functools import cached_property
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.hill import HillData, HillModel, HillMuscle
-from ..searches.adam import adam
-from ..searches.bounded_least_squares import Descent, bounded_least_squares
-from ..searches.swarm import conjugate_gradient, swarm_with_gradients
+from ...numerics.searches.adam import adam
+from ...numerics.searches.bounded_least_squares import Descent, bounded_least_squares
+from ...numerics.searches.swarm import conjugate_gradient, swarm_with_gradients
+from ..models.hill import HillData, HillModel, HillMuscle
 from .muscle_freedom import DEFAULT_QUANTITIES, Prior, muscle_priors
 
 CALIBRATION_METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...models.hill import FreeParameter, HillModel, HillMuscle
+from ..models.hill import FreeParameter, HillModel, HillMuscle
 
 
 @dataclass(frozen=True)
 class Freedom:
     """Bounds and prior of one quantity that a calibration may free."""
 
-    quantity: str  # name in `pellucid.models.hill`
+    quantity: str  # name in `pellucid.emg.models.hill`
     shared: bool  # whether all muscles share one value
     relative: bool  # whether bounds and spread are factors of each muscle's anatomical value instead of SI
     lower: float

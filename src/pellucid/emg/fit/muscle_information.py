@@ -19,9 +19,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..parameter import Parameter, Verdict
-from ..searches.bounded_least_squares import bounded_least_squares
-from ..uncertainty import block_length, correlation_time, degrees_of_freedom, long_run_covariance
+from ...models.parameter import Parameter, Verdict
+from ...numerics.searches.bounded_least_squares import bounded_least_squares
+from ...numerics.uncertainty import block_length, correlation_time, degrees_of_freedom, long_run_covariance
 from .muscle_calibration import MuscleFit
 
 MAX_IDENTIFIED_SPREAD_SHARE = 0.7

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..parameter import Parameter
-from ..uncertainty import sandwich_covariance
-from .ensemble import drawn
-from .marginal_likelihood import MarginalLikelihood, Noise, Prior
-from .posterior import Posterior, summary
+from ...models.parameter import Parameter
+from ...numerics.posterior.ensemble import drawn
+from ...numerics.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
+from ...numerics.posterior.posterior import Posterior, summary
+from ...numerics.uncertainty import sandwich_covariance
 
 CONSTANT_ERROR_SHARE = 0.3
 """Prior standard deviation of every constant of the model, relative to its value, where s is 1."""

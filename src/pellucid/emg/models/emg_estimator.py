@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import _core
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from .card import CARD_FORMAT, CardParameter, read_table
-from .card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
+from ... import _core
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
+from ...models.card import CARD_FORMAT, CardParameter, read_table
+from ...models.card_schema import MAX_CARD_NUMBER, fields_of, require_between, require_sound
 from .hill import MUSCLE_QUANTITIES
 from .muscle_surface import MuscleSurface
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .. import _core
+from ... import _core
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core
+from ... import _core
 
 MUSCLE_QUANTITIES: tuple[str, ...] = tuple(_core.MUSCLE_PARAMETER_NAMES)
 """Quantities that describe a muscle, in the core's order."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import _core
-from .._errors import PellucidError
+from ... import _core
+from ..._errors import PellucidError
 from .hill import HillMuscle
 
 

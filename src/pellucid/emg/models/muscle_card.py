@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
+from ...models.parameter_card import ParameterCard
 from .hill import MUSCLE_QUANTITIES, HillMuscle
-from .parameter_card import ParameterCard
 
 CARD_KIND = "muscles"
 

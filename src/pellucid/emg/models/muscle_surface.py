@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import _core
+from ... import _core
 from .muscle_geometry import LengthOverAngles, MuscleGeometry
 
 FITTED_CELL_COUNTS = (10, 4)

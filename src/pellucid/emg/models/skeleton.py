@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 from .coordinate_function import CoordinateFunction
 
 GROUND_BODY = "ground"

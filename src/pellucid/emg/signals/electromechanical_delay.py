@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 
 MAX_SEARCHED_DELAY_S = 0.5
 """Delays are searched from minus to plus this time."""

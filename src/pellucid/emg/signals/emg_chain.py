@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import signal
 
-from .. import _core
-from .._errors import RecordingError
+from ... import _core
+from ..._errors import RecordingError
 from .envelope_delay import ChainDelay, group_delay
 
 FILTER_STAGES = ("notch", "highpass", "lowpass", "bandpass")

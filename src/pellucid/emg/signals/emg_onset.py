@@ -40,9 +40,9 @@ import numpy as np
 from scipy import signal, stats
 from scipy.fft import irfft, next_fast_len, rfft
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
+from ...numerics.filters import runs
 from .emg_chain import settling_samples, with_surroundings
-from .filters import runs
 
 BANDPASS_HZ = (30.0, 300.0)
 """Band of the band-pass before the energy operator, as published."""

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import signal
 
-from .._errors import RecordingError
-from ..recordings.fault import Fault
-from ..recordings.recording import Recording
-from .filters import runs
+from ..._errors import RecordingError
+from ...files.fault import Fault
+from ...files.recording import Recording
+from ...numerics.filters import runs
 
 MAINS_HZ = (50.0, 60.0)
 """Frequencies of the mains in the world."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .emg_chain import EmgChain, emg_chain
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import welch
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 
 MIN_WINDOW_COUNT = 4
 """Smallest number of windows through which a trend is laid."""

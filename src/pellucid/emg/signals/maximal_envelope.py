@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .emg_chain import EmgChain, emg_chain
 from .envelope import envelope
 

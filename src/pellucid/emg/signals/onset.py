@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .emg_onset import Activations, activations
 
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from .._errors import RecordingError
-from .filters import runs, zero_phase_lowpass
+from ..._errors import RecordingError
+from ...numerics.filters import runs, zero_phase_lowpass
 
 SEARCH_LOWPASS_HZ = 3.0
 """Cut-off of the low-pass before the search, so that tremor and a goniometer's steps are not taken for repetitions."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 
 DEFAULT_POINT_COUNT = 101
 """Number of points of each stride by default: one for every percent, both ends included."""

@@ -9,16 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import _core
-from .._errors import PellucidError
-from .._printed_command import printed_command
-from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
-from ..models.estimator_faults import ESTIMATOR_FAULTS
-from ..models.fields import model_fields
-from ..procedures.card_sources import require_fresh
-from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from ..studies.study import Study
-from .c_folder import (
+from ... import _core
+from ..._errors import PellucidError
+from ..._printed_command import printed_command
+from ...controllers.export.c_folder import (
     HEADER_FOLDER,
     OUTPUT_FILE,
     core_headers,
@@ -30,7 +24,13 @@ from .c_folder import (
     render_all,
     write_files,
 )
-from .replay_vector import ReplayVector
+from ...controllers.export.replay_vector import ReplayVector
+from ...models.fields import model_fields
+from ...study.procedures.card_sources import require_fresh
+from ...study.study import Study
+from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
+from ..models.estimator_faults import ESTIMATOR_FAULTS
+from .emg_torque.emg_torque_table import EmgTorqueTable
 
 FOLDER_TITLE = "torque of joints from EMG"
 """Title in the exported files."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._errors import IdentificationError, PellucidError, RecordingError
-from ..recordings.fault import Fault
-from ..recordings.recording import MAXIMAL_PROTOCOL, Recording
+from ..._errors import IdentificationError, PellucidError, RecordingError
+from ...files.fault import Fault
+from ...files.recording import MAXIMAL_PROTOCOL, Recording
+from ...study.study import Study
 from ..signals.emg_chain import EmgChain
 from ..signals.emg_quality import inspect_emg
-from ..studies.study import Study
 from .muscle_tables import EnvelopeTable, MuscleTable
 from .study_chain import notch_frequencies, study_chain
 

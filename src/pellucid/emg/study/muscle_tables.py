@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Protocol
 
-from ..studies.study_fields import ProcedureTable, Word, quantity
+from ...study.study_fields import ProcedureTable, Word, quantity
 
 
 class ChainSettings(Protocol):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..fit.parameter import Verdict
+from ...models.parameter import Verdict
+from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_quality import find_hum
-from ..studies.study import Study
 from .muscle_tables import ChainSettings
 
 

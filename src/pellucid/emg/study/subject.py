@@ -6,21 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import PellucidError, RecordingError
-from .._given import require_folder
-from .._printed_command import printed_command
+from ..._errors import PellucidError, RecordingError
+from ..._given import require_folder
+from ..._printed_command import printed_command
+from ...models.parameter_card import ParameterCard, read_parameter_card
+from ...study.procedures.card_sources import require_fresh
+from ...study.study import Study
+from ..files.ceinms_writer import write_subject
+from ..files.muscle_remark import MuscleRemark, exported_study, read_calibrated
+from ..files.osim_writer import write_osim
 from ..models.hill import MUSCLE_QUANTITIES
 from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.muscle_geometry import muscle_table
-from ..models.parameter_card import ParameterCard, read_parameter_card
-from ..procedures.card_sources import require_fresh
-from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from ..procedures.emg_torque.known_muscles import muscle_source
-from ..procedures.emg_torque.study_muscles import study_coordinates
-from ..recordings.ceinms_writer import write_subject
-from ..recordings.muscle_remark import MuscleRemark, exported_study, read_calibrated
-from ..recordings.osim_writer import write_osim
-from ..studies.study import Study
+from .emg_torque.emg_torque_table import EmgTorqueTable
+from .emg_torque.known_muscles import muscle_source
+from .emg_torque.study_muscles import study_coordinates
 
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
 """Ending of the file for each program to which muscles can be exported."""

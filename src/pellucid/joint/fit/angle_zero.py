@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.joint import SYMBOLS_BY_NAME, JointModel
-from ...signals.motion import Motion
-from ..block_test import compare_held_out
-from ..crossed_residuals import cross_validated_residuals
-from ..regression import Stack
-from ..uncertainty import sandwich_covariance
+from ...numerics.block_test import compare_held_out
+from ...numerics.motion import Motion
+from ...numerics.regression import Stack
+from ...numerics.uncertainty import sandwich_covariance
+from .crossed_residuals import cross_validated_residuals
 from .friction_solver import solve_family
 
 

@@ -20,9 +20,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from .. import _core
-from .friction_terms import STRIBECK_VELOCITY
-from .joint import PARAMETER_INDEX, SYMBOLS_BY_NAME
+from ... import _core
+from ...models.friction_terms import STRIBECK_VELOCITY
+from ...models.joint import PARAMETER_INDEX, SYMBOLS_BY_NAME
 
 EXCEEDANCE_PROBABILITY = 0.05
 """Probability with which the carried friction may exceed the true friction somewhere."""

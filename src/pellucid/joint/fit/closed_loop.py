@@ -25,8 +25,8 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace
-from ...signals.motion import Motion, differentiate
-from ..regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
+from ...numerics.motion import Motion, differentiate
+from ...numerics.regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
 from .replay import Machine, is_bounded, replay
 
 EFFORT_CHANGE_TOLERANCE = 1e-4

@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import GRAVITY, JointModel
-from ...signals.motion import Motion
-from ..regression import Solution, Stack, nearest_feasible, regression_rows
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack, nearest_feasible, regression_rows
 
 RELINEARISATION_COUNT = 4
 """Number of relinearisations of a nonlinear model. A model that is linear in its parameters needs one."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .column_norms import column_norms
-from .regression import Solution
+from ...numerics.column_norms import column_norms
+from ...numerics.regression import Solution
 
 BLOCK_COUNT = 10
 """Number of blocks into which all data are cut; a block never spans two recordings."""

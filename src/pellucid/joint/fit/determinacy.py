@@ -10,9 +10,9 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..parameter import UNDETERMINED_REASON, Parameter
-from ..regression import Solution, Stack, stack
+from ...models.parameter import UNDETERMINED_REASON, Parameter
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack, stack
 from .friction_solver import solve_family
 
 PERTURBATION_SHARE = 1e-12

@@ -20,10 +20,10 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.filtered_dynamics import filtered_jacobian
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..parameter import Parameter
-from ..regression import Stack, least_squares_within
-from ..uncertainty import sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.motion import Motion
+from ...numerics.regression import Stack, least_squares_within
+from ...numerics.uncertainty import sandwich_covariance
 from .friction_solver import solve_family
 
 MAX_STEPS = 30

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import JointModel, joint_model
-from ...signals.filters import anti_aliased
-from ...signals.motion import Motion
-from ..delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
+from ...numerics.delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
+from ...numerics.filters import anti_aliased
+from ...numerics.motion import Motion
 from .friction_solver import with_known_stribeck_velocity
 
 STRIBECK_SPEED_SHARE = 0.05

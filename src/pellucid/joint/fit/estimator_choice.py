@@ -19,10 +19,10 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
-from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
-from ..regression import Solution, Stack, regression_rows
+from ...numerics.block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack, regression_rows
+from .crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
 from .evaluation import Prediction
 from .friction_solver import MAX_REFITTED_ROWS, solve_without_blocks
 from .replay import Machine, is_bounded, replay

@@ -9,8 +9,8 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..regression import predict_effort_rows
+from ...numerics.motion import Motion
+from ...numerics.regression import predict_effort_rows
 from .replay import relative_error
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..regression import Stack, regression_rows
+from ...numerics.motion import Motion
+from ...numerics.regression import Stack, regression_rows
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ import numpy as np
 
 from ...models.friction_terms import shape_index
 from ...models.joint import SYMBOLS_BY_NAME
-from ..block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from .estimator_choice import Residuals, is_nearly
 from .friction_family import FamilyFit
 from .joint_estimate import JointEstimate

@@ -10,9 +10,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ..._processes import with_one_blas_thread
 from ...models.joint import SYMBOLS_BY_NAME, joint_model
-from ...signals.motion import Filtering, motion_of, shortest
-from ...signals.sampled import sampled
-from ..regression import stack
+from ...numerics.motion import Filtering, motion_of, shortest
+from ...numerics.regression import stack
+from ...numerics.sampled import sampled
 from .consistency import enforce_pseudo_inertia
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, make_estimate

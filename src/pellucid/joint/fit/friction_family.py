@@ -11,9 +11,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import shaped_by
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..parameter import Parameter
-from ..regression import Solution, Stack, stack
+from ...models.parameter import Parameter
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .determinacy import PERTURBATION_SEEDS, find_undetermined, mark_undetermined

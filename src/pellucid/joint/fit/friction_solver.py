@@ -13,10 +13,9 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
-from ...signals.motion import Motion
-from ..column_norms import column_norms
-from ..crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
-from ..regression import (
+from ...numerics.column_norms import column_norms
+from ...numerics.motion import Motion
+from ...numerics.regression import (
     Solution,
     Stack,
     least_squares_within,
@@ -25,6 +24,7 @@ from ..regression import (
     snap_to_bounds,
     solve,
 )
+from .crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
 
 INITIAL_LOAD_COEFFICIENT = 0.05
 """Starting value of load coefficients, and of any other parameter outside the linear part."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...signals.motion import Motion
-from ..discrepancy import neglected_columns
-from ..joint.joint_estimate import JointEstimate, joint_states
-from ..regression import Stack, predict_effort_rows, regression_rows
-from ..uncertainty import block_length, correlation_time, degrees_of_freedom, student_to_normal_ratio
-from .marginal_likelihood import Noise, Prior
-from .posterior import Posterior, summary
-from .straight import LinearisedModel
+from ...numerics.motion import Motion
+from ...numerics.posterior.marginal_likelihood import Noise, Prior
+from ...numerics.posterior.posterior import Posterior, summary
+from ...numerics.posterior.straight import LinearisedModel
+from ...numerics.regression import Stack, predict_effort_rows, regression_rows
+from ...numerics.uncertainty import block_length, correlation_time, degrees_of_freedom, student_to_normal_ratio
+from .discrepancy import neglected_columns
+from .joint_estimate import JointEstimate, joint_states
 
 PRIOR_EFFORT_SPREAD = 10.0
 """Prior standard deviation of the effort that one parameter produces, divided by the recorded effort."""

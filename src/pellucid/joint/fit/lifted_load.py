@@ -23,7 +23,7 @@ from ... import _core
 from ..._errors import IdentificationError
 from ...models.anthropometry import Segment
 from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX
-from ...signals.filters import central_difference, zero_phase_lowpass
+from ...numerics.filters import central_difference, zero_phase_lowpass
 
 MIN_EMPTY_LIFTS = 3
 """Least number of lifts without a load: fewer give no spread that an interval could come from."""
@@ -106,7 +106,7 @@ def estimate_load(
     Examples
     --------
     >>> import numpy as np
-    >>> from pellucid.fit.joint.lifted_load import Lift, estimate_load
+    >>> from pellucid.joint.fit.lifted_load import Lift, estimate_load
     >>> t = np.arange(0.0, 1.5, 1e-3)
     >>> q = 0.3 + 0.8 * (t / 1.5) ** 2 * (3.0 - 2.0 * t / 1.5)
     >>> a = 0.8 * (6.0 - 12.0 * t / 1.5) / 1.5**2

@@ -22,11 +22,11 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
-from ..parameter import Parameter
-from ..regression import Solution, Stack
-from ..uncertainty import correlation_time, sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack
+from ...numerics.uncertainty import correlation_time, sandwich_covariance
+from .discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, joint_states
 

@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...signals.motion import Motion
-from ..block_test import MIN_IMPROVEMENT
-from ..crossed_residuals import cross_validated_residuals
-from ..discrepancy import Discrepancy
-from ..regression import Solution, Stack
-from ..uncertainty import sandwich_covariance
+from ...numerics.block_test import MIN_IMPROVEMENT
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack
+from ...numerics.uncertainty import sandwich_covariance
+from .crossed_residuals import cross_validated_residuals
+from .discrepancy import Discrepancy
 
 DRIFT_CAUSE = "a drift within recordings"
 """Cause that is stated where a drift adds most to a parameter's interval."""

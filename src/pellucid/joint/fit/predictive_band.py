@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..uncertainty import block_length, correlation_time
+from ...numerics.uncertainty import block_length, correlation_time
 from .evaluation import Prediction
 
 MIN_CONDITION_SAMPLES = 30

@@ -29,10 +29,10 @@ from ... import _core
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
 from ...models.friction_terms import STRIBECK_FRICTION, STRIBECK_VELOCITY, grows_with_load
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
-from ...signals.filters import local_cubic
-from ...signals.motion import Motion
-from ..block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
+from ...numerics.filters import local_cubic
+from ...numerics.motion import Motion
 
 GRID_STEPS_PER_DECADE = 8
 """Number of travels per decade on the search grid."""

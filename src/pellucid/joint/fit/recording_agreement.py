@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import JointModel
-from ...signals.correlation_length import correlation_length
-from ...signals.motion import Motion
-from ..regression import reduce_motions, regression_rows, stack
-from ..uncertainty import sandwich_covariance
+from ...numerics.correlation_length import correlation_length
+from ...numerics.motion import Motion
+from ...numerics.regression import reduce_motions, regression_rows, stack
+from ...numerics.uncertainty import sandwich_covariance
 from .angle_zero import has_free_gravity, with_free_zero
 
 BODY_PARAMETERS = frozenset({"inertia", "gravity", "gravity_cosine"})

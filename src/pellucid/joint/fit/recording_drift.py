@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...signals.motion import Motion
-from ..block_test import MIN_IMPROVEMENT
-from ..crossed_residuals import cross_validated_residuals
-from ..regression import Solution, Stack
+from ...numerics.block_test import MIN_IMPROVEMENT
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack
+from .crossed_residuals import cross_validated_residuals
 from .recording_agreement import RecordingRows, estimate_step
 
 RECORDING_DRIFT_CAUSE = "a drift between recordings"

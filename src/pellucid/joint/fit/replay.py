@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace, LoopSetting, simulate
-from ...signals.motion import Motion, differentiate
+from ...numerics.motion import Motion, differentiate
 
 COMPARED_SIGNALS = ("position", "velocity", "acceleration", "effort")
 """Signals in which a simulation is compared with the recording."""

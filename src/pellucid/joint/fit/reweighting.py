@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import JointModel
-from ...signals.motion import Motion
-from ..regression import Solution, Stack
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack
 from .friction_solver import solve_family
 
 HUBER_THRESHOLD = 1.345

@@ -19,13 +19,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...signals.judged import require_fitted
-from ...signals.motion import Motion
-from ..block_test import compare_held_out
-from ..crossed_residuals import cross_validated_residuals
-from ..parameter import Parameter
-from ..regression import Solution
-from ..uncertainty import sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.block_test import compare_held_out
+from ...numerics.judged import require_fitted
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution
+from ...numerics.uncertainty import sandwich_covariance
+from .crossed_residuals import cross_validated_residuals
 
 SPRING_PARAMETERS = ("stiffness", "damping", "hysteresis", "inertia", "offset")
 """Names of a linear spring's parameters, in the order of its columns."""

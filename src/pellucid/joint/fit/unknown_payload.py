@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import GRAVITY, JointModel
-from ...signals.motion import Motion
-from ..parameter import Parameter
-from ..regression import reduce_motions, regression_rows
-from ..uncertainty import sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.motion import Motion
+from ...numerics.regression import reduce_motions, regression_rows
+from ...numerics.uncertainty import sandwich_covariance
 
 MIN_PAYLOAD_Z = 3.0
 """A payload is told if its weight and its inertia exceed zero by more than so many standard errors."""

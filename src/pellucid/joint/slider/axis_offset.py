@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...signals.filters import runs
+from ...numerics.filters import runs
 
 FREE_CARRIAGE_NAME = "free_carriage"
 """Protocol of recordings in which a wearer moves slowly and the carriage slides freely, as study.toml names it."""
@@ -108,7 +108,7 @@ def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.nd
     Examples
     --------
     >>> import numpy as np
-    >>> from pellucid.fit.slider.axis_offset import estimate_axis_offset
+    >>> from pellucid.joint.slider.axis_offset import estimate_axis_offset
     >>> theta = 1.2 + 0.6 * np.sin(np.arange(3000) / 100.0)
     >>> cuff = 0.25 * np.exp(1j * theta) + 0.010 - 0.004j
     >>> found = estimate_axis_offset(np.angle(cuff), np.abs(cuff), theta, 100.0)

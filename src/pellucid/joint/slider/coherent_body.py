@@ -11,11 +11,19 @@ import numpy as np
 from ..._errors import IdentificationError
 from ..._processes import with_one_blas_thread
 from ...models.slider_joint import SliderJointModel
-from ...signals.slider_motion import SliderMotion
-from ..discrepancy import collect_states, estimate_discrepancy
-from ..regression import Stack, make_parameters, nearest_feasible, regression_rows, snap_to_bounds, solve, stack
-from ..uncertainty import sandwich_covariance
+from ...numerics.regression import (
+    Stack,
+    make_parameters,
+    nearest_feasible,
+    regression_rows,
+    snap_to_bounds,
+    solve,
+    stack,
+)
+from ...numerics.uncertainty import sandwich_covariance
+from ..fit.discrepancy import collect_states, estimate_discrepancy
 from .slider_fit import SliderEstimate
+from .slider_motion import SliderMotion
 from .three_steps import require_both_directions, require_places
 
 FIRST_LOAD_COEFFICIENT = 0.05

@@ -14,11 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..recordings.fault import Fault
-from ..recordings.optical import OpticalRecording
-from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
-from ..recordings.recording import Recording
+from ..._errors import RecordingError
+from ...files.fault import Fault
+from ...files.optical import OpticalRecording
+from ...files.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
+from ...files.recording import Recording
 
 MAX_SEARCHED_DELAY_S = 0.25
 """Delays between the clocks are searched up to this time in either direction."""

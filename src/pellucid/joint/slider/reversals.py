@@ -18,8 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ... import _core
-from ...signals.filters import zero_phase_lowpass
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.filters import zero_phase_lowpass
 
 LOWPASS_HZ = 15.0
 """Cut-off of the low-pass on position and effort. A joint breaks away within a tenth of a second."""

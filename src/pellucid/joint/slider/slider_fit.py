@@ -9,11 +9,11 @@ import numpy as np
 
 from ...models.card import named
 from ...models.directional_slider import DirectionalSliderModel
+from ...models.parameter import Parameter, Verdict
 from ...models.slider_joint import SliderJointModel
-from ...signals.markers import Geometry
-from ...signals.slider_motion import SliderMotion
-from ..parameter import Parameter, Verdict
 from .axis_offset import AxisOffset
+from .markers import Geometry
+from .slider_motion import SliderMotion
 
 SLIDER_METHODS: Mapping[str, str] = {
     "pooled": "three steps, one set of parameters",

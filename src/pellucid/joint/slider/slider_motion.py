@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..recordings.recording import Recording
-from .filters import runs, sliding_mean, zero_phase_lowpass
-from .judged import JudgedData
+from ..._errors import RecordingError
+from ...files.recording import Recording
+from ...numerics.filters import runs, sliding_mean, zero_phase_lowpass
+from ...numerics.judged import JudgedData
 
 SAMPLES_PER_LOWPASS_PERIOD = 20.0
 """Samples kept per period of the low-pass's cut-off. The signal between them is interpolated to 1e-4."""

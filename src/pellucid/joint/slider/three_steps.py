@@ -30,11 +30,11 @@ from ...models.directional_slider import (
 )
 from ...models.friction_terms import is_friction
 from ...models.joint import GRAVITY
-from ...signals.slider_motion import REGRESSION_STRIDE, SliderMotion
-from ..parameter import Parameter
-from ..regression import least_squares_within, make_parameters, require_full_rank
-from ..uncertainty import sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.regression import least_squares_within, make_parameters, require_full_rank
+from ...numerics.uncertainty import sandwich_covariance
 from .slider_fit import SliderEstimate
+from .slider_motion import REGRESSION_STRIDE, SliderMotion
 
 STEP_PROTOCOLS = ("constant_velocity", "swept_sine")
 """Protocols that steps 2 and 3 are fitted to; the coherent body is fitted to both."""

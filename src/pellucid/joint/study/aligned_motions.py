@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import PellucidError
-from ...fit.delay import Delay
-from ...fit.joint.drive_delay import estimate_drive_delay
-from ...recordings.delay import shift_channels, undo_lags
-from ...recordings.recording import Recording
-from ...signals.motion import Motion
-from ...studies.effort import drive_model
-from ...studies.study import Study, drive_channel
+from ...files.delay import shift_channels, undo_lags
+from ...files.recording import Recording
+from ...numerics.delay import Delay
+from ...numerics.motion import Motion
+from ...study.effort import drive_model
+from ...study.recorded_motions import carries_unknown_payload, motions_of
+from ...study.study import Study, drive_channel
+from ..fit.drive_delay import estimate_drive_delay
 from .first_look import MAX_SAMPLES, simple_model, thin_recordings
 from .joined_clocks import clocks_to_find, rejoin_streams
-from .recorded_motions import carries_unknown_payload, motions_of
 from .wearer import is_worn
 
 MIN_DELAY_DIFFERENCE_SHARE = 0.25

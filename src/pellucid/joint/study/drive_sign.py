@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...fit.joint.friction_solver import solve_family
-from ...fit.regression import Stack
 from ...models.joint import UNITS, JointModel
+from ...numerics.regression import Stack
+from ..fit.friction_solver import solve_family
 
 MIN_ROWS_PER_PARAMETER = 10
 """A single recording's sign is checked only with more than this many rows per parameter."""

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...files.delay import recording_part
+from ...files.recording import Recording
 from ...models.joint import JointModel, joint_model
-from ...recordings.delay import recording_part
-from ...recordings.recording import Recording
-from ...studies.effort import drive_model
-from ...studies.study import Study
+from ...study.effort import drive_model
+from ...study.study import Study
 
 MAX_SAMPLES = 200_000
 """Largest number of samples that are checked, at the recordings' rate. Of longer recordings stretches are used."""

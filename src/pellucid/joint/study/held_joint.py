@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import PellucidError
-from ...recordings.fault import Fault
-from ...recordings.recording import LOCKED_SPRING_PROTOCOL, Recording
-from ...signals.spring_evidence import spring_evidence
-from ...studies.study import Study
-from .recorded_motions import motions_of
+from ...files.fault import Fault
+from ...files.recording import LOCKED_SPRING_PROTOCOL, Recording
+from ...numerics.spring_evidence import spring_evidence
+from ...study.recorded_motions import motions_of
+from ...study.study import Study
 
 MAX_POSTURE_RANGE_RAD = np.radians(0.5)
 """A joint whose angle stays within this range in a recording is held there [rad]."""

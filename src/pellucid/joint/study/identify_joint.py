@@ -8,36 +8,36 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...fit.joint.drive_constant import estimate_drive_constant
-from ...fit.joint.estimator_choice import EstimatorChoice
-from ...fit.joint.family_choice import choose_family
-from ...fit.joint.friction_family import FamilyFit, SolvedFamily, fit_family
-from ...fit.joint.joint_estimate import JointEstimate
-from ...fit.joint.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
-from ...fit.joint.presliding import estimate_presliding
-from ...fit.joint.replay import Machine
-from ...fit.joint.unknown_payload import UnknownPayload, estimate_payload
-from ...fit.parameter import Parameter
-from ...fit.posterior.ensemble import require_sampler
-from ...fit.posterior.joint_posterior import joint_posterior
-from ...fit.regression import stack
+from ...files.recording import Recording
 from ...models.joint import FAMILIES, JointModel, joint_model
+from ...models.parameter import Parameter
 from ...models.simulate import LoopSetting
-from ...recordings.recording import Recording
-from ...studies.effort import drive_model
-from ...studies.quality import require_sound
-from ...studies.study import Study, drive_channel
-from ...studies.study_file import JointTable, Processing
-from ..dead_effort import require_live_effort
-from ..findings import collect_findings
-from ..procedure import Progress, quiet
+from ...numerics.posterior.ensemble import require_sampler
+from ...numerics.regression import stack
+from ...study.effort import drive_model
+from ...study.procedures.dead_effort import require_live_effort
+from ...study.procedures.findings import collect_findings
+from ...study.procedures.procedure import Progress, quiet
+from ...study.quality import require_sound
+from ...study.recorded_motions import carries_unknown_payload, filtering_of, motions_of, take_excerpt
+from ...study.study import Study, drive_channel
+from ...study.study_file import JointTable, Processing
+from ..fit.drive_constant import estimate_drive_constant
+from ..fit.estimator_choice import EstimatorChoice
+from ..fit.family_choice import choose_family
+from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
+from ..fit.joint_estimate import JointEstimate
+from ..fit.joint_posterior import joint_posterior
+from ..fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
+from ..fit.presliding import estimate_presliding
+from ..fit.replay import Machine
+from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import findings
 from .aligned_motions import align_recordings
 from .drive_sign import require_sign
 from .joined_clocks import require_clocks
 from .joint_case import JointCase
 from .joint_result import JointResult, complete_result, traces_of
-from .recorded_motions import carries_unknown_payload, filtering_of, motions_of, take_excerpt
 from .velocity_faults import require_velocity
 
 

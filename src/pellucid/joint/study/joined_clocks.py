@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import PellucidError, RecordingError
-from ...fit.delay import Delay, find_likely_delays
-from ...fit.joint.drive_delay import estimate_drive_delay
-from ...recordings.delay import recording_part
-from ...recordings.joined_stream import initial_offset
-from ...recordings.recording import Recording
-from ...studies.effort import command_of, drive_model
-from ...studies.quality import DRIVE_CHANNELS
-from ...studies.study import Study
+from ...files.delay import recording_part
+from ...files.joined_stream import initial_offset
+from ...files.recording import Recording
+from ...numerics.delay import Delay, find_likely_delays
+from ...study.effort import command_of, drive_model
+from ...study.quality import DRIVE_CHANNELS
+from ...study.recorded_motions import motions_of
+from ...study.study import Study
+from ..fit.drive_delay import estimate_drive_delay
 from .first_look import simple_model, thin_recordings
-from .recorded_motions import motions_of
 
 MAX_OFFSET_DISTANCE_S = 60.0
 """Largest distance of an offset from the first guess in the search [s]."""
@@ -203,7 +203,7 @@ def _estimate_delay(recording: Recording, study: Study) -> Delay | None:
 
 def _with_drift(clock: Clock, recording: Recording, sense: float, study: Study) -> Clock:
     """Return the clock with its drift, estimated from both halves of the recording."""
-    from ...signals.clocks import Alignment, clock_drift  # imported late, because it loads SciPy's optimisers
+    from ...numerics.clocks import Alignment, clock_drift  # imported late, because it loads SciPy's optimisers
 
     whole = study.rejoined(recording.name, {clock.stream: (clock.offset, 0.0)})
     n, halves = len(whole), []

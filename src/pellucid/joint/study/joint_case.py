@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ...fit.joint.family_choice import FamilyContest
-from ...fit.joint.friction_family import FamilyFit
-from ...fit.joint.load_shares import LoadShares
-from ...fit.joint.presliding import Presliding
-from ...fit.joint.replay import Machine
-from ...fit.joint.unknown_payload import UnknownPayload
-from ...fit.parameter import Parameter
-from ...fit.posterior.posterior import Posterior
-from ...fit.regression import Stack
-from ...signals.motion import Motion
-from ...studies.study import Study
+from ...models.parameter import Parameter
+from ...numerics.motion import Motion
+from ...numerics.posterior.posterior import Posterior
+from ...numerics.regression import Stack
+from ...study.study import Study
+from ..fit.family_choice import FamilyContest
+from ..fit.friction_family import FamilyFit
+from ..fit.load_shares import LoadShares
+from ..fit.presliding import Presliding
+from ..fit.replay import Machine
+from ..fit.unknown_payload import UnknownPayload
 
 
 @dataclass(frozen=True)

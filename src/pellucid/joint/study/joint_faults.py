@@ -7,20 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._errors import PellucidError
-from ...fit.joint.excitation import measure_excitation
-from ...fit.joint.friction_solver import solve_family
-from ...fit.regression import Stack, stack
+from ...files.fault import Fault
 from ...models.joint import JointModel, joint_model
-from ...recordings.fault import Fault
-from ...studies.effort import drive_model
-from ...studies.quality import inspect
-from ...studies.study import Study, drive_channel
-from ..dead_effort import dead_effort_faults
+from ...numerics.regression import Stack, stack
+from ...study.effort import drive_model
+from ...study.procedures.dead_effort import dead_effort_faults
+from ...study.quality import inspect
+from ...study.recorded_motions import carries_unknown_payload, motions_of, short_stretch_faults
+from ...study.study import Study, drive_channel
+from ..fit.excitation import measure_excitation
+from ..fit.friction_solver import solve_family
 from .aligned_motions import align_recordings, find_alignments
 from .drive_sign import require_sign
 from .findings.weak_parameter import advice
 from .joined_clocks import find_clocks
-from .recorded_motions import carries_unknown_payload, motions_of, short_stretch_faults
 from .velocity_faults import velocity_faults
 from .wearer import wearer_faults
 

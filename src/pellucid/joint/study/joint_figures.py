@@ -13,15 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...drawing.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
-from ...drawing.line_points import LINE_POINTS, broken, every
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...fit.joint.friction_family import FamilyFit
-from ...fit.joint.replay import Simulation
 from ...models.friction import FrictionCurve, friction_curve
 from ...models.friction_terms import FAMILIES_BY_NAME, grows_with_load
-from ...pages.quantities import EFFORT_NAMES, METHODS, MOTION_READINGS, parameter_label, percent, unit_text
-from ...pages.series import (
+from ...study.drawing.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
+from ...study.drawing.line_points import LINE_POINTS, broken, every
+from ...study.drawing.style import FIGURE_WIDTH, colour
+from ...study.pages.quantities import EFFORT_NAMES, METHODS, MOTION_READINGS, parameter_label, percent, unit_text
+from ..fit.friction_family import FamilyFit
+from ..fit.replay import Simulation
+from .joint_result import JointResult, Trace
+from .series import (
     autocorrelation,
     busiest,
     by_recording,
@@ -31,7 +32,6 @@ from ...pages.series import (
     pooled_error,
     running_median,
 )
-from .joint_result import JointResult, Trace
 
 COLUMN_COUNT = 4
 """Number of recordings side by side in one figure."""

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...drawing.drawing import Drawing, draw
-from ...fit.joint.friction_family import FamilyFit
-from ...fit.joint.joint_estimate import JointEstimate
-from ...fit.parameter import Parameter
-from ...pages.page import Answer, Page, Section, Tile
-from ...pages.quantities import (
+from ...models.parameter import Parameter
+from ...study.drawing.drawing import Drawing, draw
+from ...study.pages.page import Answer, Page, Section, Tile
+from ...study.pages.quantities import (
     EFFORT_NAMES,
     FAMILIES,
     METHODS,
@@ -29,17 +27,19 @@ from ...pages.quantities import (
     unit_text,
     value_and_half_interval,
 )
-from ...pages.series import by_recording, pooled_error, whole_recordings
-from ...pages.tables import Row, Table
-from ...pages.values import Value
-from ...studies.study import Study
-from ..badge_bounds import MAX_GOOD_ERROR, SOUND_R2
-from ..posterior_beside import pair_with_posterior
-from ..posterior_figures import posterior_figure
-from ..study_page import figure_tables, provenance, study_page
+from ...study.pages.tables import Row, Table
+from ...study.pages.values import Value
+from ...study.procedures.badge_bounds import MAX_GOOD_ERROR, SOUND_R2
+from ...study.procedures.posterior_beside import pair_with_posterior
+from ...study.procedures.posterior_figures import posterior_figure
+from ...study.procedures.study_page import figure_tables, provenance, study_page
+from ...study.study import Study
+from ..fit.friction_family import FamilyFit
+from ..fit.joint_estimate import JointEstimate
 from . import joint_figures as figures
 from .joint_result import JointResult, Trace
 from .moving_joint_figures import moving_joint
+from .series import by_recording, pooled_error, whole_recordings
 
 ESTIMATOR_EXPLANATIONS = (
     (("ls",), "least squares trusts the filtered motion as measured"),

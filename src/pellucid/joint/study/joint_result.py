@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...fit.joint.friction_family import FamilyFit
-from ...fit.joint.joint_estimate import JointEstimate
-from ...fit.joint.presliding import Presliding
-from ...fit.joint.replay import Simulation, relative_error
-from ...fit.joint.unknown_payload import UnknownPayload
-from ...fit.parameter import Parameter, Verdict
-from ...fit.posterior.posterior import Posterior
 from ...models.card import ModelCard
-from ...pages.quantities import METHODS
-from ...signals.motion import Motion
-from ...studies.effort import drive_model
-from ...studies.results import ResultRow, combined_checksum
-from ...studies.study import Study
-from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table
-from ..result import FigureTable, ParameterTable, Result
+from ...models.parameter import Parameter, Verdict
+from ...numerics.motion import Motion
+from ...numerics.posterior.posterior import Posterior
+from ...study.effort import drive_model
+from ...study.pages.quantities import METHODS
+from ...study.procedures.posterior_beside import pair_with_posterior, posterior_rows, posterior_table
+from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.results import ResultRow, combined_checksum
+from ...study.study import Study
+from ..fit.friction_family import FamilyFit
+from ..fit.joint_estimate import JointEstimate
+from ..fit.presliding import Presliding
+from ..fit.replay import Simulation, relative_error
+from ..fit.unknown_payload import UnknownPayload
 
 if TYPE_CHECKING:
-    from ...drawing.drawing import Figure
+    from ...study.drawing.drawing import Figure
 
 COMMAND_NAME = "identify"
 """Name of the command that writes these results."""

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Head, heads, key, line, tidy
-from ...drawing.line_points import broken
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...fit.joint.evaluation import Prediction
-from ...pages.moving import MovingDrawing, Way, cursor, strokes
-from ...pages.series import busiest, by_recording, join_arrays, pooled_error
-from ...pages.values import Value
+from ...study.drawing.drawing import Head, heads, key, line, tidy
+from ...study.drawing.line_points import broken
+from ...study.drawing.style import FIGURE_WIDTH, colour
+from ...study.pages.moving import MovingDrawing, Way, cursor, strokes
+from ...study.pages.values import Value
+from ..fit.evaluation import Prediction
+from .series import busiest, by_recording, join_arrays, pooled_error
 
 FRAME_COUNT = 60
 """Number of frames of the movement."""

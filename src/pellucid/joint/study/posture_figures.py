@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...drawing.drawing import Drawing, dots, key, line, one_panel, tidy
-from ...drawing.style import colour
-from ...fit.joint.gravity_holds import GravityFit, Hold
-from ...pages.quantities import EFFORT_NAMES, number, unit_text
+from ...numerics.gravity_holds import GravityFit, Hold
+from ...study.drawing.drawing import Drawing, dots, key, line, one_panel, tidy
+from ...study.drawing.style import colour
+from ...study.pages.quantities import EFFORT_NAMES, number, unit_text
 
 CURVE_MARGIN_RAD = np.radians(10.0)
 """Angle by which the curve of the weight reaches beyond the postures [rad]."""

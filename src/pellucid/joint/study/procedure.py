@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...studies.study import Study
-from ..procedure import Procedure, Progress, quiet
+from ...study.procedures.procedure import Procedure, Progress, quiet
+from ...study.study import Study
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
+    from ...files.fault import Fault
+    from ...study.pages.page import Page
     from .joint_result import JointResult
     from .spring_result import SpringResult
     from .static_postures import PostureResult
@@ -80,8 +80,8 @@ class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult
 
     def cut(self, study: Study) -> list[Fault]:
         """Return the cuts, the stretches that are too short, and the notes on clocks."""
-        from ...studies.quality import clock_faults
-        from .recorded_motions import short_stretch_faults
+        from ...study.quality import clock_faults
+        from ...study.recorded_motions import short_stretch_faults
 
         clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))
         return [*super().cut(study), *short_stretch_faults(study), *clocks]

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..fit.joint.evaluation import Prediction
-from ..fit.joint.replay import Simulation
-from .quantities import Reading
+from ...study.pages.quantities import Reading
+from ..fit.evaluation import Prediction
+from ..fit.replay import Simulation
 
 
 def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:

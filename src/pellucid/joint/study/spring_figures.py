@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...drawing.drawing import Drawing, key, one_panel, tidy
-from ...drawing.style import colour
+from ...study.drawing.drawing import Drawing, key, one_panel, tidy
+from ...study.drawing.style import colour
 from .spring_result import SpringTrace
 
 DRAWN_SAMPLE_COUNT = 2000

@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from ..._errors import PellucidError
-from ...fit.joint.spring_fit import BACKLASH_PARAMETER, CUBIC_PARAMETER, SpringFit, fit_spring
-from ...fit.parameter import Verdict
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, unit_text
-from ...recordings.fault import Fault
-from ...studies.effort import drive_model
-from ...studies.quality import inspect, require_sound
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ...studies.study_file import JointTable
-from ..badge_bounds import MAX_GOOD_ERROR
-from ..dead_effort import dead_effort_faults, require_live_effort
-from ..result import FigureTable, ParameterTable
-from ..study_page import figure_tables, parameter_tables, study_page
-from .recorded_motions import motions_of
+from ...files.fault import Fault
+from ...models.parameter import Verdict
+from ...study.effort import drive_model
+from ...study.pages.page import Page, Section, Tile
+from ...study.pages.quantities import number, unit_text
+from ...study.procedures.badge_bounds import MAX_GOOD_ERROR
+from ...study.procedures.dead_effort import dead_effort_faults, require_live_effort
+from ...study.procedures.result import FigureTable, ParameterTable
+from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
+from ...study.quality import inspect, require_sound
+from ...study.recorded_motions import motions_of
+from ...study.results import ResultRow
+from ...study.study import Study
+from ...study.study_file import JointTable
+from ..fit.spring_fit import BACKLASH_PARAMETER, CUBIC_PARAMETER, SpringFit, fit_spring
 from .spring_result import SpringResult, SpringTrace
 
 SPRING_ADVICE = "Deflect it both ways, slowly and fast; check that its far end is locked, and the effort's unit."
@@ -135,7 +135,7 @@ def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ..
 
 def spring_page(study: Study, found: SpringResult) -> Page:
     """Return the report of a spring on the bench."""
-    from ...drawing.drawing import draw
+    from ...study.drawing.drawing import draw
     from .spring_figures import spring_loop
 
     rig, stiffness = study.rig, found.fit.parameters[0]

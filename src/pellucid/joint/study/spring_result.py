@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...fit.joint.replay import relative_error
-from ...fit.joint.spring_fit import SpringFit
-from ..result import Result
+from ...study.procedures.result import Result
+from ..fit.replay import relative_error
+from ..fit.spring_fit import SpringFit
 
 
 @dataclass(frozen=True)

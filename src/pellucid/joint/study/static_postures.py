@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...fit.joint.gravity_holds import GravityFit, Hold, fit_gravity
-from ...fit.parameter import Parameter, Verdict
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, unit_text
-from ...recordings.fault import Fault
-from ...studies.effort import command_of, drive_model
-from ...studies.quality import inspect, require_sound
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..result import FigureTable, ParameterTable, Result
-from ..study_page import figure_tables, parameter_tables, study_page
+from ...files.fault import Fault
+from ...models.parameter import Parameter, Verdict
+from ...numerics.gravity_holds import GravityFit, Hold, fit_gravity
+from ...study.effort import command_of, drive_model
+from ...study.pages.page import Page, Section, Tile
+from ...study.pages.quantities import number, unit_text
+from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
+from ...study.quality import inspect, require_sound
+from ...study.results import ResultRow
+from ...study.study import Study
 
 NO_MOTION_VERDICT = Verdict(
     "note",
@@ -119,7 +119,7 @@ def _rows(
 
 def posture_page(study: Study, found: PostureResult) -> Page:
     """Return the report of a joint that was only held."""
-    from ...drawing.drawing import draw
+    from ...study.drawing.drawing import draw
     from .posture_figures import posture_figure
 
     weight = next(p for p in found.estimates.values() if p.name == "gravity")

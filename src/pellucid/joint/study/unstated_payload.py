@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...fit.joint.unknown_payload import estimate_payload
-from ...fit.regression import regression_rows, stack
-from ...fit.uncertainty import sandwich_covariance
-from ...pages.quantities import interval_text
+from ...numerics.regression import regression_rows, stack
+from ...numerics.uncertainty import sandwich_covariance
+from ...study.pages.quantities import interval_text
+from ..fit.unknown_payload import estimate_payload
 from .joint_case import JointCase
 
 PAYLOAD_ADVICE = "If it carried one, write payload = {} there to have it found, or state its mass and distance."

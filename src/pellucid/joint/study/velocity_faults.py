@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._errors import RecordingError, UnfitRecordingError
-from ...recordings.fault import Fault, warn_if_held_out
-from ...recordings.recording import Recording
-from ...signals.motion import differentiate, lowpassed, shortest
-from ...studies.study import Study
-from ...studies.study_file import Processing
-from .recorded_motions import filtering_of, stretches_of
+from ...files.fault import Fault, warn_if_held_out
+from ...files.recording import Recording
+from ...numerics.motion import differentiate, lowpassed, shortest
+from ...study.recorded_motions import filtering_of, stretches_of
+from ...study.study import Study
+from ...study.study_file import Processing
 
 MIN_CORRELATION = 0.7
 """A velocity follows the position if its correlation with the position's derivative is at least this."""
@@ -55,7 +55,7 @@ def require_velocity(study: Study) -> None:
 
 
 def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
-    from ...signals.clocks import align  # imported late, because it loads SciPy's optimisers
+    from ...numerics.clocks import align  # imported late, because it loads SciPy's optimisers
 
     longest = max(stretches_of(recording, processing), key=lambda s: len(s.time), default=None)
     filtering = filtering_of(processing)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ...recordings.defects import echoed, worn
-from ...recordings.fault import Fault
-from ...recordings.quantity import quantity_of
-from ...recordings.recording import Recording
-from ...studies.study import Study, drive_channel
+from ...files.defects import echoed, worn
+from ...files.fault import Fault
+from ...files.quantity import quantity_of
+from ...files.recording import Recording
+from ...study.study import Study, drive_channel
 
 WORN_ADVICE = (
     "Record the robot alone, or with the limb's torque known ([coupling]). Weight at rest and friction at known speeds "

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..signals.emg_chain import EmgStream, emg_chain
+from ...emg.signals.emg_chain import EmgStream, emg_chain
 
 ENVELOPE_CHAIN = "knee"
 """Name of the chain of filters that makes an envelope for a screen."""

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import PellucidError
-from ..control.supervisor_faults import NO_FAULT
-from ..live.setup import SESSION_TIMEOUT_S
-from ..procedures.assessment.assessment_table import AssessmentTable
-from ..studies.study import STUDY_FILE, Study
+from ..._errors import PellucidError
+from ...controllers.supervisor_faults import NO_FAULT
+from ...people.study.assessment_table import AssessmentTable
+from ...study.study import STUDY_FILE, Study
+from ..setup import SESSION_TIMEOUT_S
 from .emg_levels import EmgLevels
 from .emg_source import EmgSource
 from .recorded_trial import (

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from .._atomic import write_text_atomically
-from .._errors import StudyError
-from .._given import require_empty_folder
-from ..studies.study import STUDY_FILE
+from ..._atomic import write_text_atomically
+from ..._errors import StudyError
+from ..._given import require_empty_folder
+from ...study.study import STUDY_FILE
 
 KNEE_MUSCLES = (
     "rectus_femoris", "vastus_lateralis", "vastus_medialis", "biceps_femoris", "semitendinosus",

@@ -24,7 +24,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
-from .._errors import PellucidError, missing_package
+from ..._errors import PellucidError, missing_package
 from .live_session import LiveSession, Phase
 
 HOST_ADDRESS = "127.0.0.1"
@@ -222,7 +222,7 @@ class PageServer:
         from websockets.http11 import Response
 
         if suffix == ".css":
-            from ..drawing.style import SANS_SERIF_FONTS, css_variables
+            from ...study.drawing.style import SANS_SERIF_FONTS, css_variables
 
             look = f":root {{ {css_variables()} --sans: {SANS_SERIF_FONTS}; }}\n"
             look += f"@media (prefers-color-scheme: dark) {{ :root {{ {css_variables(dark=True)} }} }}\n"

@@ -12,19 +12,19 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
-from .._given import read_given
-from ..procedures.assessment.assessment_table import AssessmentTable
-from ..procedures.procedure import Procedure
-from ..procedures.registry import asked, open_study
-from ..recordings.fault import Fault
-from ..recordings.recording import Recording
-from ..recordings.xdf_writer import seal_xdf
-from ..studies.lock import hold_lock
-from ..studies.quality import cut_faults
-from ..studies.study import STUDY_FILE, Study
-from ..studies.study_file import MAX_FILE_BYTES, RecordingEntry
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
+from ..._given import read_given
+from ...files.fault import Fault
+from ...files.recording import Recording
+from ...files.xdf_writer import seal_xdf
+from ...people.study.assessment_table import AssessmentTable
+from ...study.lock import hold_lock
+from ...study.procedures.procedure import Procedure
+from ...study.procedures.registry import asked, open_study
+from ...study.quality import cut_faults
+from ...study.study import STUDY_FILE, Study
+from ...study.study_file import MAX_FILE_BYTES, RecordingEntry
 from .trial_plan import PlannedTrial
 
 RECORDINGS_FOLDER = "recordings"

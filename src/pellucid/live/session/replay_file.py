@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import PellucidError, RecordingError
-from ..control.limits import Limits
-from ..live.log_verdict import LogVerdict, judge_log
-from ..live.replay import Replay, has_engine_records, replay_session
-from ..recordings.recording import Recording
-from ..studies.study import STUDY_FILE, Study
-from ..studies.study_file import RecordingEntry
+from ..._errors import PellucidError, RecordingError
+from ...controllers.limits import Limits
+from ...files.recording import Recording
+from ...study.study import STUDY_FILE, Study
+from ...study.study_file import RecordingEntry
+from ..log_verdict import LogVerdict, judge_log
+from ..replay import Replay, has_engine_records, replay_session
 
 TORQUE_CHANNELS = ("command", "torque", "interaction")
 """Channels of a log that may be what its robot was asked for; the first one that it has is judged."""

@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from .._errors import StudyError
-from .._plugins import load_plugins
-from ..pages.page import PAGE_FILE
-from ..procedures.registry import asked, open_study
-from ..recordings.readers._apart import start_reading_process
-from ..studies.session_table import RUN_FOLDER, SessionTable
-from ..studies.study import Study
+from ..._errors import StudyError
+from ..._plugins import load_plugins
+from ...files.readers._apart import start_reading_process
+from ...study.pages.page import PAGE_FILE
+from ...study.procedures.registry import asked, open_study
+from ...study.session_table import RUN_FOLDER, SessionTable
+from ...study.study import Study
 from .live_session import LiveSession
 from .page_server import PageServer
 from .recorded_trial import RECORDINGS_FOLDER, recorded_names
@@ -169,8 +169,8 @@ def choose_participant(
 
 def start_device(study: Study, plan: Sequence[PlannedTrial]) -> Any:
     """Start the engine of the device that study.toml names."""
-    from ..live.engine import LiveEngine
-    from ..live.unfinished_files import seal_unfinished
+    from ..engine import LiveEngine
+    from ..unfinished_files import seal_unfinished
 
     table = _session_of(study)
     devices = {plugin.name: plugin for plugin in load_plugins("pellucid.devices")}

@@ -13,18 +13,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._errors import PellucidError
-from ..assessment.certificate import certificate
-from ..assessment.equivalence_power import Active, find_equivalence_participants
-from ..assessment.index_table import index_table
-from ..assessment.indices import Index, indices_along
-from ..procedures.assessment.assessment_table import AssessmentTable
-from ..procedures.assessment.certified import PLANNED_POWER, end_points
-from ..procedures.assessment.clocks import with_assumed_delays
-from ..procedures.assessment.measured_study import MeasuredStudy, join_studies, measure
-from ..procedures.assessment.pointing import PointingRecord, labelled_amplitudes, with_rule
-from ..procedures.assessment.pointing_faults import usable_records
-from ..recordings.recording import Recording
+from ..._errors import PellucidError
+from ...files.recording import Recording
+from ...people.certificate import certificate
+from ...people.equivalence_power import Active, find_equivalence_participants
+from ...people.index_table import index_table
+from ...people.indices import Index, indices_along
+from ...people.study.assessment_table import AssessmentTable
+from ...people.study.certified import PLANNED_POWER, end_points
+from ...people.study.clocks import with_assumed_delays
+from ...people.study.measured_study import MeasuredStudy, join_studies, measure
+from ...people.study.pointing import PointingRecord, labelled_amplitudes, with_rule
+from ...people.study.pointing_faults import usable_records
 
 SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
 """Indices that the operator's page shows."""
@@ -110,7 +110,7 @@ class RunningIndices:
 
     @property
     def _indices(self) -> Mapping[str, Index]:
-        from ..units import COORDINATES_BY_UNIT
+        from ...units import COORDINATES_BY_UNIT
 
         return indices_along(COORDINATES_BY_UNIT[self._along])
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .._errors import PellucidError
-from ..studies.session_table import ContractionTask, HoldingTask, PointingTask, TrackingTask
+from ..._errors import PellucidError
+from ...study.session_table import ContractionTask, HoldingTask, PointingTask, TrackingTask
 from .trial_plan import PlannedTrial
 
 LEAD_IN_S = 1.0

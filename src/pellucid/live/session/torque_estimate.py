@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..estimators.ridge import Ridge
+from ...emg.estimators.ridge import Ridge
 
 MIN_TRIALS = 2
 """Number of trials below which nothing is estimated: one has to be left out."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import StudyError
-from ..studies.session_table import AnyTask, HoldingTask, PointingTask, SessionTable
+from ..._errors import StudyError
+from ...study.session_table import AnyTask, HoldingTask, PointingTask, SessionTable
 
 
 @dataclass(frozen=True)

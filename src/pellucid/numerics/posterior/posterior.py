@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..estimates import Estimates
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...study.estimates import Estimates
 from .ensemble import Draws, drawn
 from .marginal_likelihood import MarginalLikelihood, Prior
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .._atomic import write_text_atomically
-from .._errors import PellucidError
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
 from .random_phase_multisine import MULTISINE_NAME, RandomPhaseMultisine, random_phase_multisine
 from .reversals import REVERSALS_NAME, reversals
 

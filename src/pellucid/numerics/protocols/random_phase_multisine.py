@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 
 MULTISINE_NAME = "random_phase_multisine"
 """Name of this motion in study.toml, as the `protocol` of a recording."""

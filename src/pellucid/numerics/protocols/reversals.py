@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._errors import IdentificationError
+from ..._errors import IdentificationError
 
 REVERSALS_NAME = "reversals"
 """Name of this motion in study.toml, as the `protocol` of a recording."""

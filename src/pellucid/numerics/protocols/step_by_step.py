@@ -20,7 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 from .excitation import trapezoid
 from .tree_limits import TreeLimits
 

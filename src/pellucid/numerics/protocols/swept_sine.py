@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 
 
 def swept_sine(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import PellucidError
+from ..._errors import PellucidError
 
 Effort = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Function from position, velocity and acceleration, (n, m) each, to effort, (n, m) [N m; N]."""

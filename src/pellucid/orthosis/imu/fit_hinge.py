@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._errors import RecordingError
-from .._tabular import data_frame
+from ..._errors import RecordingError
+from ..._tabular import data_frame
 from .hinge import Hinge, find_hinge
 from .hinge_angle import HingeAngle, hinge_angle
 from .inertial import Inertial

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from .._errors import RecordingError
-from .correlation_length import correlation_length
-from .filters import runs
+from ..._errors import RecordingError
+from ...numerics.correlation_length import correlation_length
+from ...numerics.filters import runs
 from .inertial import Inertial
 
 MIN_HINGE_RATE = 0.2

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .hinge import Hinge, across, lever
 from .inertial import Inertial
 

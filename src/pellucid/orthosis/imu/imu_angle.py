@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import RecordingError
-from .clocks import Alignment, align
-from .correlation_length import correlation_length
-from .filters import zero_phase_lowpass
+from ..._errors import RecordingError
+from ...numerics.clocks import Alignment, align
+from ...numerics.correlation_length import correlation_length
+from ...numerics.filters import zero_phase_lowpass
+from ...numerics.resampling import resample
 from .inertial import Inertial
 from .orientation import ORIENTATION_FILTERS, orientation
 from .quaternion import conjugate, multiply, twist
-from .resampling import resample
 
 COMMON_BAND_SHARE = 0.4
 """IMU and encoder are compared below this share of the IMU's rate, where both see a motion alike."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..recordings.recording import Recording
-from .filters import runs
+from ..._errors import RecordingError
+from ...files.recording import Recording
+from ...numerics.filters import runs
 
 SENSORS = {
     "angular_velocity": "gyroscope",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 from .inertial import Inertial
 from .quaternion import continuous
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..parameter import Parameter
+from ...models.parameter import Parameter
 from .strap_search import Spectrum, StrapProblem, StrapTrial
 from .strap_torque import StrappedSwing, StrapTorque
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError
-from ..parameter import Parameter
-from ..uncertainty import correlation_time
+from ...models.parameter import Parameter
+from ...numerics.uncertainty import correlation_time
 from .coupled_impedance import CouplingFit, Instrument, decay_time
 from .strap_choice import StrapChoice, choose_strap
 from .strap_discrepancy import strap_discrepancy

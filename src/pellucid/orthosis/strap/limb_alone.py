@@ -9,9 +9,9 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.anthropometry import Segment
-from ...signals.input_output import InputOutput
-from ..joint.gravity_holds import GravityFit, Hold, added_gravity, find_holds
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.gravity_holds import GravityFit, Hold, added_gravity, find_holds
+from ..input_output import InputOutput
 from .strap_torque import Limb
 
 INERTIA_SPREAD_SHARE = 0.10

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
-from ...signals.imu_angle import FilterError, align_encoder, compare_filters, principal_axis, segment_angle
-from ...signals.inertial import Inertial
-from ...signals.input_output import InputOutput
-from ...signals.orientation import orientation
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ..imu.imu_angle import FilterError, align_encoder, compare_filters, principal_axis, segment_angle
+from ..imu.inertial import Inertial
+from ..imu.orientation import orientation
+from ..input_output import InputOutput
 
 FITTED_SHARE = 0.6
 """Gain and axis are fitted to this first share of the calibration and evaluated on the rest."""

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
-from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain
-from ...signals.emg_quality import relaxed_faults, resting_level
-from ...signals.filters import zero_phase_lowpass
+from ...emg.signals.emg_chain import EmgChain
+from ...emg.signals.emg_quality import relaxed_faults, resting_level
+from ...files.recording import Recording
+from ...numerics.filters import zero_phase_lowpass
 
 ENVELOPE_SETTLING_S = 0.5
 """Envelopes have not settled for this time at either end of a recording [s]."""

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...signals.filters import central_difference, decimate, zero_phase_lowpass
-from ...signals.input_output import InputOutput
-from ..joint.gravity_holds import GravityFit, find_holds, fit_gravity, phasor_parameters
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.filters import central_difference, decimate, zero_phase_lowpass
+from ...numerics.gravity_holds import GravityFit, find_holds, fit_gravity, phasor_parameters
+from ...numerics.uncertainty import sandwich_covariance
+from ..input_output import InputOutput
 from ..transfer.pendulum_fit import PendulumFit, evaluate_pendulum, fit_pendulum
 from ..transfer.transfer_function_fit import Response, TransferFit, evaluate_transfer_function, fit_records
-from ..uncertainty import sandwich_covariance
 from .strap_torque import Orthosis
 
 SPRING_HOLD = "first"

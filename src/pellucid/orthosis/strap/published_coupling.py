@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter
 
-from ...signals.filters import central_difference, zero_phase_lowpass
+from ...numerics.filters import central_difference, zero_phase_lowpass
 from .strap_torque import DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, Limb, Orthosis, StrappedSwing
 
 TWO_POLE_FIT_RATE_HZ = 100.0

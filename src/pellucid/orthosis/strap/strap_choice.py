@@ -16,8 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..block_test import MIN_IMPROVEMENT, p_value_of_larger_loss
-from ..parameter import Parameter
+from ...models.parameter import Parameter
+from ...numerics.block_test import MIN_IMPROVEMENT, p_value_of_larger_loss
 from .strap_fit import StrapFit, StrapRecord, fit_strap_model
 from .strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
 

@@ -1,6 +1,6 @@
 r"""Uncertainty of a strap's coefficients due to effects that its model neglects, and a test of the model.
 
-The method is that of ``fit/discrepancy.py`` for joints. Every neglected effect is a column outside the model's span,
+The method is that of ``joint/fit/discrepancy.py`` for joints. Every neglected effect is a column outside the model's span,
 scaled to the size of the residual. One maximum-likelihood scale is estimated for all of them. The discrepancy part of
 the covariance is the excess of the posterior covariance over the statistical one. The model is rejected if these
 columns improve the prediction of held-out blocks.
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from ..block_test import p_value_of_larger_loss
-from ..discrepancy import excess_covariance, fit_discrepancy_share
+from ...joint.fit.discrepancy import excess_covariance, fit_discrepancy_share
+from ...numerics.block_test import p_value_of_larger_loss
 from .strap_choice import held_out_blocks
 from .strap_fit import StrapFit, StrapRecord
 

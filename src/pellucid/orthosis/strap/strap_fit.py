@@ -20,8 +20,8 @@ from scipy.interpolate import CubicSpline
 
 from ... import _core
 from ..._errors import IdentificationError
-from ..parameter import Parameter
-from ..uncertainty import correlation_time, long_run_covariance
+from ...models.parameter import Parameter
+from ...numerics.uncertainty import correlation_time, long_run_covariance
 from .strap_model import CONTACT_NAMES, CORE_NAMES, StrapModel
 from .strap_search import MIN_IMU_SAMPLES, TRIAL_EDGE_S
 from .strap_torque import StrappedSwing, StrapTorque

@@ -22,14 +22,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..._errors import IdentificationError
-from ..parameter import Parameter
-from ..strap.coupled_impedance import CouplingFit, decay_time
-from ..strap.strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
-from ..strap.strap_torque import StrappedSwing, StrapTorque
-from .ensemble import MIN_WEIGHTED_SHARE
-from .marginal_likelihood import Noise, Prior
-from .posterior import Posterior, summary
-from .straight import LinearisedModel
+from ...models.parameter import Parameter
+from ...numerics.posterior.ensemble import MIN_WEIGHTED_SHARE
+from ...numerics.posterior.marginal_likelihood import Noise, Prior
+from ...numerics.posterior.posterior import Posterior, summary
+from ...numerics.posterior.straight import LinearisedModel
+from .coupled_impedance import CouplingFit, decay_time
+from .strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
+from .strap_torque import StrappedSwing, StrapTorque
 
 NAMES = ("stiffness", "damping", "gain")
 UNITS = ("N*m/rad", "N*m*s/rad", "1")

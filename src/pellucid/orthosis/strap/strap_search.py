@@ -13,9 +13,9 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError
-from ...signals.clocks import best_delay
-from ..parameter import Parameter
-from ..uncertainty import sandwich_covariance
+from ...models.parameter import Parameter
+from ...numerics.clocks import best_delay
+from ...numerics.uncertainty import sandwich_covariance
 from .strap_torque import StrappedSwing, StrapTorque
 
 TRIAL_EDGE_S = 1.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...signals.filters import central_difference
+from ...numerics.filters import central_difference
 from .strap_torque import StrappedSwing, StrapTorque
 
 MIN_SLIP_RAD = np.radians(1.5)

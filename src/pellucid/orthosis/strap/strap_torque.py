@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...signals.filters import central_difference, runs, zero_phase_lowpass
+from ...numerics.filters import central_difference, runs, zero_phase_lowpass
 
 DERIVATIVE_LOWPASS_HZ = 15.0
 """Cut-off of the zero-phase low-pass before differentiation, on every term [Hz]. A swing has almost no power above 6

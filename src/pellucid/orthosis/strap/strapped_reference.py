@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from .. import _core
-from ..fit.strap.strap_fit import REVERSAL_MARGIN_S
-from ..fit.strap.strap_model import CORE_NAMES, StrapModel
-from ..fit.strap.strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
-from ..signals.filters import central_difference, zero_phase_lowpass
+from ... import _core
+from ...numerics.filters import central_difference, zero_phase_lowpass
+from .strap_fit import REVERSAL_MARGIN_S
+from .strap_model import CORE_NAMES, StrapModel
+from .strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
 
 GAP_TORQUE_SHARE = 0.02
 """A slack strap is in its gap if its torque is at most this share of the torque's standard deviation.

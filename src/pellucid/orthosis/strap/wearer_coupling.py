@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..parameter import Parameter, Verdict
-from ..posterior.posterior import Posterior
-from ..posterior.strap_posterior import strap_posterior
+from ...models.parameter import Parameter, Verdict
+from ...numerics.posterior.posterior import Posterior
 from ..transfer.transfer_function_fit import fit_percent
 from .coupled_impedance import (
     CouplingFit,
@@ -35,6 +34,7 @@ from .published_coupling import (
 )
 from .strap_decision import StrapDecision, decide_strap
 from .strap_model import KELVIN_VOIGT
+from .strap_posterior import strap_posterior
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, regression_residual
 from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis

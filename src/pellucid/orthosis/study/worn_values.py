@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from hashlib import sha256
 
-from .._errors import PellucidError
-from ..control.coupling import Coupling
-from ..control.limits import Limits
-from ..control.worn_design import (
+from ..._errors import PellucidError
+from ...controllers.coupling import Coupling
+from ...controllers.export.controller_values import ControllerValues
+from ...controllers.export.study_limits import limits_of
+from ...controllers.limits import Limits
+from ...controllers.study.rig_instruments import rig_instruments
+from ...controllers.worn_design import (
     INERTIA_FACTORS,
     MIN_DELAY_MARGIN_S,
     MIN_GAIN_MARGIN_DB,
     STRAP_FACTORS,
     design_worn_law,
 )
-from ..models.parameter_card import read_parameter_card
-from ..procedures.card_sources import require_fresh, source_notes
-from ..procedures.coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
-from ..procedures.rig_instruments import rig_instruments
-from ..studies.study import Study
-from .controller_values import ControllerValues
-from .study_limits import limits_of
+from ...models.parameter_card import read_parameter_card
+from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.study import Study
+from .coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
 
 DEAD_TIME_SAMPLES = 1
 """Dead time of the actuator's torque loop, from the reading to the current [samples]."""

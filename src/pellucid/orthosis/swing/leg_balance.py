@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..parameter import Parameter
+from ...models.parameter import Parameter
 from .loaded_swing import Swing, SwingFit
 
 

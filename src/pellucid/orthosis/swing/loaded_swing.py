@@ -25,12 +25,11 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.filtered_dynamics import filtered_effort, filtered_jacobian
 from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX
-from ...signals.filters import zero_phase_lowpass
-from ...signals.motion import Filtering, Motion
-from ..estimates import Estimates
-from ..joint.gravity_holds import phasor_parameters
-from ..parameter import Parameter
-from ..regression import (
+from ...models.parameter import Parameter
+from ...numerics.filters import zero_phase_lowpass
+from ...numerics.gravity_holds import phasor_parameters
+from ...numerics.motion import Filtering, Motion
+from ...numerics.regression import (
     least_squares_within,
     make_parameters,
     regression_rows,
@@ -38,8 +37,9 @@ from ..regression import (
     snap_to_bounds,
     stack,
 )
-from ..searches.adam import AdamPath, adam
-from ..uncertainty import sandwich_covariance
+from ...numerics.searches.adam import AdamPath, adam
+from ...numerics.uncertainty import sandwich_covariance
+from ...study.estimates import Estimates
 
 COEFFICIENT_UNITS = {
     "inertia": "kg*m^2",

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import GRAVITY
-from ...protocols.fourier import FourierSeries, optimised_fourier
+from ...numerics.protocols.fourier import FourierSeries, optimised_fourier
 
 _INSTANTS_PER_PERIOD = 2000
 """Number of instants at which a period is evaluated."""

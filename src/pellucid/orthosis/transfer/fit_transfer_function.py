@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...signals.input_output import InputOutput
-from ...signals.sampled import sampled
+from ...numerics.sampled import sampled
+from ..input_output import InputOutput
 from .transfer_function_fit import TransferFit, fit_records
 
 

@@ -18,7 +18,11 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.special import ndtri
 
 from ..._errors import IdentificationError
-from ...models.pendulum import (
+from ...models.parameter import Parameter, Whiteness
+from ...numerics.uncertainty import sandwich_covariance, whiteness
+from ...study.estimates import Estimates
+from ..input_output import InputOutput
+from ..pendulum import (
     NAMES,
     UNITS,
     PendulumDrive,
@@ -27,11 +31,7 @@ from ...models.pendulum import (
     resistance,
     simulate_pendulum,
 )
-from ...models.transfer_function import filtered_powers
-from ...signals.input_output import InputOutput
-from ..estimates import Estimates
-from ..parameter import Parameter, Whiteness
-from ..uncertainty import sandwich_covariance, whiteness
+from ..transfer_function import filtered_powers
 from .srivc import SINGULAR_VALUE_TOLERANCE
 from .transfer_function_fit import Response, fit_percent, require_samples
 

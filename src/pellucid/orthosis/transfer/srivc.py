@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.transfer_function import ResponseBasis, TransferFunction, filtered_powers, response_basis
-from ...signals.input_output import InputOutput
+from ..input_output import InputOutput
+from ..transfer_function import ResponseBasis, TransferFunction, filtered_powers, response_basis
 
 COEFFICIENT_TOLERANCE = 1e-4
 """The iteration stops when no coefficient changes by more than this share."""

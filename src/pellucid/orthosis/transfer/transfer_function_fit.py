@@ -23,12 +23,12 @@ import numpy as np
 from scipy.linalg import qr
 
 from ..._errors import IdentificationError
-from ...models.transfer_function import INPUT_HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
-from ...signals.input_output import InputOutput
-from ...signals.sampled import sampled
-from ..estimates import Estimates
-from ..parameter import Parameter, Whiteness
-from ..uncertainty import block_bootstrap, sandwich_covariance, whiteness
+from ...models.parameter import Parameter, Whiteness
+from ...numerics.sampled import sampled
+from ...numerics.uncertainty import block_bootstrap, sandwich_covariance, whiteness
+from ...study.estimates import Estimates
+from ..input_output import InputOutput
+from ..transfer_function import INPUT_HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
 from .srivc import SINGULAR_VALUE_TOLERANCE, Experiment, first_transfer_functions, solve_linear
 
 MIN_SAMPLES_PER_UNKNOWN = 5

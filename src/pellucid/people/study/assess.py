@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
-from ...assessment.certificate import Estimand
-from ...assessment.comparison import compare_conditions
-from ...assessment.index_table import index_table
-from ...assessment.indices import INDICES, SHOWN_INDICES, index_names, indices_along
-from ...assessment.isochrony import isochrony
-from ...assessment.lasting_bounds import lasting_bounds
-from ...assessment.measured import DIRECTION_UP, MeasuredMovement
-from ...assessment.power import STANDARDISED_CHANGES, participants_for_effects
-from ...assessment.survival import survival
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording
-from ...signals.movements import MovementRule
-from ...studies.study import Study
+from ...files.fault import Fault
+from ...files.recording import Recording
+from ...study.procedures.procedure import Progress, quiet
+from ...study.study import Study
 from ...units import Coordinate
-from ..procedure import Progress, quiet
+from ..certificate import Estimand
+from ..comparison import compare_conditions
+from ..index_table import index_table
+from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
+from ..isochrony import isochrony
+from ..lasting_bounds import lasting_bounds
+from ..measured import DIRECTION_UP, MeasuredMovement
+from ..movements import MovementRule
+from ..power import STANDARDISED_CHANGES, participants_for_effects
+from ..survival import survival
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_table import DEFAULT_STUDIES, AssessmentTable

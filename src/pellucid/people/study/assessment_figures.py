@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...assessment.isochrony import Isochrony
-from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP
-from ...drawing.drawing import Drawing, dots, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...pages.forest import Estimate, forest_panel
-from ...pages.moving import MovingDrawing, Way, strokes
-from ...pages.quantities import MINUS_SIGN, unit_text
+from ...study.drawing.drawing import Drawing, dots, key, line, tidy
+from ...study.drawing.style import FIGURE_WIDTH, colour
+from ...study.pages.forest import Estimate, forest_panel
+from ...study.pages.moving import MovingDrawing, Way, strokes
+from ...study.pages.quantities import MINUS_SIGN, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
+from ..isochrony import Isochrony
+from ..measured import DIRECTION_DOWN, DIRECTION_UP
 from .assessment_result import Assessed, Profile, Settling
 from .certified_condition import Certified
 from .movement_curves import QUANTITY_NAMES

@@ -7,15 +7,15 @@ from importlib.metadata import version
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...assessment.certificate import FAIL, PASS
-from ...assessment.indices import SHOWN_INDICES, index_names, leading_index
-from ...drawing.drawing import draw
-from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
-from ...pages.quantities import MINUS_SIGN, number, typeset_cell, typeset_sentence, unit_text
-from ...pages.tables import Row, Table
-from ...pages.values import Value
-from ...studies.study import Study
-from ..result import FigureTable
+from ...study.drawing.drawing import draw
+from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from ...study.pages.quantities import MINUS_SIGN, number, typeset_cell, typeset_sentence, unit_text
+from ...study.pages.tables import Row, Table
+from ...study.pages.values import Value
+from ...study.procedures.result import FigureTable
+from ...study.study import Study
+from ..certificate import FAIL, PASS
+from ..indices import SHOWN_INDICES, index_names, leading_index
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult

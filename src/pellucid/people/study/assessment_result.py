@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ...assessment.certificate import Estimand
-from ...assessment.comparison import ConditionComparison
-from ...assessment.index_table import IndexTable
-from ...assessment.indices import Index, indices_along
-from ...assessment.isochrony import Isochrony
-from ...assessment.measured import MeasuredMovement
-from ...assessment.survival import Survival
-from ...studies.study import Study
+from ...study.procedures.result import Result
+from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..result import Result
+from ..certificate import Estimand
+from ..comparison import ConditionComparison
+from ..index_table import IndexTable
+from ..indices import Index, indices_along
+from ..isochrony import Isochrony
+from ..measured import MeasuredMovement
+from ..survival import Survival
 from .certified_condition import Certified
 
 

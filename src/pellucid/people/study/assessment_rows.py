@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...studies.results import ResultRow, combined_checksum
+from ...study.results import ResultRow, combined_checksum
 from .certified_rows import certificate_rows
 from .primary_change import ESTIMAND_WORDS, primary_change
 

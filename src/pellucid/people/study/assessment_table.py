@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
-from ...studies.study_fields import ProcedureTable, ShownText, Word, quantity
-from ...studies.study_file import StudyFile
+from ...study.study_fields import ProcedureTable, ShownText, Word, quantity
+from ...study.study_file import StudyFile
 
 if TYPE_CHECKING:
-    from ...assessment.certificate import Estimand
+    from ..certificate import Estimand
 
 MARGIN_SETTINGS = ("estimand", "people")
 """Keys of [assessment.margins] that are no indices."""
@@ -120,7 +120,7 @@ class AssessmentTable(ProcedureTable):
     @property
     def alpha(self) -> float:
         """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
-        from ...assessment.group_sequential import looks
+        from ..group_sequential import looks
 
         if self.look is None:
             return self.false_transparent
@@ -145,7 +145,7 @@ class AssessmentTable(ProcedureTable):
     @model_validator(mode="after")
     def _estimand_and_people(self) -> AssessmentTable:
         if self.margins:
-            from ...assessment.certificate import require_people
+            from ..certificate import require_people
 
             require_people("[assessment.margins]", self.estimand, self.people)
         strangers = [name for name in self.justification if name not in self.index_margins]
@@ -158,7 +158,7 @@ class AssessmentTable(ProcedureTable):
         if (self.look is None) != (not self.looks) or (self.look or 1) > max(len(self.looks), 1):
             raise ValueError(f"[assessment]: found look = {self.look}, expected one of looks = {list(self.looks)}")
         if self.looks:
-            from ...assessment.group_sequential import looks
+            from ..group_sequential import looks
 
             looks(self.looks, self.false_transparent)
         return self

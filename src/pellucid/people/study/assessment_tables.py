@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
-from ...assessment.indices import index_names
-from ...assessment.power import CANDIDATE_SIZES
-from ...pages.quantities import MINUS_SIGN
-from ..result import FigureTable
+from ...study.pages.quantities import MINUS_SIGN
+from ...study.procedures.result import FigureTable
+from ..equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
+from ..indices import index_names
+from ..power import CANDIDATE_SIZES
 from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
 from .primary_change import ESTIMAND_WORDS, change_figure, primary_change
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.certificate import Doubt
-from ...assessment.doubts import LEFT_OUT_DOUBT, LostCounts, carry_over_doubt, learning_doubt, period_doubt
-from ...assessment.equivalence import Method, equivalence
-from ...assessment.indices import CutOff
-from ...assessment.lasting_bounds import lasting_bounds
-from ...assessment.learning import MIN_MOVEMENTS
+from ..certificate import Doubt
+from ..doubts import LEFT_OUT_DOUBT, LostCounts, carry_over_doubt, learning_doubt, period_doubt
+from ..equivalence import Method, equivalence
+from ..indices import CutOff
+from ..lasting_bounds import lasting_bounds
+from ..learning import MIN_MOVEMENTS
 from .measured_study import MeasuredStudy
 from .movement_model import movements_of, thirds_of
 from .session_order import SessionOrder

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.certificate import ESTIMAND_METHODS, certificate_from_tests
-from ...assessment.doubts import doubts_of_loss, doubts_of_lost_people
-from ...assessment.equivalence import Equivalence, Margin, Method, equivalence
-from ...assessment.equivalence_power import Active, find_equivalence_participants
-from ...assessment.indices import CutOff, Index, PercentOf, Worse
-from ...assessment.lasting_bounds import lasting_bounds
 from ...units import parse_quantity
+from ..certificate import ESTIMAND_METHODS, certificate_from_tests
+from ..doubts import doubts_of_loss, doubts_of_lost_people
+from ..equivalence import Equivalence, Margin, Method, equivalence
+from ..equivalence_power import Active, find_equivalence_participants
+from ..indices import CutOff, Index, PercentOf, Worse
+from ..lasting_bounds import lasting_bounds
 from .certificate_doubts import find_doubts, lost_movements, people_with_losses
 from .certified_condition import Certified, EndPoint
 from .measured_study import MeasuredStudy

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...assessment.certificate import ESTIMAND_METHODS, Certificate, Estimand
-from ...assessment.equivalence import Equivalence, Margin
-from ...assessment.indices import Index, indices_along
-from ...assessment.mixed_model import MixedModel
 from ...units import COORDINATES_BY_UNIT
+from ..certificate import ESTIMAND_METHODS, Certificate, Estimand
+from ..equivalence import Equivalence, Margin
+from ..indices import Index, indices_along
+from ..mixed_model import MixedModel
 from .movement_curves import CurveEndPoint
 
 

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.certificate import FAIL, PASS, Doubt
-from ...assessment.doubts import (
+from ...models.parameter import Verdict
+from ...study.procedures.result import FigureTable
+from ...study.results import ResultRow
+from ..certificate import FAIL, PASS, Doubt
+from ..doubts import (
     CARRY_OVER_DOUBT,
     LEARNING_DOUBT,
     LEFT_OUT_DOUBT,
@@ -17,7 +20,7 @@ from ...assessment.doubts import (
     PERIOD_DOUBT,
     too_many_lost,
 )
-from ...assessment.equivalence import (
+from ..equivalence import (
     BEYOND_MARGIN,
     FAR_MARGIN_COUNT,
     UNDECIDED,
@@ -25,10 +28,7 @@ from ...assessment.equivalence import (
     Equivalence,
     people_for_share,
 )
-from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
-from ...fit.parameter import Verdict
-from ...studies.results import ResultRow
-from ..result import FigureTable
+from ..mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
 

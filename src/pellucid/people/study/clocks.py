@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...assessment.emg_index import Activity
-from ...recordings.fault import Fault
-from ...signals.emg_timing import PLAUSIBLE_LEAD_S, emg_drift, emg_lead
-from ...signals.movements import MovementRule
+from ...files.fault import Fault
+from ..emg_index import Activity
+from ..emg_timing import PLAUSIBLE_LEAD_S, emg_drift, emg_lead
+from ..movements import MovementRule
 from .pointing import PointingRecord, PointingSettings
 
 MAX_DRIFT = 0.01

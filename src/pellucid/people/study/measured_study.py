@@ -9,9 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._errors import RecordingError
-from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
-from ...assessment.end_error import end_error, target_zero
-from ...assessment.indices import (
+from ...files.fault import Fault
+from ...numerics.resampling import linear
+from ...units import Coordinate
+from ..amplitude_check import LABEL_TOLERANCE_RAD, MAX_AMPLITUDE_COUNT
+from ..emg_index import Activity, emg_per_acceleration, maxima
+from ..end_error import end_error, target_zero
+from ..indices import (
     EMG_LEVEL,
     EMG_PER_ACCELERATION,
     INDICES,
@@ -19,14 +23,10 @@ from ...assessment.indices import (
     RMS_INTERACTION_TORQUE,
     WORK_AGAINST_ROBOT,
 )
-from ...assessment.interaction import interaction
-from ...assessment.measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
-from ...assessment.smoothness import smoothness
-from ...recordings.fault import Fault
-from ...signals.amplitude_check import LABEL_TOLERANCE_RAD, MAX_AMPLITUDE_COUNT
-from ...signals.movements import Kinematics, Movement, MovementRule, NoMovement
-from ...signals.resampling import linear
-from ...units import Coordinate
+from ..interaction import interaction
+from ..measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
+from ..movements import Kinematics, Movement, MovementRule, NoMovement
+from ..smoothness import smoothness
 from .clocks import emg_on_motions_clock
 from .pointing import PointingRecord, PointingSettings, drop_mistaken, labelled_amplitudes
 from .recorded_activity import activity

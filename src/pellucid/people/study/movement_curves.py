@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.curves import CurveComparison, compare_curves, resample_movement
-from ...assessment.emg_index import Activity
-from ...assessment.equivalence import Margin
 from ...units import Coordinate, parse_quantity
+from ..curves import CurveComparison, compare_curves, resample_movement
+from ..emg_index import Activity
+from ..equivalence import Margin
 from .measured_study import MeasuredStudy
 from .pointing import PointingRecord, PointingSettings
 

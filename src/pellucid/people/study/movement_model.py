@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.equivalence import Equivalence, Margin
-from ...assessment.indices import CutOff
-from ...assessment.learning import Thirds, thirds
-from ...assessment.measured import DIRECTION_UP, MeasuredMovement
-from ...assessment.mixed_model import MixedModel, failed_model, mixed_model
+from ..equivalence import Equivalence, Margin
+from ..indices import CutOff
+from ..learning import Thirds, thirds
+from ..measured import DIRECTION_UP, MeasuredMovement
+from ..mixed_model import MixedModel, failed_model, mixed_model
 from .measured_study import MeasuredStudy
 from .session_order import SessionOrder
 

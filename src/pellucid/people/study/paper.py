@@ -12,17 +12,17 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from .._atomic import remove_leftovers, write_text_atomically
-from .._given import csv_cell, visible_text
-from ..fit.parameter import Parameter
-from ..pages.quantities import MINUS_SIGN, unit_text
-from ..recordings.recording import Recording
-from ..studies.study import Study
-from .latex_table import latex, latex_text
-from .procedure import quiet
-from .result import Result
-from .result_tables import FigureTable, ParameterTable
-from .run import each_page
+from ..._atomic import remove_leftovers, write_text_atomically
+from ..._given import csv_cell, visible_text
+from ...files.recording import Recording
+from ...models.parameter import Parameter
+from ...study.pages.quantities import MINUS_SIGN, unit_text
+from ...study.procedures.latex_table import latex, latex_text
+from ...study.procedures.procedure import quiet
+from ...study.procedures.result import Result
+from ...study.procedures.result_tables import FigureTable, ParameterTable
+from ...study.procedures.run import each_page
+from ...study.study import Study
 
 PAPER_FOLDER = "paper"
 """Folder in the study's own that is written."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..._given import csv_cell
-from ..latex_table import latex
-from ..result import FigureTable
+from ...study.procedures.latex_table import latex
+from ...study.procedures.result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
     MINUS_SIGN,

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...assessment.certificate import Estimand
-from ...assessment.equivalence import Margin, critical_rank_sum, people_for_share
-from ...assessment.equivalence_power import (
+from ...study.procedures.result import Result
+from ...study.study import Study
+from ...units import COORDINATES_BY_UNIT, parse_quantity
+from ..certificate import Estimand
+from ..equivalence import Margin, critical_rank_sum, people_for_share
+from ..equivalence_power import (
     CANDIDATE_SIZES,
     Active,
     equivalence_power,
     find_equivalence_participants,
     participants_for_changes,
 )
-from ...assessment.indices import indices_along
-from ...assessment.mean_test import MIN_PEOPLE
-from ...studies.study import Study
-from ...units import COORDINATES_BY_UNIT, parse_quantity
-from ..result import Result
+from ..indices import indices_along
+from ..mean_test import MIN_PEOPLE
 from .assessment_table import AssessmentTable
 from .certified import end_points
 from .certified_condition import EndPoint

@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.recording import Recording
-from ...signals.amplitude_check import LABEL_TOLERANCE_RAD
-from ...signals.clocks import align, clock_drift
-from ...signals.movements import (
+from ...files.recording import Recording
+from ...numerics.clocks import align, clock_drift
+from ...units import COORDINATES_BY_UNIT, Coordinate
+from ..amplitude_check import LABEL_TOLERANCE_RAD
+from ..movements import (
     Kinematics,
     Movement,
     MovementRule,
@@ -28,8 +29,7 @@ from ...signals.movements import (
     rest_stretches,
     target_stretches,
 )
-from ...signals.segment_angle import segment_angle
-from ...units import COORDINATES_BY_UNIT, Coordinate
+from ..segment_angle import segment_angle
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""

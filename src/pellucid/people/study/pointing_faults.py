@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording
-from ...signals.amplitude_check import MAX_MISTAKEN_SHARE, strays
-from ...signals.emg_quality import inspect_emg
-from ...signals.movements import Movement, MovementRule, NoAngle
-from ...studies.study import Study
+from ...emg.signals.emg_quality import inspect_emg
+from ...files.fault import Fault
+from ...files.recording import Recording
+from ...study.study import Study
+from ..amplitude_check import MAX_MISTAKEN_SHARE, strays
+from ..movements import Movement, MovementRule, NoAngle
 from .assessment_table import AssessmentTable
 from .pointing import (
     PointingRecord,

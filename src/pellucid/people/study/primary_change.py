@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.certificate import ESTIMAND_METHODS, Estimand
-from ...assessment.equivalence import Margin, equivalence
-from ...assessment.index_table import IndexTable
-from ...assessment.indices import CutOff
+from ..certificate import ESTIMAND_METHODS, Estimand
+from ..equivalence import Margin, equivalence
+from ..index_table import IndexTable
+from ..indices import CutOff
 from .certified_condition import EndPoint
 
 if TYPE_CHECKING:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..procedure import Procedure, Progress, quiet
+from ...study.procedures.procedure import Procedure, Progress, quiet
 from .assessment_table import DEFAULT_STUDIES, AssessmentTable
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
-    from ...studies.study import Study
+    from ...files.fault import Fault
+    from ...study.pages.page import Page
+    from ...study.study import Study
     from .assessment_result import AssessmentResult
 
 

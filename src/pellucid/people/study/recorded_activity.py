@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import RecordingError
-from ...assessment.emg_index import Activity
-from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain, emg_chain
+from ...emg.signals.emg_chain import EmgChain, emg_chain
+from ...files.recording import Recording
+from ..emg_index import Activity
 from .pointing import PointingSettings
 
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from ..._errors import StudyError
 from ..._printed_command import printed_command
-from ...assessment.equivalence import FAR_MARGIN_COUNT
-from ...assessment.mean_test import HIDDEN_SHARE, MIN_PEOPLE
-from ...pages.page import Page, Section, Tile, write_page
-from ...pages.quantities import typeset_cell, typeset_sentence
-from ...pages.tables import Row, Table
-from ...studies.study_place import checksum
-from ..procedure import quiet
-from ..result import Result
-from ..study_page import provenance, study_page
+from ...study.pages.page import Page, Section, Tile, write_page
+from ...study.pages.quantities import typeset_cell, typeset_sentence
+from ...study.pages.tables import Row, Table
+from ...study.procedures.procedure import quiet
+from ...study.procedures.result import Result
+from ...study.procedures.study_page import provenance, study_page
+from ...study.study_place import checksum
+from ..equivalence import FAR_MARGIN_COUNT
+from ..mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from . import assessment_tables as tables
 from .assessment_page import certificate_answer
 from .assessment_table import AssessmentTable
@@ -24,7 +24,7 @@ from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, c
 from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
-    from ...studies.study import Study
+    from ...study.study import Study
     from .assessment_result import AssessmentResult
 
 PAGE_FOLDER = "certificate"

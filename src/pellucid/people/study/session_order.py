@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import StudyError
-from ...recordings.recording import Recording
+from ...files.recording import Recording
 
 
 @dataclass(frozen=True)

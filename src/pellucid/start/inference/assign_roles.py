@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..recordings.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
-from ..units import to_si_factor
+from ...files.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
+from ...units import to_si_factor
 from .angle_units import (
     ENCODER_COUNTS,
     MAX_RADIAN_RANGE,
@@ -891,7 +891,7 @@ def _has_own_label(role: ColumnRole) -> bool:
 
 def _named_joint(bare: str) -> str | None:
     """Return the name of a person's joint with its direction and side, as a word of study.toml."""
-    from ..recordings.name_evidence import JOINT_WORDS
+    from ...files.name_evidence import JOINT_WORDS
 
     folded = bare.casefold()
     if not any(joint in folded for joint in JOINT_WORDS):
@@ -910,7 +910,7 @@ def _plain_label(text: str) -> str:
 
 def _is_long_name(evidence: NameEvidence) -> bool:
     """Whether a name says its quantity by a word, and not by a letter that may stand for anything."""
-    from ..recordings.name_evidence import QUANTITY_WORDS, words_of
+    from ...files.name_evidence import QUANTITY_WORDS, words_of
 
     known = QUANTITY_WORDS.get(evidence.quantity or "", set())
     words = words_of(evidence.bare)

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..recordings.name_evidence import read_name
-from ..signals.filters import central_difference, zero_phase_lowpass
-from ..signals.spring_evidence import SpringEvidence, spring_evidence
-from ..units import to_si_factor
+from ...files.name_evidence import read_name
+from ...numerics.filters import central_difference, zero_phase_lowpass
+from ...numerics.spring_evidence import SpringEvidence, spring_evidence
+from ...units import to_si_factor
 from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
 from .processing_choice import choose_processing
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..signals.filters import zero_phase_lowpass
+from ...numerics.filters import zero_phase_lowpass
 from .angle_units import find_quantum
 
 FLOOR_MARGIN = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .._errors import DatasetError
+from ..._errors import DatasetError
 from .registry import Dataset, info, shipped
 
 DATA_VARIABLE = "PELLUCID_DATA"
@@ -64,7 +64,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
 
 def notes(name: str) -> tuple[str, ...]:
     """Return a note about each file in use whose checksum differs from the published one."""
-    from ..studies.study_place import checksum
+    from ..study_place import checksum
 
     dataset, folder = info(name), path(name)
     found = {file: checksum(folder / file) for file in dataset.files}

@@ -8,14 +8,14 @@ import shutil
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from .._errors import DatasetError
-from .._given import require_empty_folder
+from ..._errors import DatasetError
+from ..._given import require_empty_folder
 from .fetch import fetch, notes, path
 from .registry import template
 
 if TYPE_CHECKING:
-    from ..studies import Study
-    from ..studies.study_file import StudyFile
+    from .. import Study
+    from ..study_file import StudyFile
 
 
 def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
@@ -24,7 +24,7 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
     Files are taken from ``PELLUCID_DATA`` or the download folder, and downloaded if they are in neither.
     """
     from ..procedures.registry import open_study
-    from ..studies.study import STUDY_FILE
+    from ..study import STUDY_FILE
 
     folder = Path(folder)
     source_file = template(dataset)
@@ -53,8 +53,8 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
 def _files(config: StudyFile) -> list[str]:
     """Return every file that a study.toml names, once."""
-    from ..procedures.emg_torque.emg_torque_table import EmgTorqueTable
-    from ..procedures.tree.tree_table import TreeTable
+    from ...arm.study.tree_table import TreeTable
+    from ...emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
     muscles, tree = config.find_table(EmgTorqueTable), config.find_table(TreeTable)

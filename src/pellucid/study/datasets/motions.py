@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import DatasetError
-from ..recordings.readers.read import read_columns
+from ..._errors import DatasetError
+from ...files.readers.read import read_columns
 from .fetch import path
 from .registry import info, motion_names
 

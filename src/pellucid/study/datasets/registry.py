@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from .._errors import DatasetError
+from ..._errors import DatasetError
 
 _DATASETS_FOLDER = Path(__file__).parent
 """Folder with a file for each data set."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._errors import DatasetError
-from ..recordings.readers.read import read_columns
+from ..._errors import DatasetError
+from ...files.readers.read import read_columns
 from .fetch import path
 from .registry import gait_names, info
 

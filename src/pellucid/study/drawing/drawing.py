@@ -22,7 +22,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, LogFormatter, MaxNLocator, NullFormatter
 
-from .._atomic import write_bytes_atomically, write_text_atomically
+from ..._atomic import write_bytes_atomically, write_text_atomically
 from .line_points import broken, outline
 from .style import COLOURS, FIGURE_WIDTH, MATPLOTLIB_SETTINGS, SANS_SERIF_FONTS, colour
 

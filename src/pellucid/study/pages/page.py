@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from .._atomic import remove_leftovers, write_text_atomically
+from ..._atomic import remove_leftovers, write_text_atomically
 from ..drawing.drawing import Drawing
 from .tables import Table
 from .templates import render

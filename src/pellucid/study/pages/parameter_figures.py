@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from ...models.parameter import Parameter
 from ..drawing.drawing import Drawing, draw, one_panel
 from ..drawing.style import colour
-from .parameter import Parameter
 
 MAX_RELATIVE_INTERVAL = 2.0
 """Intervals are drawn up to this multiple of the value; wider ones end in an arrow."""

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._errors import PellucidError, RecordingError
-from .._given import visible_text
+from ..._errors import PellucidError, RecordingError
+from ..._given import visible_text
+from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
+from ...files.readers.read import read_columns, readers_by_ending
 from ..pages.quantities import unit_text
-from ..recordings.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
-from ..recordings.readers.read import read_columns, readers_by_ending
 
 SOUND_VERDICT = "sound"
 """Verdict on a channel of which nothing was found."""

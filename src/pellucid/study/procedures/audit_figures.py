@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from ...files.log import ALARM_LEVEL, Log, LogChannel
 from ..drawing.drawing import Drawing, Head, heads, line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.quantities import unit_text
-from ..recordings.log import ALARM_LEVEL, Log, LogChannel
 from .audit import Audit, ChannelVerdict, finding_size
 
 PANEL_HEIGHT = 1.35

@@ -5,12 +5,12 @@ from __future__ import annotations
 from importlib.metadata import version
 from pathlib import Path
 
-from .._printed_command import printed_command
+from ..._printed_command import printed_command
+from ...files.log import ALARM_LEVEL
 from ..drawing.drawing import draw
 from ..pages.page import Answer, Page, Section, Tile, write_page
 from ..pages.quantities import typeset_quantities
 from ..pages.tables import Row, Table
-from ..recordings.log import ALARM_LEVEL
 from .audit import SOUND_VERDICT, Audit
 from .audit_figures import FIRST_PANELS, audit_figure, audited_channels, first_channels
 

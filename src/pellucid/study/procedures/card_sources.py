@@ -10,14 +10,14 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from .._errors import PellucidError
-from .._printed_command import printed_command
-from ..fit.parameter import rank_verdicts
-from ..studies.study import STUDY_FILE, checksum
+from ..._errors import PellucidError
+from ..._printed_command import printed_command
+from ...models.parameter import rank_verdicts
+from ..study import STUDY_FILE, checksum
 from .result import fingerprint
 
 if TYPE_CHECKING:
-    from ..studies.study import Study
+    from ..study import Study
     from .procedure import Procedure
     from .result import Result
 

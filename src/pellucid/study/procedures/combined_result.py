@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
-from ..fit.parameter import rank_verdicts
+from ...models.parameter import rank_verdicts
 from .result import Result
 
 if TYPE_CHECKING:
-    from ..studies.study import Study
+    from ..study import Study
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -10,7 +10,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
-from .._plugins import load_plugins, require_attributes
+from ..._plugins import load_plugins, require_attributes
 
 DESCRIBE_GROUP = "Describe recordings"
 IDENTIFY_GROUP = "Identify robot, limb and muscles"

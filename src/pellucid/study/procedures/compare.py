@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from .._errors import IdentificationError
-from ..fit.parameter import Verdict
-from ..models.card import Card, read_card
-from ..models.slider_card import read_slider_card
-from ..models.tree_card import TreeCard, read_tree_card
-from ..studies.study import STUDY_FILE
+from ..._errors import IdentificationError
+from ...models.card import Card, read_card
+from ...models.parameter import Verdict
+from ...models.slider_card import read_slider_card
+from ...models.tree_card import TreeCard, read_tree_card
+from ..study import STUDY_FILE
 from .card_sources import require_fresh
 from .registry import open_study
 

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .._errors import UnfitRecordingError
-from ..recordings.defects.constant import few_levels
-from ..recordings.fault import Fault
-from ..recordings.recording import Recording
-from ..signals.filters import central_difference
-from ..signals.motion import lowpassed, shortest
-from ..studies.find_defects import watched_part
-from ..studies.study import Study
-from .joint.recorded_motions import filtering_of, stretches_of
+from ..._errors import UnfitRecordingError
+from ...files.defects.constant import few_levels
+from ...files.fault import Fault
+from ...files.recording import Recording
+from ...numerics.filters import central_difference
+from ...numerics.motion import lowpassed, shortest
+from ..find_defects import watched_part
+from ..recorded_motions import filtering_of, stretches_of
+from ..study import Study
 
 MIN_EXPLAINED_SHARE = 0.5
 """A channel with so few values is a switching drive if the motion explains at least this share of its variance."""

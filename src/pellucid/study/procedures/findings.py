@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
-from ..fit.parameter import Verdict, rank_verdicts
+from ...models.parameter import Verdict, rank_verdicts
 
 
 def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .._given import visible_text
+from ..._given import visible_text
 from ..pages.quantities import MINUS_SIGN
 from .result_tables import FigureTable
 

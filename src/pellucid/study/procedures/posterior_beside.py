@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fit.parameter import Parameter, Verdict
-from ..fit.posterior.posterior import DrawnParameter, Posterior
+from ...models.parameter import Parameter, Verdict
+from ...numerics.posterior.posterior import DrawnParameter, Posterior
 from ..pages.quantities import number, unit_text
-from ..studies.results import ResultRow
+from ..results import ResultRow
 from .result import FigureTable
 
 AGREEMENT_FACTOR = 2.0

@@ -23,7 +23,7 @@ from ..pages.quantities import cell_text, number, parameter_note, relative_sd, t
 from .result_tables import FigureTable, ParameterTable
 
 if TYPE_CHECKING:
-    from ..fit.parameter import Parameter, Verdict
+    from ...models.parameter import Parameter, Verdict
 
 VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 """Mark and style of each kind of verdict."""

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
-from .._errors import RecordingError
+from ..._errors import RecordingError
 
 if TYPE_CHECKING:
+    from ...files.fault import Fault
     from ..pages.page import Page
-    from ..recordings.fault import Fault
-    from ..studies.study import Study
-    from ..studies.study_fields import ProcedureTable
+    from ..study import Study
+    from ..study_fields import ProcedureTable
     from .result import Result
 
 Progress = Callable[[str, float], None]
@@ -82,7 +82,7 @@ class Procedure(ABC, Generic[Table, Found]):
 
     def cut(self, study: Study) -> list[Fault]:
         """Return what is left out of the recordings, and what may be clipped, to be told beside the result."""
-        from ..studies.quality import clipped_effort_faults, cut_faults, sensor_range_faults, short_piece_fault
+        from ..quality import clipped_effort_faults, cut_faults, sensor_range_faults, short_piece_fault
 
         faults: list[Fault] = []
         for recording in study.recordings():
@@ -95,7 +95,7 @@ class Procedure(ABC, Generic[Table, Found]):
     def unfit(self, study: Study) -> dict[str, Fault]:
         """Return the fault of each recording that is left out, by its name: too much of it was cut, or, where none may
         be missing, anything."""
-        from ..studies.quality import left_out_fault
+        from ..quality import left_out_fault
 
         faults = {r.name: left_out_fault(r, study, self.whole, self.shortest_piece) for r in study.recordings()}
         return {name: fault for name, fault in faults.items() if fault is not None}

@@ -13,8 +13,8 @@ from .command import procedure_folders
 from .procedure import Procedure
 
 if TYPE_CHECKING:
-    from ..studies.study import Study
-    from ..studies.study_file import StudyFile
+    from ..study import Study
+    from ..study_file import StudyFile
 
 
 def find_procedures() -> tuple[Procedure, ...]:
@@ -41,7 +41,7 @@ def asked(study: Study, name: str | None = None) -> tuple[Procedure, ...]:
 @cache
 def study_model() -> type[StudyFile]:
     """Return the model of study.toml with the table of every procedure."""
-    from ..studies.study_file import study_file_model
+    from ..study_file import study_file_model
 
     return study_file_model({p.name: p.table for p in ALL_PROCEDURES if p.table is not None})
 
@@ -86,7 +86,7 @@ def open_study(
     >>> [(recording.name, recording.use) for recording in study.recordings()]
     [('slow', 'fit'), ('fast', 'validate')]
     """
-    from ..studies.study import open_folder
+    from ..study import open_folder
 
     study = open_folder(folder, study_model(), out=out, allow_outside=allow_outside)
     return replace(study, accept_stale=True) if accept_stale else study

@@ -10,24 +10,24 @@ from shutil import rmtree
 from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING, Protocol, Self
 
-from .._atomic import remove_leftovers
-from .._errors import PellucidError
-from .._tabular import data_frame
-from ..fit.parameter import Parameter, Verdict
-from ..models.card import Card, write_card
-from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
-from ..models.parameter_card import ParameterCard, write_parameter_card
-from ..models.tree_card import TreeCard, write_tree_card
-from ..studies.kept import keep_result, read_kept
-from ..studies.lock import hold_lock
-from ..studies.results import ResultRow, replace_rows
+from ..._atomic import remove_leftovers
+from ..._errors import PellucidError
+from ..._tabular import data_frame
+from ...emg.models.emg_estimator import EmgEstimatorCard, write_estimator_card
+from ...models.card import Card, write_card
+from ...models.parameter import Parameter, Verdict
+from ...models.parameter_card import ParameterCard, write_parameter_card
+from ...models.tree_card import TreeCard, write_tree_card
+from ..kept import keep_result, read_kept
+from ..lock import hold_lock
+from ..results import ResultRow, replace_rows
 from .result_tables import FigureTable as FigureTable
 from .result_tables import ParameterTable as ParameterTable
 
 if TYPE_CHECKING:
     import pandas
 
-    from ..studies.study import Study
+    from ..study import Study
 
 
 class ProcedureWithInputs(Protocol):

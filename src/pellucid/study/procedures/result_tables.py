@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..fit.parameter import Parameter
+from ...models.parameter import Parameter
 
 
 @dataclass(frozen=True)

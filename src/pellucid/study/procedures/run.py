@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
-from .._printed_command import printed_commands
-from .._processes import with_one_blas_thread
-from ..fit.parameter import VERDICT_KINDS, Verdict, rank_verdicts
-from ..recordings.duplicates import find_duplicates
-from ..recordings.fault import Fault, grouped_messages
-from ..studies.results import read_rows
-from ..studies.study import Study
+from ..._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from ..._printed_command import printed_commands
+from ..._processes import with_one_blas_thread
+from ...files.duplicates import find_duplicates
+from ...files.fault import Fault, grouped_messages
+from ...models.parameter import VERDICT_KINDS, Verdict, rank_verdicts
+from ..results import read_rows
+from ..study import Study
 from . import registry
 from .card_sources import found_by
 from .combined_result import CombinedResult
@@ -32,11 +32,11 @@ from .subject import as_study, is_study
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ..assessment.assess_table import TableAssessment
-    from ..assessment.cocontraction import Cocontraction
-    from ..estimators.envelope_synergies import FoundSynergies
+    from ...emg.cocontraction import Cocontraction
+    from ...emg.estimators.envelope_synergies import FoundSynergies
+    from ...emg.signals.emg_onset import Activations
+    from ...people.assess_table import TableAssessment
     from ..pages.page import Page
-    from ..signals.emg_onset import Activations
 
 CHECK_READING_SHARE = 0.7
 """Share of a check's progress that reading the recordings, and finding their defects, takes."""
@@ -272,7 +272,7 @@ def assess(
     0.13
     """
     if not is_study(subject):
-        from ..assessment.assess_table import assess_table
+        from ...people.assess_table import assess_table
 
         if "control" not in table:
             raise PellucidError(
@@ -331,7 +331,7 @@ def onset(
     """
     if is_study(subject):
         return _run_study("onset", subject, on_progress, options)
-    from ..signals.onset import onset as onset_of_arrays
+    from ...emg.signals.onset import onset as onset_of_arrays
 
     return onset_of_arrays(subject, **_array_options("onset", subject, options))
 
@@ -382,7 +382,7 @@ def cocontraction(
     """
     if is_study(subject):
         return _run_study("cocontraction", subject, second if callable(second) else on_progress, options)
-    from ..assessment.envelope_cocontraction import cocontraction as cocontraction_of_arrays
+    from ...emg.envelope_cocontraction import cocontraction as cocontraction_of_arrays
 
     given = _array_options("cocontraction", subject, options)
     if second is None or callable(second):
@@ -433,7 +433,7 @@ def synergies(
     """
     if is_study(subject):
         return _run_study("synergies", subject, on_progress, options)
-    from ..estimators.envelope_synergies import synergies as synergies_of_arrays
+    from ...emg.estimators.envelope_synergies import synergies as synergies_of_arrays
 
     return synergies_of_arrays(subject, **_array_options("synergies", subject, options))
 

@@ -7,9 +7,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._errors import PellucidError
-from .._processes import finished_results
-from ..fit.parameter import Parameter
+from ..._errors import PellucidError
+from ..._processes import finished_results
+from ...models.parameter import Parameter
 from ..pages.quantities import unit_text, value_and_half_interval
 from .procedure import Progress, quiet
 from .result import ParameterTable

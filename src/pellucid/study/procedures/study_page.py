@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
-from .._printed_command import printed_command
-from ..fit.parameter import Verdict, rank_verdicts
+from ..._printed_command import printed_command
+from ...models.parameter import Verdict, rank_verdicts
 from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
     MINUS_SIGN,
@@ -22,7 +22,7 @@ from ..pages.quantities import (
     unit_text,
 )
 from ..pages.tables import Row, Table
-from ..studies.study import Study
+from ..study import Study
 from .result import FigureTable, ParameterTable, Result
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-from .._errors import PellucidError
-from ..studies.study import Study
+from ..._errors import PellucidError
+from ..study import Study
 from .registry import open_study
 
 

@@ -10,12 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from ...drawing.drawing import draw
-from ...fit.tree.directional_sets import DirectionalRow
-from ...lab.arm.rig import able_arm
-from ...lab.arm.wearer import drawn_people
-from ...pages.page import Section
-from ...pages.tables import Row, Table
+from pellucid.arm.fit.directional_sets import DirectionalRow
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.tables import Row, Table
+
+from ...arm.rig import able_arm
+from ...arm.wearer import drawn_people
 from ..figure import Reproduced, figure
 from ..row_sections import cell
 from .arm_figures import cost_by_joints

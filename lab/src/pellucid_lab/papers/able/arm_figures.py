@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from ...drawing.drawing import Drawing
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...fit.tree.directional_sets import DirectionalRow
+from pellucid.arm.fit.directional_sets import DirectionalRow
+from pellucid.study.drawing.drawing import Drawing
+from pellucid.study.drawing.style import FIGURE_WIDTH, colour
 
 PANEL_TITLES = {
     "parameters": "Parameters",

@@ -12,24 +12,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import DatasetError
-from ..._processes import ordered_results
-from ...fit.tree.consistent_fit import fit_consistent
-from ...fit.tree.directional_sets import DirectionalRow, compare_directional
-from ...fit.tree.drive_gains import gains_from_payload
-from ...fit.tree.fit_tree import fit_tree, make_tree_estimate
-from ...fit.tree.identify_tree import fit_best_model
-from ...fit.tree.payload import with_drive_gains
-from ...fit.tree.segments_out import heldout_errors
-from ...fit.tree.tree_estimate import TreeEstimate
-from ...fit.tree.tree_regression import collect_rows
-from ...lab.arm.card_law import card_of, motions_of
-from ...lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
-from ...lab.arm.protocol import ArmTrial, followed
-from ...lab.arm.rig import ArmRig
-from ...models.held_joints import hold_joints
-from ...models.pseudo_inertia import least_eigenvalue
-from ...signals.tree_motion import TreeMotion
+from pellucid._errors import DatasetError
+from pellucid._processes import ordered_results
+from pellucid.arm.fit.consistent_fit import fit_consistent
+from pellucid.arm.fit.directional_sets import DirectionalRow, compare_directional
+from pellucid.arm.fit.drive_gains import gains_from_payload
+from pellucid.arm.fit.fit_tree import fit_tree, make_tree_estimate
+from pellucid.arm.fit.identify_tree import fit_best_model
+from pellucid.arm.fit.payload import with_drive_gains
+from pellucid.arm.fit.segments_out import heldout_errors
+from pellucid.arm.fit.tree_estimate import TreeEstimate
+from pellucid.arm.fit.tree_regression import collect_rows
+from pellucid.arm.held_joints import hold_joints
+from pellucid.arm.pseudo_inertia import least_eigenvalue
+from pellucid.arm.tree_motion import TreeMotion
+
+from ...arm.card_law import card_of, motions_of
+from ...arm.human_motion import JOINTS, generated_motion, people, recorded_motion
+from ...arm.protocol import ArmTrial, followed
+from ...arm.rig import ArmRig
 
 LOAD_FRICTION_FAMILY = ("viscous", "coulomb", "offset", "load")
 """Friction terms of every joint of the model with load friction."""

@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import PellucidError
-from ..._processes import ordered_results
-from ...control.tree_laws import TreeLaw, carried, full_compensation, transparent, with_force_sensor
-from ...lab.arm.card_law import CardLaw, card_of, identified, sensor_points
-from ...lab.arm.human_motion import people
-from ...lab.arm.rig import ArmRig
-from ...lab.arm.wearer import Person, drawn_people
-from ...lab.arm.worn_trial import motion_of, run
+from pellucid._errors import PellucidError
+from pellucid._processes import ordered_results
+from pellucid.controllers.tree_laws import TreeLaw, carried, full_compensation, transparent, with_force_sensor
+
+from ...arm.card_law import CardLaw, card_of, identified, sensor_points
+from ...arm.human_motion import people
+from ...arm.rig import ArmRig
+from ...arm.wearer import Person, drawn_people
+from ...arm.worn_trial import motion_of, run
 
 LAWS: Mapping[str, Callable[..., TreeLaw]] = {
     "fc": full_compensation,

@@ -10,7 +10,8 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from ..._atomic import write_text_atomically
+from pellucid._atomic import write_text_atomically
+
 from .coherence import inconsistencies
 from .elbow import DirectionSet, PublishedElbow
 

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._errors import PellucidError
-from ...models.joint import GRAVITY
+from pellucid._errors import PellucidError
+from pellucid.models.joint import GRAVITY
+
 from ..printed import printed
 
 TABLE_DIRECTIONS = ("down", "static", "up")

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ...lab.elbow.rig import ElbowRig
+from ...elbow.rig import ElbowRig
 from ..figure import Reproduced, figure
 from ..paired_test import paired_test
 from ..printed import PrintedPaper

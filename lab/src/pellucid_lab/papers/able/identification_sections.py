@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...drawing.drawing import Drawing, draw
-from ...fit.slider.slider_fit import SliderFit
-from ...lab.elbow.rig import ElbowRig
-from ...models.energy import cycle_energy
-from ...pages.page import Section
-from ...pages.tables import Row, Table
-from ...procedures.slider import direction_figures as figures
-from ...procedures.slider.identify_slider import predicted
+from pellucid.joint.slider.slider_fit import SliderFit
+from pellucid.joint.slider.study import direction_figures as figures
+from pellucid.joint.slider.study.identify_slider import predicted
+from pellucid.models.energy import cycle_energy
+from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.tables import Row, Table
+
+from ...elbow.rig import ElbowRig
 from ..figure import Reproduced
 from ..row_sections import cell
 from .identification_rows import LOAD_FRICTION_FACTORS

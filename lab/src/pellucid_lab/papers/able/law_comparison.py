@@ -13,10 +13,11 @@ from functools import partial
 
 import numpy as np
 
-from ..._processes import ordered_results
-from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
-from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import (
+from pellucid._processes import ordered_results
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
+
+from ...elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from ...pointing.conditions import (
     TUNING_SEED,
     choose_exponents,
     controller_builder,
@@ -24,10 +25,10 @@ from ...lab.pointing.conditions import (
     interaction_rms,
     offered_controller,
 )
-from ...lab.pointing.people import Person, draw_people
-from ...lab.pointing.rig import PointingRig, elbow_participants
-from ...lab.pointing.session import RobotLaw, Unpowered, simulate_session, standstill_speed
-from ...lab.pointing.session_indices import injected_energy
+from ...pointing.people import Person, draw_people
+from ...pointing.rig import PointingRig, elbow_participants
+from ...pointing.session import RobotLaw, Unpowered, simulate_session, standstill_speed
+from ...pointing.session_indices import injected_energy
 from ..figure import Reproduced, figure
 from .elbow import able_elbow as able_elbow_as_published
 

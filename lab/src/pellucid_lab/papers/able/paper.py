@@ -10,17 +10,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import ELBOW_CONTROLLERS
-from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
-from ...lab.elbow.protocol import excitation, trials
-from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import Cards, controller_builder, identify_cards
-from ...lab.pointing.people import draw_people
-from ...lab.pointing.rig import PointingRig, elbow_participants
-from ...lab.pointing.sensitivity import Sensitivity, is_salib_installed, screen_factors
-from ...pages.page import Section, Tile
-from ...pages.tables import Row, Table
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
+from pellucid.study.pages.page import Section, Tile
+from pellucid.study.pages.tables import Row, Table
+
+from ...elbow.protocol import excitation, trials
+from ...elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from ...pointing.conditions import Cards, controller_builder, identify_cards
+from ...pointing.people import draw_people
+from ...pointing.rig import PointingRig, elbow_participants
+from ...pointing.sensitivity import Sensitivity, is_salib_installed, screen_factors
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
 from .arm_chapter import ArmChapter, arm_chapter, arm_rows, arm_sections

@@ -14,12 +14,13 @@ from itertools import combinations
 
 import numpy as np
 
-from ...assessment.friedman import nemenyi_from_rank_sums
-from ...lab.elbow.rig import ElbowRig
-from ...lab.pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
-from ...lab.pointing.rig import PointingRig, elbow_people
-from ...lab.pointing.sensitivity import Sensitivity
-from ...signals.tied_ranks import tied_ranks
+from pellucid.numerics.tied_ranks import tied_ranks
+from pellucid.people.friedman import nemenyi_from_rank_sums
+
+from ...elbow.rig import ElbowRig
+from ...pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects
+from ...pointing.rig import PointingRig, elbow_people
+from ...pointing.sensitivity import Sensitivity
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
 from .statistics import RANK_SUMS

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from scipy.stats import gaussian_kde
 
-from ...drawing.drawing import Drawing
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
+from pellucid.study.drawing.drawing import Drawing
+from pellucid.study.drawing.style import FIGURE_WIDTH, colour
+
+from ...pointing.sensitivity import CHANCE_FACTOR, Sensitivity
 from .transparency_figures import RATIO_TICKS, name_marks, some_ticks
 
 DENSITY_POINTS = 240

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..._errors import install_command
-from ...drawing.drawing import draw
-from ...lab.pointing.prediction import STUDY_INTERVAL_SHARE
-from ...lab.pointing.sensitivity import CHANCE_FACTOR, Sensitivity
-from ...pages.page import Section
-from ...pages.quantities import MINUS_SIGN
-from ...pages.tables import Row, Table, number_table
+from pellucid._errors import install_command
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.quantities import MINUS_SIGN
+from pellucid.study.pages.tables import Row, Table, number_table
+
+from ...pointing.prediction import STUDY_INTERVAL_SHARE
+from ...pointing.sensitivity import CHANCE_FACTOR, Sensitivity
 from ..figure import Reproduced
 from .predicted import EFFECT_WORDS, EMG_RANK_SUM, ScoredPrediction, rank_sums
 from .predicted_figures import Spread, deciding_figure, spread_figure

@@ -13,26 +13,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._errors import RecordingError
-from ...assessment.survival import Survival, survival
-from ...control.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from ...lab.pointing.conditions import (
+from pellucid._errors import RecordingError
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
+from pellucid.people.study.assess import assess_recordings
+from pellucid.people.study.assessment_result import AssessmentResult
+from pellucid.people.study.assessment_table import AssessmentTable
+from pellucid.people.survival import Survival, survival
+
+from ...pointing.conditions import (
     Cards,
     choose_exponents,
     controller_builder,
     offered_controller,
     published_conditions,
 )
-from ...lab.pointing.movement_choice import preferred_duration
-from ...lab.pointing.people import Person, draw_people
-from ...lab.pointing.predicted_indices import change
-from ...lab.pointing.rig import PointingRig, PointingTrial
-from ...lab.pointing.session import CONTROL_CONDITION, Conditions
-from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
-from ...lab.study import record_in_memory
-from ...procedures.assessment.assess import assess_recordings
-from ...procedures.assessment.assessment_result import AssessmentResult
-from ...procedures.assessment.assessment_table import AssessmentTable
+from ...pointing.movement_choice import preferred_duration
+from ...pointing.people import Person, draw_people
+from ...pointing.predicted_indices import change
+from ...pointing.rig import PointingRig, PointingTrial
+from ...pointing.session import CONTROL_CONDITION, Conditions
+from ...pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ...study import record_in_memory
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper other than control, in the paper's order."""

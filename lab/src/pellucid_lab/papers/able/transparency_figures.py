@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from ...drawing.drawing import Drawing, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from pellucid.study.drawing.drawing import Drawing, tidy
+from pellucid.study.drawing.style import FIGURE_WIDTH, colour
 
 RATIO_TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
 """Candidate ticks of axes that show a ratio to control; those within the axis are drawn, as far as there is room."""

@@ -7,9 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from ...control.control_law import ControlLaw
-from ...control.law_fuzz import fuzz
-from ...lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.law_fuzz import fuzz
+
+from ...pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
 from .transparency import CONTROL_CONDITION, LAWS, OWN_LAWS, Transparency

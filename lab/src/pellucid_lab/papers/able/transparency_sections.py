@@ -6,14 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...assessment.survival import survival
-from ...drawing.drawing import draw
-from ...pages.page import Section
-from ...pages.quantities import MINUS_SIGN, number, typeset_sentence
-from ...pages.tables import Row, Table
-from ...procedures.assessment import assessment_figures
-from ...procedures.assessment.assessment_figures import settling_figure
-from ...procedures.assessment.assessment_result import Settling
+from pellucid.people.study import assessment_figures
+from pellucid.people.study.assessment_figures import settling_figure
+from pellucid.people.study.assessment_result import Settling
+from pellucid.people.survival import survival
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.quantities import MINUS_SIGN, number, typeset_sentence
+from pellucid.study.pages.tables import Row, Table
+
 from ..figure import Reproduced
 from ..row_sections import cell
 from .law_comparison import COMPARED_CONTROLLERS, FC_WITH_OTHER_INERTIA, LAW_WORDS, UNPOWERED_ROBOT

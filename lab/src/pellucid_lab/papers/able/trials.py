@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_rel
 
-from ..._processes import ordered_results
-from ...fit.slider.slider_fit import SLIDER_METHODS, SliderFit
-from ...lab.elbow.protocol import ElbowTrial, trials
-from ...lab.elbow.rig import ElbowRig
-from ...lab.study import record_in_memory
-from ...procedures.slider.identify_slider import directional_friction, fit_slider
+from pellucid._processes import ordered_results
+from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
+from pellucid.joint.slider.study.identify_slider import directional_friction, fit_slider
+
+from ...elbow.protocol import ElbowTrial, trials
+from ...elbow.rig import ElbowRig
+from ...study import record_in_memory
 
 TRIAL_PREFIXES = {
     "published": ("constant_", "sweep_", "slow_"),

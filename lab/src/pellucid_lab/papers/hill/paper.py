@@ -6,13 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ..._processes import ordered_results
-from ...lab.seated.protocol import SeatedTrial, seated_trials
-from ...lab.seated.rig import SeatedRig, load_seated_rig
-from ...lab.seated.subject import subjects
-from ...lab.study import record_in_memory
-from ...pages.page import Section, Tile
-from ...pages.quantities import number
+from pellucid._processes import ordered_results
+from pellucid.study.pages.page import Section, Tile
+from pellucid.study.pages.quantities import number
+
+from ...seated.protocol import SeatedTrial, seated_trials
+from ...seated.rig import SeatedRig, load_seated_rig
+from ...seated.subject import subjects
+from ...study import record_in_memory
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
 from .recomputed import recomputed

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.anthropometry import WINTER_MASS, Segment, shank_length, winter
+from pellucid.models.anthropometry import WINTER_MASS, Segment, shank_length, winter
+
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
 

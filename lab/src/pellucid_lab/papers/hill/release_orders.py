@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from ...fit.muscles.muscle_calibration import DEFAULT_ANATOMY_WEIGHT, MuscleProblem, MuscleSamples, solve_calibration
-from ...fit.searches.adam import adam
-from ...models.hill import HillMuscle
+from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
+from pellucid.emg.fit.muscle_calibration import DEFAULT_ANATOMY_WEIGHT, MuscleProblem, MuscleSamples, solve_calibration
+from pellucid.emg.models.hill import HillMuscle
+from pellucid.numerics.searches.adam import adam
+
 from .training import ADAM_FINAL_RATE, ADAM_ITERATIONS, ADAM_RATE, TRAINED_QUANTITIES
 from .trials import ActiveSwing
 

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ...drawing.drawing import draw
-from ...pages.over_time import Traces, over_time
-from ...pages.page import Section
-from ...pages.quantities import number
-from ...pages.tables import number_table
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.over_time import Traces, over_time
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.quantities import number
+from pellucid.study.pages.tables import number_table
+
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
 from .rows import ESTIMATOR_WORDS, PARAMETER_OF_LETTER, PRINTED_ROW_OF_ESTIMATOR
@@ -19,7 +20,7 @@ from .torque import BASELINE_FAMILIES, RECORDED_EMG_BASELINES
 from .training import TRAINED_QUANTITIES
 
 if TYPE_CHECKING:
-    from ...lab.seated.rig import SeatedRig
+    from ...seated.rig import SeatedRig
     from ..printed import PrintedPaper
     from .steps import IdentifiedBody
     from .subject_found import SubjectFound

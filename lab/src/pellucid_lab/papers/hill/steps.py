@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...fit.parameter import Parameter
-from ...fit.searches.adam import AdamPath
-from ...fit.swing.leg_balance import leg_alone
-from ...fit.swing.loaded_swing import (
+from pellucid.models.joint import GRAVITY
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.searches.adam import AdamPath
+from pellucid.orthosis.swing.leg_balance import leg_alone
+from pellucid.orthosis.swing.loaded_swing import (
     Swing,
     SwingFit,
     SwingForm,
@@ -19,8 +20,8 @@ from ...fit.swing.loaded_swing import (
     fit_swings,
     published_form,
 )
-from ...lab.seated.subject import SeatedSubject
-from ...models.joint import GRAVITY
+
+from ...seated.subject import SeatedSubject
 from .trials import SubjectSession, tissue_torque
 
 ADAM_ITERATIONS = 3000

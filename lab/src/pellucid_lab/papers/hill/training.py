@@ -7,11 +7,11 @@ from itertools import cycle
 
 import numpy as np
 
-from ...estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscles.muscle_calibration import MuscleProblem, solve_calibration
-from ...fit.searches.adam import AdamPath, adam
-from ...fit.searches.swarm import Search, swarm_with_gradients
+from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.fit.muscle_calibration import MuscleProblem, solve_calibration
+from pellucid.numerics.searches.adam import AdamPath, adam
+from pellucid.numerics.searches.swarm import Search, swarm_with_gradients
 
 TRAINED_QUANTITIES: dict[str, str] = {
     "strength": "k_r",

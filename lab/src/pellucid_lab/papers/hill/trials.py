@@ -7,18 +7,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...estimators.torque_trial import TorqueTrial
-from ...fit.swing.loaded_swing import Swing, SwingFit
-from ...lab.seated.muscles import DriveMap
-from ...lab.seated.protocol import SeatedTrial
-from ...lab.seated.rig import SeatedRig
-from ...lab.seated.subject import SeatedSubject
-from ...lab.seated.trial import SeatedTruth
-from ...lab.study import record_in_memory
-from ...procedures.emg_torque.seated_swings import WearerSwings
-from ...procedures.loaded_swing.identify_loaded_swing import prepared
-from ...recordings.recording import Recording
-from ...signals.emg_chain import emg_chain
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.signals.emg_chain import emg_chain
+from pellucid.files.recording import Recording
+from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import prepared
+from pellucid.orthosis.study.loaded_swing.seated_swings import WearerSwings
+from pellucid.orthosis.swing.loaded_swing import Swing, SwingFit
+
+from ...seated.muscles import DriveMap
+from ...seated.protocol import SeatedTrial
+from ...seated.rig import SeatedRig
+from ...seated.subject import SeatedSubject
+from ...seated.trial import SeatedTruth
+from ...study import record_in_memory
 
 DRIVEN_LOWPASS_HZ = 4.0
 """Swings that the motor makes pass this zero-phase low-pass."""

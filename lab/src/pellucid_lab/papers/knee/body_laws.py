@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...control.control_law import ControlLaw
-from ...control.coupling import Coupling
-from ...control.limits import Limits
-from ...control.transparent_laws import of_body, with_oscillator, with_rules
-from ...estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
-from ...signals.filters import zero_phase_lowpass
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.limits import Limits
+from pellucid.controllers.transparent_laws import of_body, with_oscillator, with_rules
+from pellucid.emg.estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
+from pellucid.numerics.filters import zero_phase_lowpass
 
 RULE_LOWPASS_HZ = 8.0
 """Angles and commands pass this zero-phase low-pass before rules are learnt from them."""

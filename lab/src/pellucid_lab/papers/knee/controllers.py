@@ -9,17 +9,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
-from ...control.control_law import ControlLaw
-from ...control.coupling import Coupling
-from ...control.residual_compensator import (
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import (
     ResidualDesign,
     weakenings,
     worst,
     worst_margins,
 )
-from ...control.stability import Margins, bears, margins
-from ...control.worn import WornCompensator
-from ...lab.knee.chosen_constants import (
+from pellucid.controllers.stability import Margins, bears, margins
+from pellucid.controllers.worn import WornCompensator
+
+from ...knee.chosen_constants import (
     MARGIN_SPEEDS_RAD_S,
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
@@ -27,8 +28,8 @@ from ...lab.knee.chosen_constants import (
     design_reproduced_law,
     uncertain_straps,
 )
-from ...lab.knee.identified_wearer import WearerCard
-from ...lab.knee.trial import Controller
+from ...knee.identified_wearer import WearerCard
+from ...knee.trial import Controller
 from .body_laws import BodyLaw, amplification_law, body_law, law_with_oscillator, law_with_rules, learn_orthosis_rules
 from .fuzzy import FuzzyCompensation
 from .pid_tuning import tune_pid

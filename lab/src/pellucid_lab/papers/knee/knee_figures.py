@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, Head, heads, key, one_panel, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from pellucid.study.drawing.drawing import Drawing, Head, heads, key, one_panel, tidy
+from pellucid.study.drawing.style import FIGURE_WIDTH, colour
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from ..._processes import Job, finished_results
-from ...lab.knee.rig import KneeRig, knee_orthosis
-from ...pages.page import Section, Tile
-from ...pages.quantities import number
+from pellucid._processes import Job, finished_results
+from pellucid.study.pages.page import Section, Tile
+from pellucid.study.pages.quantities import number
+
+from ...knee.rig import KneeRig, knee_orthosis
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
 from .recomputed import recomputed

@@ -8,10 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from ..._errors import PellucidError
-from ...control.coupling import Coupling
-from ...control.residual_compensator import Law, ResidualDesign, bears_all
-from ...control.stability import LinearSystem, sampled, worn_orthosis
+from pellucid._errors import PellucidError
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import Law, ResidualDesign, bears_all
+from pellucid.controllers.stability import LinearSystem, sampled, worn_orthosis
 
 
 def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:

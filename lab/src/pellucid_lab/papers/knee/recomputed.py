@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from ...fit.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
-from ...models.anthropometry import WINTER_GYRATION, rod, shank_length, winter
+from pellucid.models.anthropometry import WINTER_GYRATION, rod, shank_length, winter
+from pellucid.numerics.gravity_holds import accuracy, cosine_moment, line_of_best_fit
+
 from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
 from .two_poles import TwoPoles, chord_stiffness, lowpass_delay, output_sd, r_squared, sine_stiffness

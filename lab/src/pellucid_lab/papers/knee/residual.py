@@ -11,20 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._errors import PellucidError
-from ...lab.knee.chosen_constants import ChosenConstants, chosen
-from ...lab.knee.drawn import drawn_rig
-from ...lab.knee.identified_wearer import (
+from pellucid._errors import PellucidError
+
+from ...knee.chosen_constants import ChosenConstants, chosen
+from ...knee.drawn import drawn_rig
+from ...knee.identified_wearer import (
     IdentifiedWearer,
     WearerCard,
     card_with_channel_gains,
     card_with_coupling_errors,
     identify_wearer_of,
 )
-from ...lab.knee.instruments import Mounting
-from ...lab.knee.protocol import Faults
-from ...lab.knee.rig import KneeRig
-from ...lab.knee.trial import Controller
+from ...knee.instruments import Mounting
+from ...knee.protocol import Faults
+from ...knee.rig import KneeRig
+from ...knee.trial import Controller
 from .controllers import CONTROLLER_WORDS, BuiltController, controllers
 from .swings import holds_margins, rms_mismatch_and_torque, swing, without_control, without_power
 

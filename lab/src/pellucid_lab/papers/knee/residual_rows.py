@@ -7,12 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from ..._processes import ordered_results
-from ...drawing.drawing import draw
-from ...lab.knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
-from ...lab.knee.rig import knee_orthosis
-from ...pages.page import Section
-from ...pages.tables import Row, number_table
+from pellucid._processes import ordered_results
+from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.tables import Row, number_table
+
+from ...knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
+from ...knee.rig import knee_orthosis
 from ..figure import Reproduced, figure, spread
 from .controllers import CONTROLLER_WORDS
 from .knee_figures import ControllerRatios, torque_ratios

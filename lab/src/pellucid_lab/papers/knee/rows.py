@@ -7,8 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from ...fit.parameter import Parameter
-from ...lab.knee.rig import KneeRig
+from pellucid.models.parameter import Parameter
+
+from ...knee.rig import KneeRig
 from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
 from .recomputed import SUBJECT_KEYS

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ...drawing.drawing import Drawing, draw
-from ...fit.parameter import Parameter
-from ...pages.over_time import Traces, over_time
-from ...pages.page import Section
-from ...pages.quantities import MINUS_SIGN, number, unit_text
-from ...pages.tables import Row, number_table
-from ...procedures.emg_torque import calibration_figures
+from pellucid.emg.study.emg_torque import calibration_figures
+from pellucid.models.parameter import Parameter
+from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.over_time import Traces, over_time
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.quantities import MINUS_SIGN, number, unit_text
+from pellucid.study.pages.tables import Row, number_table
+
 from ..figure import Reproduced
 from ..printed import Printed
 from ..row_sections import bracketed, cell
@@ -21,7 +22,7 @@ from .recomputed import SUBJECT_KEYS
 from .torque import ESTIMATOR_NAMES
 
 if TYPE_CHECKING:
-    from ...lab.knee.rig import KneeRig
+    from ...knee.rig import KneeRig
     from ..printed import PrintedPaper
     from .torque import ScoredMap, TorqueSteps
     from .wearers import Bench, WearerErrors, WearerIdentification

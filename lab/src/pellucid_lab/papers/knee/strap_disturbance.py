@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...control.coupling import friction_slope
-from ...control.stability import LinearSystem
+from pellucid.controllers.coupling import friction_slope
+from pellucid.controllers.stability import LinearSystem
+
 from .strap_law import StrapLaw
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...control.control_law import safety_gate
-from ...control.coupling import Coupling
-from ...control.limits import Limits
+from pellucid.controllers.control_law import safety_gate
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.limits import Limits
 
 
 @dataclass

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...lab.knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
-from ...lab.knee.instruments import Mounting
-from ...lab.knee.protocol import Faults, KneeTrial, swing_trial
-from ...lab.knee.rig import KneeRig
-from ...lab.knee.trial import Controller, KneeReadings, run_trial
-from ...lab.knee.wearer import relaxed
+from ...knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
+from ...knee.instruments import Mounting
+from ...knee.protocol import Faults, KneeTrial, swing_trial
+from ...knee.rig import KneeRig
+from ...knee.trial import Controller, KneeReadings, run_trial
+from ...knee.wearer import relaxed
 
 SETTLING_TIME_S = 4.0
 """The first seconds of a swing are not scored: controllers adapt in them, and the wearer learns."""

@@ -7,17 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...estimators.cross_validation import Score, score
-from ...estimators.features import MOTION_LOWPASS_HZ
-from ...estimators.strapped_reference import strapped_torque
-from ...estimators.torque_map import cross_validate_torque_maps
-from ...estimators.torque_reference import MovedBody, human_torque
-from ...estimators.torque_trial import TorqueTrial
-from ...fit.strap.strap_torque import Orthosis
-from ...lab.knee.recorded_session import KneeSession
-from ...lab.knee.rig import KneeRig
-from ...procedures.emg_torque.emg_torque_table import EmgTorqueTable
-from ...signals.emg_chain import emg_chain
+from pellucid.emg.estimators.cross_validation import Score, score
+from pellucid.emg.estimators.features import MOTION_LOWPASS_HZ
+from pellucid.emg.estimators.torque_map import cross_validate_torque_maps
+from pellucid.emg.estimators.torque_reference import MovedBody, human_torque
+from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.signals.emg_chain import emg_chain
+from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.orthosis.strap.strap_torque import Orthosis
+from pellucid.orthosis.strap.strapped_reference import strapped_torque
+
+from ...knee.recorded_session import KneeSession
+from ...knee.rig import KneeRig
 from .wearers import WearerIdentification
 
 ESTIMATOR_NAMES = ("boost", "bagging", "tree", "ridge")

@@ -6,7 +6,7 @@ delay: by its linear loop with the strap 30 % off if it has one, otherwise in th
 by model alone do not hold these margins with any useful share of friction (a fifth of it swayed two of six wearers);
 with them a released leg must come to rest. Constants are searched one at a time, in the order of `SEARCHED_VALUES`.
 
-Run as ``python -m pellucid.papers.knee.tuning``; it writes the file anew.
+Run as ``python -m pellucid_lab.papers.knee.tuning``; it writes the file anew.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from functools import cache, partial
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
-from ..._errors import PellucidError
-from ..._processes import processes
-from ...control.residual_compensator import Law, Noise, ResidualDesign
-from ...control.worn import WornCompensator
-from ...estimators.causal_map import EmgSettings
-from ...lab.knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_reproduced_law
-from ...lab.knee.identified_wearer import IdentifiedWearer, WearerCard, card_with_coupling_errors
-from ...lab.knee.rig import knee_orthosis
-from ...lab.knee.trial import KneeReadings
+from pellucid._atomic import write_text_atomically
+from pellucid._errors import PellucidError
+from pellucid._processes import processes
+from pellucid.controllers.residual_compensator import Law, Noise, ResidualDesign
+from pellucid.controllers.worn import WornCompensator
+from pellucid.emg.estimators.causal_map import EmgSettings
+
+from ...knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_reproduced_law
+from ...knee.identified_wearer import IdentifiedWearer, WearerCard, card_with_coupling_errors
+from ...knee.rig import knee_orthosis
+from ...knee.trial import KneeReadings
 from .controllers import BODY_LAW_WORDS, body_controllers, controllers
 from .residual import TUNING_WEARER_SEEDS, identify_by_name, session_of
 from .swings import (
@@ -276,7 +277,7 @@ def write_toml(constants: ChosenConstants, seeds: Sequence[int]) -> str:
     """Return the text of ``chosen.toml``, as `parse_chosen` reads it."""
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",
-        f"# `python -m pellucid.papers.knee.tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
+        f"# `python -m pellucid_lab.papers.knee.tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
         "# compared is among them. Change the search, not this file.",
     ]
     for table, values in constants.tables().items():

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from scipy.special import j1
 
-from ..._errors import PellucidError
+from pellucid._errors import PellucidError
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,17 @@ from functools import partial
 
 import numpy as np
 
-from ...control.control_law import ControlLaw
-from ...control.supervised import SupervisedLaw
-from ...control.worn import WornCompensator, watched_worn
-from ...lab.knee.chosen_constants import chosen
-from ...lab.knee.identified_wearer import WearerCard
-from ...lab.knee.moving_thigh import LawWithFootSwitch, LawWithThighSensor, MovingThigh, thigh_trial, walking_thigh
-from ...lab.knee.rig import KneeRig
-from ...lab.knee.trial import Controller, run_trial
-from ...pages.page import Section
-from ...pages.tables import Row, number_table
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.supervised import SupervisedLaw
+from pellucid.controllers.worn import WornCompensator, watched_worn
+from pellucid.study.pages.page import Section
+from pellucid.study.pages.tables import Row, number_table
+
+from ...knee.chosen_constants import chosen
+from ...knee.identified_wearer import WearerCard
+from ...knee.moving_thigh import LawWithFootSwitch, LawWithThighSensor, MovingThigh, thigh_trial, walking_thigh
+from ...knee.rig import KneeRig
+from ...knee.trial import Controller, run_trial
 from ..figure import Reproduced, figure
 from .controllers import BODY_LAW_WORDS, CONTROLLER_WORDS, BuiltController, controllers
 from .residual import RECORDING_SEED, identify_by_name

@@ -7,22 +7,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...fit.joint.gravity_holds import cosine_moment, line_of_best_fit
-from ...fit.parameter import Parameter
-from ...fit.strap.limb_imu import find_joint_axis, limb_angle_by_imu
-from ...fit.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis
-from ...fit.strap.strap_torque import StrappedSwing
-from ...fit.strap.wearer_coupling import SWING_EDGE_S, WearerCoupling, identify_wearer
-from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
-from ...lab.knee.recorded_session import STRAP_PROTOCOLS, KneeSession, hold_angles, take
-from ...lab.knee.rig import KneeRig
-from ...lab.knee.subject import KneeSubject
-from ...models.anthropometry import de_leva, shank_length, winter
-from ...procedures.coupling.coupling_result import WearerStages
-from ...procedures.coupling.coupling_table import CouplingTable
-from ...procedures.coupling.identify_coupling import identify_worn
-from ...signals.inertial import inertial
-from ...signals.input_output import input_output
+from pellucid.models.anthropometry import de_leva, shank_length, winter
+from pellucid.models.parameter import Parameter
+from pellucid.numerics.gravity_holds import cosine_moment, line_of_best_fit
+from pellucid.orthosis.imu.inertial import inertial
+from pellucid.orthosis.input_output import input_output
+from pellucid.orthosis.strap.limb_imu import find_joint_axis, limb_angle_by_imu
+from pellucid.orthosis.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis
+from pellucid.orthosis.strap.strap_torque import StrappedSwing
+from pellucid.orthosis.strap.wearer_coupling import SWING_EDGE_S, WearerCoupling, identify_wearer
+from pellucid.orthosis.study.coupling.coupling_result import WearerStages
+from pellucid.orthosis.study.coupling.coupling_table import CouplingTable
+from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
+from pellucid.orthosis.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
+
+from ...knee.recorded_session import STRAP_PROTOCOLS, KneeSession, hold_angles, take
+from ...knee.rig import KneeRig
+from ...knee.subject import KneeSubject
 
 STRAP_PARAMETERS = ("stiffness", "damping", "inertia")
 """Fitted parameters of a strap; the true inertia is 0."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
-from ...badge_bounds import MAX_GOOD_ERROR
+from ....models.parameter import Verdict
+from ....study.procedures.badge_bounds import MAX_GOOD_ERROR
 from ..tree_result import ROW_KIND_DESCRIPTIONS, TreeResult
 
 MAX_ERROR_RATIO = 1.5

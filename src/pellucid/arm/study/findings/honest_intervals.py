@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
 from ..tree_result import TreeResult
 
 MIN_AGREEING_PERCENT = 80.0

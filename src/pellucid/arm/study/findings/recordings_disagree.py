@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
 from ..tree_result import TreeResult
 
 MIN_ERROR_RATIO = 1.5

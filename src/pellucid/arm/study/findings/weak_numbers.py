@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
-from ....fit.tree.tree_verdicts import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
+from ....models.parameter import Verdict
+from ...fit.tree_verdicts import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
 from ..tree_result import TreeResult, unidentified_parameters
 
 

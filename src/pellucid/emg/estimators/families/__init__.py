@@ -9,8 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from ..._errors import IdentificationError, PluginError
-from ..._plugins import load_plugins, require_attributes
+from ...._errors import IdentificationError, PluginError
+from ...._plugins import load_plugins, require_attributes
 from .family import Family
 
 

@@ -1,6 +1,6 @@
 """Activations of all muscles, near their EMG, that reproduce a measured torque."""
 
-from ..command import Command
+from ....study.procedures.command import Command
 
 PROCEDURE_ORDER = 90
 """Position of this procedure among all procedures; the smallest comes first."""

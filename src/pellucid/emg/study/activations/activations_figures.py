@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from ...estimators.unrecorded import FILLING_METHODS, TORQUE_INFORMED_METHODS, FillingScore
 from .find_activations import AssistedRecording
 

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from ...studies.study_fields import ProcedureTable, Word
-from ...studies.study_file import StudyFile
+from ....study.study_fields import ProcedureTable, Word
+from ....study.study_file import StudyFile
 from ..emg_torque.emg_torque_table import EmgTorqueTable
 
 

@@ -7,8 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
-from ..._errors import IdentificationError
+from ...._atomic import write_text_atomically
+from ...._errors import IdentificationError
+from ....models.parameter import Verdict
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill import fit_hill
 from ...estimators.hill_together import TrialByJoint, fit_together
@@ -28,13 +33,8 @@ from ...estimators.unrecorded import (
     score_filling_methods,
     torque_standard_deviations,
 )
-from ...fit.parameter import Verdict
-from ...studies.results import ResultRow
-from ...studies.study import Study
 from ..emg_torque.emg_torque_table import EmgTorqueTable
 from ..emg_torque.trial_sources import moment_trials
-from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
 from .activations_table import ActivationsTable
 
 MAX_BRIEF_ROWS = 8

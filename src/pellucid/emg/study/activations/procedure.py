@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...studies.study import Study
+from ....study.procedures.procedure import Procedure, Progress, quiet
+from ....study.study import Study
 from ..emg_torque.emg_torque_table import EmgTorqueTable
-from ..procedure import Procedure, Progress, quiet
 from .activations_table import ActivationsTable
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
+    from ....files.fault import Fault
+    from ....study.pages.page import Page
     from .find_activations import ActivationsResult
 
 

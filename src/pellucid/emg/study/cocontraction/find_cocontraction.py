@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._errors import RecordingError
-from ...assessment.cocontraction import Cocontraction, CocontractionIndex, cocontraction
-from ...fit.parameter import Verdict
-from ...studies.results import ResultRow
-from ...studies.study import Study
+from ...._errors import RecordingError
+from ....models.parameter import Verdict
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...cocontraction import Cocontraction, CocontractionIndex, cocontraction
 from ..muscle_channels import MAXIMAL_PROTOCOL, MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
-from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
 from .cocontraction_table import CocontractionTable
 
 DRAWN_STRETCH_S = 6.0

@@ -1,6 +1,6 @@
 """What EMG tells of a force in contractions against a load cell."""
 
-from ..command import PEOPLE_GROUP, Command
+from ....study.procedures.command import PEOPLE_GROUP, Command
 
 PROCEDURE_ORDER = 125
 """Position of this procedure among all procedures; the smallest comes first."""

@@ -16,15 +16,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..._errors import RecordingError
-from ...fit.parameter import Verdict
-from ...pages.quantities import MINUS_SIGN
-from ...signals.filters import zero_phase_lowpass
-from ...studies.results import ResultRow
-from ...studies.study import Study
+from ...._errors import RecordingError
+from ....models.parameter import Verdict
+from ....numerics.filters import zero_phase_lowpass
+from ....study.pages.quantities import MINUS_SIGN
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
-from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
 from .emg_force_table import EmgForceTable
 
 FORCE_LOWPASS_HZ = 6.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..procedure import Procedure, Progress, quiet
+from ....study.procedures.procedure import Procedure, Progress, quiet
 from .emg_force_table import EmgForceTable
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
-    from ...studies.study import Study
+    from ....files.fault import Fault
+    from ....study.pages.page import Page
+    from ....study.study import Study
     from .find_emg_force import EmgForceResult
 
 
@@ -35,11 +35,11 @@ class EmgForceProcedure(Procedure[EmgForceTable, "EmgForceResult"]):
         return find_emg_force(study, table, tell)
 
     def page(self, study: Study, found: EmgForceResult) -> Page:
-        from ...drawing.drawing import draw
-        from ...pages.forest import MAX_FOREST_ROWS, Estimate, forest
-        from ...pages.page import Answer, AnswerVerdict, Section
-        from ...pages.quantities import typeset_sentence
-        from ..study_page import figure_tables, study_page
+        from ....study.drawing.drawing import draw
+        from ....study.pages.forest import MAX_FOREST_ROWS, Estimate, forest
+        from ....study.pages.page import Answer, AnswerVerdict, Section
+        from ....study.pages.quantities import typeset_sentence
+        from ....study.procedures.study_page import figure_tables, study_page
 
         text = (
             "Correlation of each envelope with the force, both as smooth. The mean over people and its interval are "

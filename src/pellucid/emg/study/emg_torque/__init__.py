@@ -1,6 +1,6 @@
 """Torque of joints from EMG: trials, calibration, judgement, report."""
 
-from ..command import Command
+from ....study.procedures.command import Command
 
 PROCEDURE_ORDER = 80
 """Position of this procedure among all procedures; the smallest comes first."""

@@ -8,24 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import IdentificationError
-from ..._processes import keep_helpers
+from ...._errors import IdentificationError
+from ...._processes import keep_helpers
+from ....models.parameter import Verdict
+from ....numerics.posterior.ensemble import require_sampler
+from ....orthosis.strap.strapped_reference import StrappedBodies
+from ....orthosis.study.loaded_swing.loaded_swing_table import LoadedSwingTable
+from ....orthosis.study.loaded_swing.seated_swings import SWING_PROTOCOL, evaluate_seated_swings
+from ....study.procedures.result import FigureTable, Result
+from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.smoothing import smoothing_delay
-from ...estimators.strapped_reference import StrappedBodies
 from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.useful_repairs import apply_useful_repairs
-from ...fit.parameter import Verdict
-from ...fit.posterior.ensemble import require_sampler
-from ...studies.study import Study
-from ..loaded_swing.loaded_swing_table import LoadedSwingTable
-from ..result import FigureTable, Result
 from ..study_chain import mains_verdicts, study_chain
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .calibration_rows import calibration_rows
@@ -51,7 +52,6 @@ from .muscle_findings import (
     partial_errors,
 )
 from .relative_envelopes import normalisation_words
-from .seated_swings import SWING_PROTOCOL, evaluate_seated_swings
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .stiffness_findings import (
     find_stiffness,

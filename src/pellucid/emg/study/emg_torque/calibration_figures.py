@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.quantities import number
 from ...estimators.families import ESTIMATOR_FAMILIES
-from ...pages.quantities import number
 from .worth_findings import RecordingWorth
 
 CHOSEN_TONE = "heldout"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..._errors import IdentificationError
+from ...._errors import IdentificationError
+from ....models.parameter import Verdict
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.parameter import Verdict
 from .chosen import RecommendedEstimator
 from .evaluated import REPORTED_ESTIMATORS, EstimatorEvaluation, TorqueTrace
 

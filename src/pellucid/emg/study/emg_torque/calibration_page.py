@@ -8,19 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._printed_command import printed_command
-from ...drawing.drawing import draw
+from ...._printed_command import printed_command
+from ....models.parameter import Verdict, rank_verdicts
+from ....study.drawing.drawing import draw
+from ....study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from ....study.pages.quantities import number, typeset_sentence
+from ....study.pages.tables import Row, Table
+from ....study.procedures.posterior_figures import posterior_figure
+from ....study.procedures.result import ParameterTable
+from ....study.procedures.study_page import figure_tables, study_page
+from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
-from ...fit.parameter import Verdict, rank_verdicts
-from ...pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
-from ...pages.quantities import number, typeset_sentence
-from ...pages.tables import Row, Table
 from ...signals.emg_chain import emg_chain
-from ...studies.study import Study
-from ..posterior_figures import posterior_figure
-from ..result import ParameterTable
-from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures, stiffness_figures
 from .calibrate import INVALID_BANDS_FINDING, CalibrationResult

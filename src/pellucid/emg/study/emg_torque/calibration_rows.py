@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ....study.results import ResultRow
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
-from ...studies.results import ResultRow
 from .chosen import RecommendedEstimator
 from .evaluated import EstimatorEvaluation
 from .worth_findings import RecordingWorth

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..._errors import RecordingError
-from ...recordings.fault import Fault
-from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
+from ...._errors import RecordingError
+from ....files.fault import Fault
+from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....study.study import Study
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
-from ...studies.study import Study
 from ..study_chain import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .used_muscles import ignored_channels

@@ -7,8 +7,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from ....study.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 from ...estimators.emg_worth import DEFAULT_WORTHWHILE_GAIN
-from ...studies.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 
 BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
 """Last parts of the names of cards by `identify` from which the wearer's torque is computed."""

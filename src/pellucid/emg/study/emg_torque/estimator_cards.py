@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import PellucidError
+from ...._errors import PellucidError
+from ....study.study import Study
 from ...estimators.channel_watch import add_channel_watch
 from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ
 from ...estimators.hill import HillMap
@@ -26,7 +27,6 @@ from ...models.muscle_card import CalibratedMuscles
 from ...models.muscle_geometry import muscle_table
 from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
 from ...signals.emg_chain import FILTER_STAGES, EmgChain
-from ...studies.study import Study
 from ..study_chain import study_chain
 from .calibration_findings import CalibrationFindings
 from .emg_torque_table import EmgTorqueTable

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....files.recording import Recording
+from ....models.parameter import Verdict
+from ....study.study import Study
 from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, STANDING_POSTURE_RAD, MuscleSource
-from ...fit.parameter import Verdict
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
-from ...recordings.recording import Recording
-from ...studies.study import Study
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import is_maximal, is_relative
 from .study_muscles import study_geometry, study_muscles

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..._errors import IdentificationError
+from ...._errors import IdentificationError
+from ....models.parameter import Verdict
+from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.parameter import Verdict
-from ...studies.study import Study
 from ..study_chain import mains_verdicts
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .chosen import recommend_by_fold, run_tests_if_candidate

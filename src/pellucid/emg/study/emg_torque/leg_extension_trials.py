@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ....models.anthropometry import shank_length, winter
+from ....numerics.filters import central_difference, zero_phase_lowpass
+from ....study.study import Study
 from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.torque_trial import TorqueTrial
-from ...models.anthropometry import shank_length, winter
-from ...signals.filters import central_difference, zero_phase_lowpass
 from ...signals.repetitions import find_repetitions
-from ...studies.study import Study
 from .known_muscles import muscle_source
 from .relative_envelopes import find_maxima, relative_envelopes
 from .trial_sources import KEPT_RATE_HZ

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from .evaluated import TorqueTrace
 from .muscle_findings import MuscleSummary
 

@@ -8,21 +8,21 @@ from importlib.metadata import version
 
 import numpy as np
 
+from ....models.parameter import Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.result import ParameterTable
+from ....study.study import Study
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscles.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S
-from ...fit.muscles.muscle_information import (
+from ...fit.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S
+from ...fit.muscle_information import (
     covariance,
     muscle_parameters,
     muscle_verdicts,
     reported_covariance,
 )
-from ...fit.parameter import Verdict
 from ...models.muscle_card import CARD_KIND, CalibratedMuscles
-from ...models.parameter_card import ParameterCard
-from ...studies.study import Study
-from ..result import ParameterTable
 from .calibration_findings import CalibrationFindings
 
 DRAWN_STRETCH_S = 3.0

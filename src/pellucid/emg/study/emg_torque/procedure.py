@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...studies.study import Study
-from ..procedure import Procedure, Progress, quiet
+from ....study.procedures.procedure import Procedure, Progress, quiet
+from ....study.study import Study
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
+    from ....files.fault import Fault
+    from ....study.pages.page import Page
     from .calibrate import CalibrationResult
 
 MIN_PIECE_S = 1.0

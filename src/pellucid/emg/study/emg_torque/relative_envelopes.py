@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..._errors import IdentificationError, RecordingError
-from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
+from ...._errors import IdentificationError, RecordingError
+from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....study.study import Study
 from ...signals.emg_chain import EmgChain
-from ...studies.study import Study
 from ..study_chain import study_chain
 from .emg_faults import trial_faults
 from .emg_torque_table import EmgTorqueTable

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._errors import PellucidError
+from ...._errors import PellucidError
+from ....files.fault import Fault
+from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....models.parameter import Verdict
+from ....study.procedures.result import FigureTable
+from ....study.study import Study
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
 from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
 from ...estimators.torque_trial import TorqueTrial, join_pieces
-from ...fit.parameter import Verdict
-from ...recordings.fault import Fault
-from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
-from ...studies.study import Study
-from ..result import FigureTable
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import find_window
 from .trial_sources import moment_trials

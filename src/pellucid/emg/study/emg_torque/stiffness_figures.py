@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from .muscle_findings import DRAWN_STRETCH_S
 

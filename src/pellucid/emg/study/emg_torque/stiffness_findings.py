@@ -7,15 +7,15 @@ from importlib.metadata import version
 
 import numpy as np
 
+from ....models.card import CardParameter
+from ....models.parameter import Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.result import FigureTable
+from ....study.results import ResultRow
+from ....study.study import Study
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
-from ...fit.parameter import Verdict
-from ...models.card import CardParameter
 from ...models.emg_estimator import EmgEstimatorCard
-from ...models.parameter_card import ParameterCard
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..result import FigureTable
 from .calibration_findings import CalibrationFindings
 
 STIFFNESS_UNIT = "N*m/rad"

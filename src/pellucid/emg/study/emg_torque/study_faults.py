@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from ..._errors import RecordingError
-from ...recordings.fault import Fault
-from ...studies.study import Study
-from ..loaded_swing.loaded_swing_table import LoadedSwingTable
+from ...._errors import RecordingError
+from ....files.fault import Fault
+from ....orthosis.study.loaded_swing.loaded_swing_table import LoadedSwingTable
+from ....orthosis.study.loaded_swing.seated_swings import SWING_PROTOCOL
+from ....study.study import Study
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .emg_faults import emg_faults
 from .emg_torque_table import EmgTorqueTable
 from .leg_extension_trials import EXTENSION_PROTOCOL
 from .relative_envelopes import find_maxima, relative_envelopes
-from .seated_swings import SWING_PROTOCOL
 from .sessions import session_faults
 from .trial_sources import STEP_PROTOCOL, moment_trials
 

@@ -7,20 +7,20 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-from ..._errors import PellucidError, RecordingError
-from ..._given import read_given
-from ...recordings.muscle_constants import MuscleConstants
-from ...recordings.muscle_polynomials import (
+from ...._errors import PellucidError, RecordingError
+from ...._given import read_given
+from ....study.study import Study
+from ...files.ceinms_xml import read_subject
+from ...files.muscle_constants import MuscleConstants
+from ...files.muscle_polynomials import (
     POLYNOMIAL_FILE,
     ModelMuscles,
     model_muscles,
     read_polynomials,
     write_polynomials,
 )
-from ...recordings.readers.ceinms_xml import read_subject
-from ...recordings.readers.osim import read_model
-from ...recordings.readers.osim_paths import read_paths
-from ...studies.study import Study
+from ...files.osim import read_model
+from ...files.osim_paths import read_paths
 from .emg_torque_table import EmgTorqueTable
 
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..._errors import IdentificationError
-from ..._processes import results_with_helpers
+from ...._errors import IdentificationError
+from ...._processes import results_with_helpers
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill_together import HillTogether, fit_together
 from ...estimators.never_recorded import UnrecordedMuscles, fit_unrecorded_muscles
 from ...estimators.torque_trial import TorqueTrial, group_pieces
-from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
+from ...fit.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .calibration_findings import CalibrationFindings
 from .evaluated import TorqueTrace
 

@@ -8,30 +8,30 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...estimators.condition_choice import ERROR_BAND_SHARE
-from ...estimators.families import ESTIMATOR_FAMILIES
-from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscles.muscle_information import (
-    count_bounds_reported_as_estimates,
-    covariance,
-    muscle_parameters,
-    muscle_verdicts,
-    reported_covariance,
-)
-from ...fit.parameter import Verdict
-from ...fit.posterior.calibration_posterior import CalibrationPosterior
-from ...models.muscle_card import CARD_KIND
-from ...models.parameter_card import ParameterCard
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..posterior_beside import (
+from ....models.parameter import Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.posterior_beside import (
     ComparedPosterior,
     pair_with_posterior,
     posterior_rows,
     posterior_table,
     posterior_verdicts,
 )
-from ..result import FigureTable, ParameterTable
+from ....study.procedures.result import FigureTable, ParameterTable
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...estimators.condition_choice import ERROR_BAND_SHARE
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.calibration_posterior import CalibrationPosterior
+from ...fit.muscle_information import (
+    count_bounds_reported_as_estimates,
+    covariance,
+    muscle_parameters,
+    muscle_verdicts,
+    reported_covariance,
+)
+from ...models.muscle_card import CARD_KIND
 from .calibration_findings import CalibrationFindings
 from .evaluated import EstimatorEvaluation, TorqueTrace
 from .muscle_findings import MuscleSummary

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from math import nan, prod
 
-from ..._errors import PellucidError
+from ...._errors import PellucidError
+from ....models.card import CardParameter
+from ....models.parameter_card import ParameterCard
+from ....study.study import Study
 from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, compute_features
 from ...estimators.torque_map import TorqueMap
 from ...estimators.torque_trial import TorqueTrial
-from ...models.card import CardParameter
-from ...models.parameter_card import ParameterCard
-from ...studies.study import Study
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import is_relative
 

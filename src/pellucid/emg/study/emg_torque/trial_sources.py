@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..._errors import IdentificationError, RecordingError
-from ..._printed_command import printed_command
+from ...._errors import IdentificationError, RecordingError
+from ...._printed_command import printed_command
+from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....models.friction_terms import COULOMB_FRICTION
+from ....models.parameter_card import ParameterCard, read_parameter_card
+from ....numerics.filters import zero_phase_lowpass
+from ....orthosis.strap.strap_model import PLAIN_NAME, StrapModel
+from ....orthosis.strap.strap_torque import Limb, Orthosis
+from ....orthosis.strap.strapped_reference import StrappedBodies, strapped_torque
+from ....study.procedures.card_sources import require_fresh
+from ....study.study import Study
 from ...estimators.features import MOTION_LOWPASS_HZ
-from ...estimators.strapped_reference import StrappedBodies, strapped_torque
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.strap.strap_model import PLAIN_NAME, StrapModel
-from ...fit.strap.strap_torque import Limb, Orthosis
-from ...models.friction_terms import COULOMB_FRICTION
-from ...models.parameter_card import ParameterCard, read_parameter_card
-from ...recordings.recording import MAXIMAL_PROTOCOL, Recording
-from ...signals.filters import zero_phase_lowpass
-from ...studies.study import Study
-from ..card_sources import require_fresh
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
 from .relative_envelopes import find_maxima, find_window, relative_envelopes

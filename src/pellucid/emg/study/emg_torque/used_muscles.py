@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..._errors import RecordingError
-from ...fit.parameter import Verdict
-from ...recordings.recording import Recording
-from ...studies.study import Study
+from ...._errors import RecordingError
+from ....files.recording import Recording
+from ....models.parameter import Verdict
+from ....study.study import Study
 from .emg_torque_table import EmgTorqueTable
 
 

@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....study.study import Study
 from ...estimators.channel_watch import add_channel_watch
 from ...estimators.emg_session import ChannelChange
 from ...estimators.live_torque import LiveTorque
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial, join_pieces
 from ...models.emg_estimator import EmgEstimatorCard
-from ...studies.study import Study
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import map_estimator
 from .trial_sources import moment_trials

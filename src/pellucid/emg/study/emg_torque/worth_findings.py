@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....study.procedures.result import FigureTable
 from ...estimators.emg_worth import MIN_TRIALS_FOR_INTERVAL, EmgWorth, worth_on_recording, worth_over_trials
-from ..result import FigureTable
 from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
 from .evaluated import TorqueTrace
 

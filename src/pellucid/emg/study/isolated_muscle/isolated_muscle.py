@@ -15,19 +15,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import optimize
 
-from ..._errors import IdentificationError, RecordingError
-from ...fit.parameter import Parameter, Verdict
-from ...fit.posterior.ensemble import require_sampler
-from ...fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
-from ...fit.posterior.posterior import Posterior
+from ...._errors import IdentificationError, RecordingError
+from ....files.fault import Fault
+from ....files.recording import Recording
+from ....models.parameter import Parameter, Verdict
+from ....numerics.posterior.ensemble import require_sampler
+from ....numerics.posterior.posterior import Posterior
+from ....study.procedures.posterior_beside import (
+    pair_with_posterior,
+    posterior_rows,
+    posterior_table,
+    posterior_verdicts,
+)
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...fit.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 from ...models.muscle import Muscle
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
-from ..procedure import Progress, quiet
-from ..result import FigureTable, ParameterTable, Result
 from .isolated_muscle_table import IsolatedMuscleTable
 
 SIMULATION_PERIOD_S = 1e-3

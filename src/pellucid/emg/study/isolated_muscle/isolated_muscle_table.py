@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from ...studies.study_fields import ProcedureTable, Word, quantity
+from ....study.study_fields import ProcedureTable, Word, quantity
 
 
 class IsolatedMuscleTable(ProcedureTable):

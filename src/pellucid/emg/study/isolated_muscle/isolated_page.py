@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ...drawing.drawing import draw
-from ...pages.over_time import Traces, over_time
-from ...pages.page import Answer, Page, Section
-from ...pages.quantities import typeset_sentence
-from ...studies.study import Study
-from ..posterior_beside import pair_with_posterior
-from ..posterior_figures import posterior_figure
-from ..study_page import figure_tables, parameter_tables
+from ....study.drawing.drawing import draw
+from ....study.pages.over_time import Traces, over_time
+from ....study.pages.page import Answer, Page, Section
+from ....study.pages.quantities import typeset_sentence
+from ....study.procedures.posterior_beside import pair_with_posterior
+from ....study.procedures.posterior_figures import posterior_figure
+from ....study.procedures.study_page import figure_tables, parameter_tables
+from ....study.study import Study
 from .isolated_muscle import IsolatedMuscleResult
 
 

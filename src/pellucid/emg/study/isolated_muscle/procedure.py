@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..procedure import Procedure, Progress, quiet
+from ....study.procedures.procedure import Procedure, Progress, quiet
 from .isolated_muscle_table import IsolatedMuscleTable
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
-    from ...studies.study import Study
+    from ....files.fault import Fault
+    from ....study.pages.page import Page
+    from ....study.study import Study
     from .isolated_muscle import IsolatedMuscleResult
 
 

@@ -1,6 +1,6 @@
 """Onsets of muscle activity."""
 
-from ..command import PEOPLE_GROUP, Command
+from ....study.procedures.command import PEOPLE_GROUP, Command
 
 PROCEDURE_ORDER = 110
 """Position of this procedure among all procedures; the smallest comes first."""

@@ -10,15 +10,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
-from ..._errors import RecordingError
-from ..._given import csv_cell
-from ...drawing.line_points import outline
-from ...fit.parameter import Verdict
-from ...recordings.fault import Fault
+from ...._atomic import write_text_atomically
+from ...._errors import RecordingError
+from ...._given import csv_cell
+from ....files.fault import Fault
+from ....models.parameter import Verdict
+from ....study.drawing.line_points import outline
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
 from ...signals.emg_onset import Burst, activations, require_activity
-from ...studies.results import ResultRow
-from ...studies.study import Study
 from ..muscle_channels import (
     emg_faults,
     emg_stream,
@@ -29,8 +31,6 @@ from ..muscle_channels import (
     raw_channel,
     raw_whole_file,
 )
-from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
 from .onset_table import OnsetTable
 
 MAX_DRAWN_RECORDINGS = 6

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from .find_onsets import MuscleBursts
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ...drawing.drawing import draw
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import typeset_sentence
-from ...studies.study import Study
-from ..study_page import figure_tables, paper_step, study_page
+from ....study.drawing.drawing import draw
+from ....study.pages.page import Page, Section, Tile
+from ....study.pages.quantities import typeset_sentence
+from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.study import Study
 from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
 from .onset_figures import burst_traces
 from .onset_table import OnsetTable

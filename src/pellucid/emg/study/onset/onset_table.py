@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from ...studies.study_fields import quantity
+from ....study.study_fields import quantity
 from ..muscle_tables import MuscleTable
 
 

@@ -1,6 +1,6 @@
 """Muscle synergies."""
 
-from ..command import PEOPLE_GROUP, Command
+from ....study.procedures.command import PEOPLE_GROUP, Command
 
 PROCEDURE_ORDER = 130
 """Position of this procedure among all procedures; the smallest comes first."""

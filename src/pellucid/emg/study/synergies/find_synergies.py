@@ -7,7 +7,13 @@ from itertools import combinations
 
 import numpy as np
 
-from ..._errors import IdentificationError, RecordingError
+from ...._errors import IdentificationError, RecordingError
+from ....files.fault import Fault
+from ....models.parameter import Verdict
+from ....study.procedures.procedure import Progress, quiet
+from ....study.procedures.result import FigureTable, Result
+from ....study.results import ResultRow, combined_checksum
+from ....study.study import Study
 from ...estimators.synergies import (
     MIN_MUSCLE_VAF,
     VAF_THRESHOLD,
@@ -20,13 +26,7 @@ from ...estimators.synergies import (
     similarity,
     vaf,
 )
-from ...fit.parameter import Verdict
-from ...recordings.fault import Fault
-from ...studies.results import ResultRow, combined_checksum
-from ...studies.study import Study
 from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
-from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
 from .synergies_table import SynergiesTable
 
 DRAWN_STRETCH_S = 6.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from .find_synergies import GroupSynergies
 
 SYNERGY_TONES = ("fitted", "heldout", "good", "load", "stribeck", "combined", "directional", "symmetric")

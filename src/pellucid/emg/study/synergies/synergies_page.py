@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ...drawing.drawing import draw
-from ...pages.page import Page, Section
-from ...pages.quantities import typeset_sentence
-from ...studies.study import Study
-from ..study_page import figure_tables, paper_step, study_page
+from ....study.drawing.drawing import draw
+from ....study.pages.page import Page, Section
+from ....study.pages.quantities import typeset_sentence
+from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.study import Study
 from . import synergies_figures as figures
 from .find_synergies import SynergiesResult
 

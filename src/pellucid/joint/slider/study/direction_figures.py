@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from ...drawing.drawing import Drawing, line, one_panel, origin, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...pages.quantities import number
+from ....study.drawing.drawing import Drawing, line, one_panel, origin, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.quantities import number
 
 FREE_COLOUR_ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
 """Colour roles that models take in turn where the caller names none; the first two serve the usual comparison."""

@@ -7,27 +7,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._errors import IdentificationError, UnfitRecordingError
-from ...fit.parameter import Parameter, Verdict
-from ...fit.slider.axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
-from ...fit.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
-from ...fit.slider.reversals import MIN_TURN_COUNT, presliding_travel
-from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
-from ...fit.slider.three_steps import STEP_PROTOCOLS, all_at_once, directional_columns, static_set, three_steps
-from ...models.directional_slider import DirectionalSliderModel
-from ...models.friction_terms import LOAD_FEATURE, features_of
-from ...models.slider_joint import SliderJointModel
-from ...protocols.reversals import REVERSALS_NAME
-from ...recordings.recording import Recording
-from ...signals.filters import zero_phase_lowpass
-from ...signals.markers import Geometry, slider_geometry
-from ...signals.slider_motion import SliderMotion
-from ...studies.effort import command_of, drive_model
-from ...studies.quality import require_sound
-from ...studies.study import Study
-from ...studies.study_file import StudyFile
-from ..dead_effort import require_live_effort
-from ..procedure import Progress, quiet
+from ...._errors import IdentificationError, UnfitRecordingError
+from ....files.recording import Recording
+from ....models.directional_slider import DirectionalSliderModel
+from ....models.friction_terms import LOAD_FEATURE, features_of
+from ....models.parameter import Parameter, Verdict
+from ....models.slider_joint import SliderJointModel
+from ....numerics.filters import zero_phase_lowpass
+from ....numerics.protocols.reversals import REVERSALS_NAME
+from ....study.effort import command_of, drive_model
+from ....study.procedures.dead_effort import require_live_effort
+from ....study.procedures.procedure import Progress, quiet
+from ....study.quality import require_sound
+from ....study.study import Study
+from ....study.study_file import StudyFile
+from ..axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
+from ..coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
+from ..markers import Geometry, slider_geometry
+from ..reversals import MIN_TURN_COUNT, presliding_travel
+from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
+from ..slider_motion import SliderMotion
+from ..three_steps import STEP_PROTOCOLS, all_at_once, directional_columns, static_set, three_steps
 from .recorded_slider import slider_motions
 from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Head, heads, key, line, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...fit.slider.slider_fit import SliderFit
-from ...pages.moving import MovingDrawing, Way, cursor, strokes
-from ...pages.series import busiest
+from ....study.drawing.drawing import Head, heads, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
+from ...study.series import busiest
+from ..slider_fit import SliderFit
 from .identify_slider import predicted
 
 FRAME_COUNT = 60

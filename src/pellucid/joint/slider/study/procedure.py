@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...studies.study import Study
-from ..procedure import Procedure, Progress, quiet
+from ....study.procedures.procedure import Procedure, Progress, quiet
+from ....study.study import Study
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
+    from ....files.fault import Fault
+    from ....study.pages.page import Page
     from .slider_result import SliderResult
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..._errors import RecordingError
-from ...recordings.recording import Recording
-from ...signals.markers import Geometry
-from ...signals.slider_motion import SliderMotion, slider_motion
-from ...studies.effort import command_of, drive_model
-from ...studies.study_file import StudyFile
+from ...._errors import RecordingError
+from ....files.recording import Recording
+from ....study.effort import command_of, drive_model
+from ....study.study_file import StudyFile
+from ..markers import Geometry
+from ..slider_motion import SliderMotion, slider_motion
 
 
 def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry: Geometry) -> tuple[SliderMotion, ...]:

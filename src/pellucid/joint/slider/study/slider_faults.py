@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.slider.axis_offset import FREE_CARRIAGE_NAME
-from ...fit.slider.three_steps import STEP_PROTOCOLS, require_both_directions, require_places
-from ...protocols.reversals import REVERSALS_NAME
-from ...recordings.fault import Fault, warn_if_held_out
-from ...recordings.recording import Recording
-from ...signals.markers import Geometry, geometry_faults, slider_geometry
-from ...signals.slider_motion import SliderMotion
-from ...studies.effort import drive_model
-from ...studies.quality import inspect
-from ...studies.study import Study
-from ...studies.study_file import StudyFile
-from ..dead_effort import dead_effort_faults
+from ...._errors import IdentificationError, PellucidError
+from ....files.fault import Fault, warn_if_held_out
+from ....files.recording import Recording
+from ....numerics.protocols.reversals import REVERSALS_NAME
+from ....study.effort import drive_model
+from ....study.procedures.dead_effort import dead_effort_faults
+from ....study.quality import inspect
+from ....study.study import Study
+from ....study.study_file import StudyFile
+from ..axis_offset import FREE_CARRIAGE_NAME
+from ..markers import Geometry, geometry_faults, slider_geometry
+from ..slider_motion import SliderMotion
+from ..three_steps import STEP_PROTOCOLS, require_both_directions, require_places
 from .recorded_slider import slider_motions
 
 

@@ -6,19 +6,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..._printed_command import printed_command
-from ...drawing.drawing import Drawing, draw
-from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
-from ...models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
-from ...models.joint import GRAVITY, PARAMETER_INDEX
-from ...models.slider_joint import BODY_UNITS
-from ...pages.page import Answer, Page, Section, Tile
-from ...pages.quantities import number, parameter_interval, parameter_note, relative_sd, typeset_sentence, unit_text
-from ...pages.tables import Row, Table
-from ...pages.values import Value
-from ...studies.study import Study
-from ..badge_bounds import MAX_BODY_ERROR_RATIO
-from ..study_page import provenance, study_page
+from ...._printed_command import printed_command
+from ....models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
+from ....models.joint import GRAVITY, PARAMETER_INDEX
+from ....models.slider_joint import BODY_UNITS
+from ....study.drawing.drawing import Drawing, draw
+from ....study.pages.page import Answer, Page, Section, Tile
+from ....study.pages.quantities import (
+    number,
+    parameter_interval,
+    parameter_note,
+    relative_sd,
+    typeset_sentence,
+    unit_text,
+)
+from ....study.pages.tables import Row, Table
+from ....study.pages.values import Value
+from ....study.procedures.badge_bounds import MAX_BODY_ERROR_RATIO
+from ....study.procedures.study_page import provenance, study_page
+from ....study.study import Study
+from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
 from .moving_slider_figures import moving_slider

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
-from ...fit.slider.slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
-from ...models.slider_card import SliderCard
-from ...models.slider_joint import SliderJointModel
-from ...studies.results import ResultRow, combined_checksum
-from ...studies.study import Study
-from ..result import FigureTable, ParameterTable, Result
+from ....models.slider_card import SliderCard
+from ....models.slider_joint import SliderJointModel
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow, combined_checksum
+from ....study.study import Study
+from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 
 COMMAND_NAME = "identify"
 """Every row names this command as its origin."""

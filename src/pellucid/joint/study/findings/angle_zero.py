@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from ...._errors import IdentificationError
-from ....fit.block_test import SIGNIFICANCE_LEVEL
-from ....fit.joint.angle_zero import AngleZero, estimate_angle_zero, has_free_gravity
-from ....fit.parameter import Verdict
-from ....fit.regression import stack
+from ....models.parameter import Verdict
+from ....numerics.block_test import SIGNIFICANCE_LEVEL
+from ....numerics.regression import stack
+from ...fit.angle_zero import AngleZero, estimate_angle_zero, has_free_gravity
 from ..joint_case import JointCase
 
 MIN_ZERO_ERROR_RAD = np.radians(3.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
 from ..joint_case import JointCase
 
 MAX_CONDITION_NUMBER = 100.0

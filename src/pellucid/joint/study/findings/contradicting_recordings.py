@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import ndtri
 
-from ....fit.joint.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
-from ....fit.parameter import Verdict
-from ....pages.quantities import number, parameter_label, unit_text
+from ....models.parameter import Verdict
+from ....study.pages.quantities import number, parameter_label, unit_text
+from ...fit.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
 from ..joint_case import JointCase
 from ..unstated_payload import PAYLOAD_ADVICE, estimate_without, unstated_payload
 

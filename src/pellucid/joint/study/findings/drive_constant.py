@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
 from ....models.friction_terms import grows_with_load
+from ....models.parameter import Verdict
 from ..joint_case import JointCase
 
 MIN_STANDARD_ERRORS = 4.0

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import ndtri
 
-from ....fit.block_test import HeldOutComparison
-from ....fit.joint.estimator_choice import DECISIVE_ERROR_RATIO
-from ....fit.joint.joint_estimate import JointEstimate
-from ....fit.parameter import Parameter, Verdict
-from ....pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
+from ....models.parameter import Parameter, Verdict
+from ....numerics.block_test import HeldOutComparison
+from ....study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
+from ...fit.estimator_choice import DECISIVE_ERROR_RATIO
+from ...fit.joint_estimate import JointEstimate
 from ..joint_case import JointCase
 
 MIN_EFFORT_SHARE = 0.02

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.joint.family_choice import added_terms
-from ....fit.parameter import Verdict
-from ...badge_bounds import MAX_GOOD_ERROR
+from ....models.parameter import Verdict
+from ....study.procedures.badge_bounds import MAX_GOOD_ERROR
+from ...fit.family_choice import added_terms
 from ..joint_case import JointCase
 
 WHERE_TEXT = "on blocks of the fitted recordings, each predicted from the others"

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ....fit.joint.friction_drift import find_friction_drift
-from ....fit.parameter import Verdict
 from ....models.fields import largest_friction, model_fields
 from ....models.friction_terms import TERMS
-from ....pages.quantities import number, unit_text
+from ....models.parameter import Verdict
+from ....study.pages.quantities import number, unit_text
+from ...fit.friction_drift import find_friction_drift
 from ..joint_case import JointCase
 
 MIN_LEVEL_SHARE = 0.25

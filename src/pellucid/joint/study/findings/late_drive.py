@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
 from ..aligned_motions import find_alignments
 from ..joint_case import JointCase
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
 from ....models.friction_terms import LOAD_FEATURE, features_of
+from ....models.parameter import Verdict
 from ..joint_case import JointCase
 
 COMMON_COEFFICIENT_TEXT = (

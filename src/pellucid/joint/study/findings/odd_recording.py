@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ....fit.joint.evaluation import Prediction
-from ....fit.joint.replay import relative_error
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
+from ...fit.evaluation import Prediction
+from ...fit.replay import relative_error
 from ..joint_case import JointCase
 from ..unstated_payload import PAYLOAD_ADVICE, estimate_without, unstated_payload
 

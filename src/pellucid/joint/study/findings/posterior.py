@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
-from ...posterior_beside import pair_with_posterior, posterior_verdicts
+from ....models.parameter import Verdict
+from ....study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
 from ..joint_case import JointCase
 
 

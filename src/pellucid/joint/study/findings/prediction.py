@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.block_test import count_independent_samples
-from ....fit.parameter import Verdict
-from ...badge_bounds import MAX_GOOD_ERROR, SOUND_R2
+from ....models.parameter import Verdict
+from ....numerics.block_test import count_independent_samples
+from ....study.procedures.badge_bounds import MAX_GOOD_ERROR, SOUND_R2
 from ..joint_case import JointCase
 
 FAILED_R2 = 0.5

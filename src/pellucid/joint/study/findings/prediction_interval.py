@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....fit.parameter import Verdict
+from ....models.parameter import Verdict
 from ..joint_case import JointCase
 
 MAX_COVERAGE_SHORTFALL = 0.05

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....fit.parameter import Verdict
-from ....pages.quantities import number, unit_text
+from ....models.parameter import Verdict
+from ....study.pages.quantities import number, unit_text
 from ..joint_case import JointCase
 
 

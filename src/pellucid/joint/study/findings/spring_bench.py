@@ -6,18 +6,18 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ....fit.joint.evaluation import Prediction
-from ....fit.joint.spring_fit import solve_spring
-from ....fit.parameter import Verdict
 from ....models.joint import GRAVITY
-from ....pages.quantities import number, unit_text
-from ....signals.spring_evidence import (
+from ....models.parameter import Verdict
+from ....numerics.spring_evidence import (
     MAX_SPRING_UNEXPLAINED_SHARE,
     MIN_EXCESS,
     MIN_LEVER_M,
     STANDARD_ERRORS,
     USUAL_LEVER_M,
 )
+from ....study.pages.quantities import number, unit_text
+from ...fit.evaluation import Prediction
+from ...fit.spring_fit import solve_spring
 from ..joint_case import JointCase
 
 MIN_UNEXPLAINED_SHARE = 0.5

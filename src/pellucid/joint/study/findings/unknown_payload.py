@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.parameter import Verdict
-from ....pages.quantities import interval_text
+from ....models.parameter import Verdict
+from ....study.pages.quantities import interval_text
 from ..joint_case import JointCase
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....fit.joint.joint_estimate import JointEstimate
-from ....fit.parameter import Verdict
 from ....models.friction_terms import TERMS
+from ....models.parameter import Verdict
+from ...fit.joint_estimate import JointEstimate
 from ..joint_case import JointCase
 
 WEAKNESS_REASONS = {

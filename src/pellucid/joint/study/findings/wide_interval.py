@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ....fit.joint.joint_estimate import JointEstimate
-from ....fit.parameter import Parameter, Verdict
-from ....pages.quantities import number, unit_text
+from ....models.parameter import Parameter, Verdict
+from ....study.pages.quantities import number, unit_text
+from ...fit.joint_estimate import JointEstimate
 from ..joint_case import JointCase
 from .weak_parameter import NEGLIGIBLE_EFFORT_SHARE, advice
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ....fit.parameter import Verdict
-from ....recordings.defects import worn
-from ....recordings.fault import Fault
+from ....files.defects import worn
+from ....files.fault import Fault
+from ....models.parameter import Verdict
 from ..joint_case import JointCase
 from ..wearer import WORN_ADVICE, wearer_faults
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...._errors import IdentificationError
-from ....fit.joint.angle_zero import has_free_gravity
-from ....fit.joint.friction_solver import solve_family
-from ....fit.parameter import Verdict
-from ....fit.regression import stack
 from ....models.joint import JointModel
+from ....models.parameter import Verdict
+from ....numerics.regression import stack
+from ...fit.angle_zero import has_free_gravity
+from ...fit.friction_solver import solve_family
 from ..joint_case import JointCase
 from .prediction import FAILED_R2
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from math import nan
 
-from ..._errors import IdentificationError
-from ...fit.joint.actuator_residual import actuator_residual
-from ...models.card import CardParameter
-from ...models.parameter_card import ParameterCard
-from ...recordings.recording import Recording
+from ...._errors import IdentificationError
+from ....files.recording import Recording
+from ....joint.fit.actuator_residual import actuator_residual
+from ....models.card import CardParameter
+from ....models.parameter_card import ParameterCard
 
 CARD_NAME = "actuator"
 """Name of the card's file."""

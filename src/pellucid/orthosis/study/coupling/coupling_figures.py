@@ -11,15 +11,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...fit.joint.gravity_holds import GravityFit, line_of_best_fit
-from ...fit.parameter import Parameter
-from ...fit.strap.identified_strap import IdentifiedStrap
-from ...fit.strap.wearer_coupling import EvaluatedSwing
-from ...fit.transfer.transfer_function_fit import Response
-from ...pages.moving import MovingDrawing, Way, cursor, strokes
-from ...pages.quantities import number, unit_text
+from ....models.parameter import Parameter
+from ....numerics.gravity_holds import GravityFit, line_of_best_fit
+from ....study.drawing.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
+from ....study.pages.quantities import number, unit_text
+from ...strap.identified_strap import IdentifiedStrap
+from ...strap.wearer_coupling import EvaluatedSwing
+from ...transfer.transfer_function_fit import Response
 from .coupling_result import WearerStages
 
 MAX_DRAWN_S = 12.0

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..._printed_command import printed_command
-from ...drawing.drawing import draw
-from ...pages.page import Answer, Page, Section, Tile, without_drawing
-from ...pages.quantities import number, typeset_sentence, unit_text
-from ...pages.tables import number_table
-from ...studies.study import Study
-from ..badge_bounds import MIN_EXPLAINED_PERCENT
-from ..posterior_beside import pair_with_posterior
-from ..posterior_figures import posterior_figure
-from ..study_page import figure_tables, parameter_tables, study_page
+from ...._printed_command import printed_command
+from ....study.drawing.drawing import draw
+from ....study.pages.page import Answer, Page, Section, Tile, without_drawing
+from ....study.pages.quantities import number, typeset_sentence, unit_text
+from ....study.pages.tables import number_table
+from ....study.procedures.badge_bounds import MIN_EXPLAINED_PERCENT
+from ....study.procedures.posterior_beside import pair_with_posterior
+from ....study.procedures.posterior_figures import posterior_figure
+from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
+from ....study.study import Study
 from . import coupling_figures as figures
 from .coupling_result import CouplingResult
 from .coupling_table import CouplingTable

@@ -8,20 +8,25 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...fit.joint.gravity_holds import accuracy
-from ...fit.parameter import Parameter, Verdict
-from ...fit.strap.identified_strap import IdentifiedStrap
-from ...fit.strap.limb_alone import KNEE_DAMPING_SPREAD, LimbFit
-from ...fit.strap.limb_imu import ImuCalibration
-from ...fit.strap.limb_muscles import MuscleTorque
-from ...fit.strap.orthosis_alone import COVARIANCE_ORDER, OrthosisFit
-from ...fit.strap.published_coupling import PublishedCoupling
-from ...fit.strap.strap_model import STRAP_FEATURES, StrapModel
-from ...fit.strap.wearer_coupling import MODEL_NAMES, WearerCoupling
-from ...models.parameter_card import ParameterCard
-from ...studies.results import ResultRow, combined_checksum
-from ..posterior_beside import pair_with_posterior, posterior_rows, posterior_table, posterior_verdicts
-from ..result import FigureTable, ParameterTable, Result
+from ....models.parameter import Parameter, Verdict
+from ....models.parameter_card import ParameterCard
+from ....numerics.gravity_holds import accuracy
+from ....study.procedures.posterior_beside import (
+    pair_with_posterior,
+    posterior_rows,
+    posterior_table,
+    posterior_verdicts,
+)
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow, combined_checksum
+from ...strap.identified_strap import IdentifiedStrap
+from ...strap.limb_alone import KNEE_DAMPING_SPREAD, LimbFit
+from ...strap.limb_imu import ImuCalibration
+from ...strap.limb_muscles import MuscleTorque
+from ...strap.orthosis_alone import COVARIANCE_ORDER, OrthosisFit
+from ...strap.published_coupling import PublishedCoupling
+from ...strap.strap_model import STRAP_FEATURES, StrapModel
+from ...strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 
 ANTHROPOMETRIC_TABLE_NAMES: Mapping[str, str] = {
     "winter": "Winter, knee to ankle",

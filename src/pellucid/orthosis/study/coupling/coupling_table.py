@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from ...studies.study_fields import ProcedureTable, Word
+from ....study.study_fields import ProcedureTable, Word
 
 
 class CouplingTable(ProcedureTable):

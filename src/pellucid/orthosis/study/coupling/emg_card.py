@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..._errors import IdentificationError
-from ...estimators.causal_map import EmgSettings, fit_causal_map
-from ...fit.strap.strap_torque import Limb, Orthosis
-from ...fit.strap.wearer_coupling import WearerCoupling
-from ...models.parameter_card import ParameterCard
-from ...recordings.recording import Recording
-from ...studies.study import Study
-from ..emg_torque.strapped_trials import strapped_emg_trial
-from ..emg_torque.trial_sources import STEP_PROTOCOL, number_repetitions
+from ...._errors import IdentificationError
+from ....emg.estimators.causal_map import EmgSettings, fit_causal_map
+from ....emg.study.emg_torque.trial_sources import STEP_PROTOCOL, number_repetitions
+from ....files.recording import Recording
+from ....models.parameter_card import ParameterCard
+from ....study.study import Study
+from ...strap.strap_torque import Limb, Orthosis
+from ...strap.wearer_coupling import WearerCoupling
 from .coupling_table import CouplingTable
+from .strapped_trials import strapped_emg_trial
 
 
 def emg_cards(

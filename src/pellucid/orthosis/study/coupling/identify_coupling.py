@@ -12,23 +12,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.posterior.ensemble import require_sampler
-from ...fit.strap.limb_alone import fit_limb
-from ...fit.strap.limb_imu import JointAxis, calibrate_imu, find_joint_axis, limb_angle_by_imu
-from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
-from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
-from ...fit.strap.strap_torque import StrappedSwing
-from ...fit.strap.wearer_coupling import identify_wearer
-from ...models.anthropometry import Segment, known_segments
-from ...recordings.fault import Fault, warn_if_held_out
-from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain, emg_chain
-from ...signals.inertial import inertial
-from ...signals.input_output import InputOutput, input_output
-from ...signals.wrapping import unwrap
-from ...studies.study import Study
-from ...studies.study_file import Participant, StudyFile
+from ...._errors import IdentificationError, PellucidError
+from ....emg.signals.emg_chain import EmgChain, emg_chain
+from ....files.fault import Fault, warn_if_held_out
+from ....files.recording import Recording
+from ....models.anthropometry import Segment, known_segments
+from ....numerics.posterior.ensemble import require_sampler
+from ....numerics.wrapping import unwrap
+from ....study.study import Study
+from ....study.study_file import Participant, StudyFile
+from ...imu.inertial import inertial
+from ...input_output import InputOutput, input_output
+from ...strap.limb_alone import fit_limb
+from ...strap.limb_imu import JointAxis, calibrate_imu, find_joint_axis, limb_angle_by_imu
+from ...strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
+from ...strap.orthosis_alone import OrthosisFit, fit_orthosis
+from ...strap.strap_torque import StrappedSwing
+from ...strap.wearer_coupling import identify_wearer
 from .actuator_card import actuator_card
 from .coupling_result import CouplingResult, WearerStages, coupling_result
 from .coupling_table import CouplingTable

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...estimators.causal_map import ANGLE_LOWPASS_HZ, EmgTrial
-from ...estimators.strapped_reference import strapped_torque
-from ...fit.strap.strap_torque import Limb, Orthosis
-from ...recordings.recording import Recording
+from ....emg.estimators.causal_map import ANGLE_LOWPASS_HZ, EmgTrial
+from ....files.recording import Recording
+from ...strap.strap_torque import Limb, Orthosis
+from ...strap.strapped_reference import strapped_torque
 
 
 def strapped_emg_trial(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...drawing.drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
+from ....study.drawing.drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from .identify_hinge import HingeTrial
 
 ANGLE_FIGURE_SPAN_S = 20.0

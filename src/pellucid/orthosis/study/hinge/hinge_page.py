@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...drawing.drawing import draw
-from ...pages.page import Page, Section, Tile
-from ...studies.study import Study
-from ..study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.drawing.drawing import draw
+from ....study.pages.page import Page, Section, Tile
+from ....study.procedures.study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.study import Study
 from . import hinge_figures as figures
 from .hinge_table import HingeTable
 from .identify_hinge import PROCESSING_NOTE, HingeResult, HingeTrial

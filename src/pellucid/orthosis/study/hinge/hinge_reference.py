@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..._errors import IdentificationError
-from ...recordings.recording import Recording
-from ...signals.clocks import Alignment, align
-from ...signals.hinge_angle import HingeAngle
-from ...signals.quaternion import angular_steps, conjugate, continuous, multiply, twist
+from ...._errors import IdentificationError
+from ....files.recording import Recording
+from ....numerics.clocks import Alignment, align
+from ...imu.hinge_angle import HingeAngle
+from ...imu.quaternion import angular_steps, conjugate, continuous, multiply, twist
 
 JUMP_MARGIN_S = 0.05
 """Samples within this time of a jump are excluded: cameras see a body badly just before and after they lose it."""
@@ -37,7 +37,7 @@ class HingeReference:
 
     def excluded_between(self) -> tuple[tuple[float, float], ...]:
         """Return the first and last time of each stretch of samples that are not credible [s]."""
-        from ...signals.filters import runs
+        from ....numerics.filters import runs
 
         return tuple((float(self.time[r.start]), float(self.time[r.stop - 1])) for r in runs(~self.believable))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ...studies.study_fields import ProcedureTable, Word, quantity
+from ....study.study_fields import ProcedureTable, Word, quantity
 
 
 class HingeTable(ProcedureTable):

@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.parameter import Parameter, Verdict
-from ...models.parameter_card import ParameterCard
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording
-from ...signals.clocks import Alignment, clock_drift
-from ...signals.hinge import Hinge, find_hinge
-from ...signals.hinge_angle import HingeAngle, hinge_angle
-from ...signals.inertial import Inertial, inertial
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..result import FigureTable, ParameterTable, Result
+from ...._errors import IdentificationError, PellucidError
+from ....files.fault import Fault
+from ....files.recording import Recording
+from ....models.parameter import Parameter, Verdict
+from ....models.parameter_card import ParameterCard
+from ....numerics.clocks import Alignment, clock_drift
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...imu.hinge import Hinge, find_hinge
+from ...imu.hinge_angle import HingeAngle, hinge_angle
+from ...imu.inertial import Inertial, inertial
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
 from .hinge_table import HingeTable
 

@@ -12,20 +12,20 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.parameter import Parameter, Verdict
-from ...fit.swing.leg_balance import leg_alone
-from ...fit.swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, swing
-from ...models.anthropometry import WINTER_MASS, shank_length, winter
-from ...models.friction_terms import is_friction
-from ...models.joint import GRAVITY
-from ...models.parameter_card import ParameterCard
-from ...recordings.fault import Fault, warn_if_held_out
-from ...recordings.recording import Recording, channels_within
-from ...studies.results import ResultRow, combined_checksum
-from ...studies.study import Study
-from ...studies.study_file import Participant, StudyFile
-from ..result import FigureTable, ParameterTable, Result
+from ...._errors import IdentificationError, PellucidError
+from ....files.fault import Fault, warn_if_held_out
+from ....files.recording import Recording, channels_within
+from ....models.anthropometry import WINTER_MASS, shank_length, winter
+from ....models.friction_terms import is_friction
+from ....models.joint import GRAVITY
+from ....models.parameter import Parameter, Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow, combined_checksum
+from ....study.study import Study
+from ....study.study_file import Participant, StudyFile
+from ...swing.leg_balance import leg_alone
+from ...swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, swing
 from .loaded_swing_table import LoadedSwingTable
 
 EMPTY_PROTOCOL = "empty_swing"

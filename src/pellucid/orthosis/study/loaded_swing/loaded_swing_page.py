@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ...drawing.drawing import Drawing, draw
-from ...pages.over_time import Traces, over_time
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, typeset_sentence
-from ...studies.study import Study
-from ..study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.drawing.drawing import Drawing, draw
+from ....study.pages.over_time import Traces, over_time
+from ....study.pages.page import Page, Section, Tile
+from ....study.pages.quantities import number, typeset_sentence
+from ....study.procedures.study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.study import Study
 from .identify_loaded_swing import LoadedSwingResult
 from .loaded_swing_table import LoadedSwingTable
 

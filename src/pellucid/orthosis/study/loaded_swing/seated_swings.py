@@ -12,27 +12,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import IdentificationError
-from ...estimators.cross_validation import score
-from ...estimators.families import ESTIMATOR_FAMILIES
-from ...estimators.hill import HillMap
-from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource
-from ...estimators.torque_map import fit_torque_map
-from ...estimators.torque_trial import TorqueTrial
-from ...fit.parameter import Verdict
-from ...fit.swing.leg_balance import worn_exoskeleton_torque
-from ...fit.swing.loaded_swing import Swing, SwingFit, swing
-from ...models.muscle_geometry import muscle_table
-from ...recordings.recording import Recording
-from ...signals.emg_chain import EmgChain, emg_chain
-from ...studies.study import Study
-from ..loaded_swing.identify_loaded_swing import LOADED_PROTOCOL, identify_swings
-from ..study_chain import study_chain
-from .calibration_findings import CalibrationFindings, find_applicable_estimators
-from .chosen import run_tests_if_candidate
-from .emg_torque_table import EmgTorqueTable
-from .evaluated import EstimatorEvaluation, TorqueTrace
-from .muscle_findings import partial_errors
+from ...._errors import IdentificationError
+from ....emg.estimators.cross_validation import score
+from ....emg.estimators.families import ESTIMATOR_FAMILIES
+from ....emg.estimators.hill import HillMap
+from ....emg.estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource
+from ....emg.estimators.torque_map import fit_torque_map
+from ....emg.estimators.torque_trial import TorqueTrial
+from ....emg.models.muscle_geometry import muscle_table
+from ....emg.signals.emg_chain import EmgChain, emg_chain
+from ....emg.study.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
+from ....emg.study.emg_torque.chosen import run_tests_if_candidate
+from ....emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from ....emg.study.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
+from ....emg.study.emg_torque.muscle_findings import partial_errors
+from ....emg.study.study_chain import study_chain
+from ....files.recording import Recording
+from ....models.parameter import Verdict
+from ....study.study import Study
+from ...swing.leg_balance import worn_exoskeleton_torque
+from ...swing.loaded_swing import Swing, SwingFit, swing
+from .identify_loaded_swing import LOADED_PROTOCOL, identify_swings
 
 SWING_PROTOCOL = "seated_swing"
 """Protocol in which a seated wearer swings the leg without torque by the motor."""

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.parameter import Verdict
-from ...fit.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
-from ...fit.transfer.local_polynomial import LocalResponse, local_response
-from ...protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
-from ...recordings.recording import Recording
-from ...studies.results import ResultRow
-from ..result import FigureTable
+from ...._errors import IdentificationError, PellucidError
+from ....files.recording import Recording
+from ....models.parameter import Verdict
+from ....numerics.protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
+from ....study.procedures.result import FigureTable
+from ....study.results import ResultRow
+from ...transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
+from ...transfer.local_polynomial import LocalResponse, local_response
 from .transfer_function_table import TransferFunctionTable
 
 LINEAR_FIT_WARNING_PERCENT = 90.0

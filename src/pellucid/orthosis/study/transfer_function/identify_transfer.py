@@ -8,22 +8,22 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..._errors import IdentificationError, PellucidError
-from ...fit.parameter import Verdict
-from ...fit.transfer.transfer_function_fit import (
+from ...._errors import IdentificationError, PellucidError
+from ....files.fault import Fault
+from ....files.recording import Recording
+from ....models.parameter import Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.result import FigureTable, ParameterTable, Result
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...input_output import InputOutput, input_output
+from ...transfer.transfer_function_fit import (
     MIN_SAMPLES_PER_UNKNOWN,
     Response,
     TransferFit,
     evaluate_transfer_function,
     fit_records,
 )
-from ...models.parameter_card import ParameterCard
-from ...recordings.fault import Fault
-from ...recordings.recording import Recording
-from ...signals.input_output import InputOutput, input_output
-from ...studies.results import ResultRow
-from ...studies.study import Study
-from ..result import FigureTable, ParameterTable, Result
 from . import first_look
 from .first_look import FirstLook, first_looks
 from .transfer_function_table import TransferFunctionTable

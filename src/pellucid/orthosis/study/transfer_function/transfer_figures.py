@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from ...drawing.drawing import Drawing, key, line, one_panel, origin, tidy
-from ...drawing.style import FIGURE_WIDTH, colour
-from ...pages.quantities import number
+from ....study.drawing.drawing import Drawing, key, line, one_panel, origin, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.quantities import number
 
 CHANNEL_AXES: Mapping[str, tuple[str, float, str]] = {
     "rad": ("Angle", 180.0 / np.pi, "deg"),

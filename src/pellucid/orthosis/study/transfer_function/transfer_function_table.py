@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from ...studies.study_fields import ProcedureTable, Word, quantity
+from ....study.study_fields import ProcedureTable, Word, quantity
 
 
 class TransferFunctionTable(ProcedureTable):

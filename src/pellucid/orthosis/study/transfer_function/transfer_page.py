@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...drawing.drawing import Drawing, draw
-from ...fit.transfer.transfer_function_fit import Response, TransferFit
-from ...pages.page import Page, Section, Tile
-from ...pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
-from ...pages.tables import Row, Table
-from ...studies.study import Study
-from ..study_page import figure_tables, paper_step, provenance, study_page
+from ....study.drawing.drawing import Drawing, draw
+from ....study.pages.page import Page, Section, Tile
+from ....study.pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
+from ....study.pages.tables import Row, Table
+from ....study.procedures.study_page import figure_tables, paper_step, provenance, study_page
+from ....study.study import Study
+from ...transfer.transfer_function_fit import Response, TransferFit
 from . import transfer_figures as figures
 from .first_look import FirstLook
 from .identify_transfer import TransferResult, ratio

@@ -1,0 +1,1 @@
+"""Robots of several joints: model, identification, study."""

@@ -1,0 +1,1 @@
+"""Excitations of several joints."""

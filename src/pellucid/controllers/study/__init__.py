@@ -1,0 +1,1 @@
+"""Instruments of a study's rig, and incidents of a controller."""

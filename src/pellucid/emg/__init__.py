@@ -1,0 +1,1 @@
+"""Electromyography: signals, muscles, estimators of torque, study."""

@@ -1,0 +1,1 @@
+"""Muscles, their geometry, and cards of what was calibrated."""

@@ -1,0 +1,1 @@
+"""From raw electromyograms to envelopes, onsets and their quality."""

@@ -1,0 +1,1 @@
+"""One joint: identification, the joint with a carriage, study."""

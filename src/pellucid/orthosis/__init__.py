@@ -1,0 +1,1 @@
+"""An orthosis and its wearer: strap, inertial sensors, transfer function, loaded swings, study."""
