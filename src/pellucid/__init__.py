@@ -10,6 +10,8 @@ Each name below is imported when it is first used, so that importing the package
 
 from __future__ import annotations
 
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -165,6 +167,23 @@ __all__ = [
 # ``pellucid.open`` is public too. It is not listed: ``from pellucid import *`` would replace Python's own open.
 
 
+class _Package(ModuleType):
+    """This package, whose `controllers` is the function of this name, although a folder has the name too."""
+
+    @property
+    def controllers(self):
+        """Function that lists the controllers of a card."""
+        return __getattr__("controllers")
+
+    @controllers.setter
+    def controllers(self, module: ModuleType) -> None:
+        # The import system sets the folder's module here when one of its files is imported; sys.modules keeps it.
+        pass
+
+
+sys.modules[__name__].__class__ = _Package
+
+
 def __getattr__(name: str):
     if name == "__version__":
         from importlib.metadata import version
@@ -175,14 +194,19 @@ def __getattr__(name: str):
     from importlib import import_module
 
     module, attribute = _PUBLIC_SOURCES[name]
+    module = module if name in _LAB_NAMES else f"{__name__}.{module}"
     try:
-        found = import_module(f".{module}", __name__)
+        found = import_module(module)
     except ModuleNotFoundError as error:
-        if name in _LAB_NAMES and error.name in (f"{__name__}.{module}", f"{__name__}.{module.partition('.')[0]}"):
+        missing = error.name or ""
+        if not f"{module}.".startswith(f"{missing}."):
+            raise
+        if name in _LAB_NAMES:
             from ._errors import missing_lab
 
             raise missing_lab(f"pellucid.{name}") from None
-        raise
+        text = f"pellucid.{name} needs {missing}, which this installation lacks"
+        raise ModuleNotFoundError(text, name=missing) from None
     return found if attribute is None else getattr(found, attribute)
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from ._domains import missing_domain
 from ._errors import PellucidError, UnfitRecordingError
 from ._plugins import load_plugins
 from ._printed_command import printed_command
@@ -827,6 +828,11 @@ def main() -> None:
         _exit_with_message(str(error), 1)
     except PellucidError as error:
         _exit_with_message(str(error))
+    except ModuleNotFoundError as error:
+        domain = missing_domain(error)
+        if domain is None:
+            raise
+        _exit_with_message(f"this command needs pellucid/{domain}, which this installation lacks")
     except OSError as error:
         _exit_with_message(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
     except MemoryError as error:

@@ -1,7 +1,7 @@
 """The help of the command line: commands by what somebody wants to do, an example for each, and options of all.
 
-A command says to which of `pellucid.study.procedures.command.HELP_GROUPS` it belongs, and how it is called; `CommandGroup`
-prints them.
+A command says to which of `pellucid.study.procedures.command.HELP_GROUPS` it belongs, and how it is called;
+`CommandGroup` prints them.
 """
 
 from __future__ import annotations

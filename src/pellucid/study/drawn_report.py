@@ -21,7 +21,7 @@ from .study_place import StudyPlace, checksum
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""
 
-TEMPLATES = Path(__file__).parents[1] / "pages"
+TEMPLATES = Path(__file__).parent / "pages"
 """Folder of the package whose templates and styles the page is made with."""
 
 KEPT_COLUMNS_ENDING = ".columns"

@@ -96,6 +96,10 @@ class Study:
         """The model that is identified."""
         return self.config.model
 
+    def has_table(self, name: str) -> bool:
+        """Return whether study.toml has the table of a procedure, such as ``"tree"``."""
+        return name in self.config.procedures
+
     def find_table(self, kind: type[Table]) -> Table | None:
         """Return the table of a class that asks for a procedure; None where study.toml has none."""
         return self.config.find_table(kind)

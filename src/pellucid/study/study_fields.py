@@ -96,6 +96,10 @@ class ProcedureTable(StudyTable):
         """
         return 0.0
 
+    def named_files(self) -> tuple[str, ...]:
+        """Return the files that the table names, relative to the study's folder."""
+        return ()
+
     def require_in(self, config: Any) -> None:
         """Raise a ValueError if the table refers to something that is missing in the rest of study.toml."""
 

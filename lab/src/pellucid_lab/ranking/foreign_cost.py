@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from pellucid.controllers.export.c_folder import template_folder
 from pellucid.controllers.export.microcontroller import missing_tools
 
 from .foreign_law import COMPILER_FLAGS, ForeignLaw
@@ -40,7 +41,7 @@ BOARD_COMMAND = (
 )  # fmt: skip
 """Command that runs a program on the emulated board, one instruction a nanosecond."""
 
-TEMPLATES = Path(__file__).parent.parent / "deployment" / "templates"
+TEMPLATES = template_folder()
 """Folder with what a Cortex-M4F needs before its main function."""
 
 COUNTER_PROGRAM = """

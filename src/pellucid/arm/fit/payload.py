@@ -15,11 +15,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...models.estimates import Estimates
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.parameter import Parameter
 from ...models.robot import Robot
 from ...numerics.regression import make_parameters
-from ...study.estimates import Estimates
 from ..tree_motion import TreeMotion
 from .carried_load import PAYLOAD_PREFIX, LoadedRows, collect_loaded_rows
 from .consistent_inertias import solve_consistent_inertias

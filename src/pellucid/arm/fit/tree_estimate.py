@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import _core
+from ...models.estimates import NamedEstimates
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.parameter import Parameter
 from ...models.robot import Robot
-from ...study.estimates import NamedEstimates
 from .base_parameters import REGROUPED_SUFFIX
 from .friction_terms import (
     MOTOR_PREFIX,

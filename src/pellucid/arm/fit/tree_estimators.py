@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...joint.fit.reweighting import MAX_REWEIGHTINGS, robust_weights
+from ...numerics.robust_weights import MAX_REWEIGHTINGS, robust_weights
 from .output_error import solve_output_error
 from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, compute_loads, fit_rows, linearise_rows
 

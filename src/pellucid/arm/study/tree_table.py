@@ -80,6 +80,10 @@ class TreeTable(ProcedureTable):
     confidence: float = Field(0.95, gt=0, lt=1)
     published: dict[str, dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]]] = Field({})
 
+    def named_files(self) -> tuple[str, ...]:
+        """Return the file of the robot, if there is one."""
+        return () if self.urdf is None else (self.urdf,)
+
     @field_validator("gravity")
     @classmethod
     def _unit_length(cls, gravity: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -11,12 +11,21 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from ... import _core
-from ..._atomic import remove_leftovers, write_text_atomically
 from ..._errors import PellucidError
 from ...models.fields import COORDINATE_UNITS, Field, model_fields
+from ...study.c_sources import (
+    COMPILER_PROGRAMS,
+    HEADER_FOLDER,
+    OUTPUT_FILE,
+    core_headers,
+    float_literal,
+    header_files,
+    needed_headers,
+    record_outputs,
+    refuse_other_makefile,
+    write_files,
+)
 from ..control_law import LAWS, LawSensor
 from ..supervisor_faults import SUPERVISOR_FAULTS
 from ..unmeasured_drive import warn_of_unmeasured_drive
@@ -44,45 +53,15 @@ and replace the blocks that differ. A template that such a folder lacks is the s
 INCIDENT_TEMPLATE_FOLDERS = {"pellucid_incident.h": "", "pellucid_incident.cpp": "", "play_incident.c": "test"}
 """Templates of the recorder beside the controller of a single joint, each with the folder of its file."""
 
-HEADER_FOLDER = "include/pellucid"
-"""Folder of the core's headers in the exported folder."""
-
-OUTPUT_FILE = "test/vector_outputs.h"
-"""File with this machine's outputs for the test vector."""
-
-COMPILER_PROGRAMS = ("make", "cc", "c++")
-"""Programs that are needed to play the test vector."""
-
 EXACT_FLAGS = "-ffp-contract=off -fno-math-errno"
 """Compiler options without which another machine may round otherwise."""
 
 SAFE_FLAGS = "-fno-exceptions -fno-rtti -fno-threadsafe-statics"
 """Compiler options of C++ without what a microcontroller has no memory for."""
 
-MAX_FLOAT_LITERAL = "3.40282347e+38f"
-"""Literal of the largest float, which stands for the absence of a limit."""
-
-
-def core_headers() -> Path:
-    """Return the folder of the core's headers: beside the sources in a checkout, inside an installed package."""
-    package = Path(__file__).parents[1]
-    for folder in (package / "include", package.parents[1] / "include"):
-        if (folder / "pellucid" / "math.hpp").is_file():
-            return folder
-    raise PellucidError(
-        f"{package}: found no headers of the core, expected include/pellucid: run make demo again in the clone"
-    )
-
-
-def needed_headers(header: str) -> list[str]:
-    """Return the names of a header of the core and of all headers that it includes."""
-    folder, found, waiting = core_headers() / "pellucid", set(), [header]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            waiting += re.findall(r'#include "([^"]+)"', (folder / name).read_text(encoding="utf-8"))
-    return sorted(found)
+def template_folder() -> Path:
+    """Return the folder of the templates from which exported files are made."""
+    return Path(__file__).parent / "templates"
 
 
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
@@ -90,9 +69,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     refuse_other_makefile(out)
     law = LAWS[values.law]
     headers = sorted({*needed_headers(law.header), *needed_headers("incident_recorder.hpp"), "watchdog.hpp"})
-    files = {
-        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
-    }
+    files = header_files(headers)
 
     def unit(of: Field | LawSensor) -> str:
         return of.unit(values.motion, values.effort_unit)
@@ -131,22 +108,6 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     return write_files(files, out)
 
 
-def refuse_other_makefile(out: Path) -> None:
-    """Raise a PellucidError if the folder has a makefile that make would prefer to the controller's own."""
-    obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
-    if obeyed:
-        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
-
-
-def write_files(files: Mapping[str, str], out: Path) -> Path:
-    """Write a controller's files, and remove the outputs of an earlier one."""
-    remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
-    (out / OUTPUT_FILE).unlink(missing_ok=True)
-    for name, text in files.items():
-        write_text_atomically(out / name, text)
-    return out
-
-
 def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
     """Return the file with this machine's outputs for the test vector; none without a compiler."""
     lines = record_outputs(files, out)
@@ -160,22 +121,6 @@ def refuse_faults(out: Path, statuses: Iterable[int]) -> None:
     wrong = next((word & 0xFF for word in statuses if word & 0xFF), 0)
     if wrong:
         raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
-
-
-def record_outputs(files: Mapping[str, str], out: Path) -> list[str]:
-    """Return the lines that this machine prints for the test vector; none without a compiler."""
-    if not all(map(shutil.which, COMPILER_PROGRAMS)):
-        return []
-    # Only the files that were just rendered are compiled, whatever else is in the folder.
-    with TemporaryDirectory() as scratch:
-        for name, text in files.items():
-            path = Path(scratch) / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        run = subprocess.run(["make", "-s", "record"], cwd=scratch, capture_output=True, text=True)
-    if run.returncode:
-        raise PellucidError(f"{out}: found that it does not compile:\n{run.stderr.strip()}")
-    return run.stdout.splitlines()
 
 
 @contextmanager
@@ -240,11 +185,3 @@ def _safe_in_comment(x: object) -> object:
         return x
     x = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\\]", " ", x)
     return re.sub(r"\*(?=/)|/(?=[*/])|\?(?=\?)", r"\g<0> ", x)
-
-
-def float_literal(x: float) -> str:
-    """Return a C literal that is read back as the same float."""
-    single = np.float32(x)
-    if np.isinf(single):
-        return MAX_FLOAT_LITERAL if x > 0 else f"-{MAX_FLOAT_LITERAL}"
-    return f"{np.format_float_scientific(single, unique=True, trim='0')}f"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
-from ...arm.study.tree_table import TreeTable
 from ...models.card import read_card, read_table
 from ...models.tree_card import read_tree_card
+from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
 from .owned_folder import mark_own_folder, require_own_folder
@@ -90,7 +91,7 @@ def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path
 
 def simulator_model(study: Study, card: str | None = None) -> tuple[str, SimulatorModel]:
     """Return the file name of the card that is exported, and its model."""
-    if study.find_table(TreeTable) is not None:
+    if study.has_table("tree"):
         name = card or next((n for n in TREE_CARD_NAMES if study.card(n).is_file()), TREE_CARD_NAMES[0])
         path = study.card(name)
         tree = require_fresh(study, path, read_tree_card(path))
@@ -121,3 +122,21 @@ def describe_simulator_model(folder: Path) -> str:
             '"simulation" in study.toml and pellucid identify.'
         )
     return said
+
+
+class SimulatorExporter(Exporter):
+    """A model for simulators."""
+
+    kinds: ClassVar[tuple[str, ...]] = tuple(SIMULATOR_FILES)
+    order: ClassVar[int] = 60
+    unused: ClassVar[tuple[str, ...]] = (
+        "slider", "participant", "controller", "exponents", "load", "held", "period", "probe",
+    )  # fmt: skip
+    why_unused: ClassVar[str] = "a model for simulators has none"
+
+    def export(self, request: ExportRequest) -> Path:
+        """Write the folder of the model."""
+        return export_simulator_model(
+            request.study, request.to, request.out, card=request.card, allow_outside=request.allow_outside,
+            overwrite=request.overwrite,
+        )  # fmt: skip

@@ -11,19 +11,16 @@ import numpy as np
 
 from ... import _core
 from ...models.fields import Field, model_fields
-from .c_folder import (
-    HEADER_FOLDER,
+from ...study.c_sources import (
     OUTPUT_FILE,
-    core_headers,
     float_literal,
+    header_files,
     needed_headers,
     record_outputs,
-    refuse_faults,
     refuse_other_makefile,
-    render,
-    render_all,
     write_files,
 )
+from .c_folder import refuse_faults, render, render_all
 from .replay_vector import (
     FAULT_STEPS,
     INIT_EVENT,
@@ -138,9 +135,7 @@ def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
     """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
     headers = sorted({*needed_headers("tree_supervisor.hpp"), "watchdog.hpp"})
-    files = {
-        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
-    }
+    files = header_files(headers)
     tables, vector, card = tables_of(values), tree_vector(values), values.law.card
     content = {
         "title": FOLDER_TITLE, "values": values, "study": study, "version": version("pellucid"), "headers": headers,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
-from ...study.estimates import Estimates
+from ...models.estimates import Estimates
 from ..fit.muscle_information import muscle_parameters, reported_covariance
 from ..models.muscle_geometry import muscle_table
 from .hill import HillMap, fit_hill

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...files.recording import Recording
 from ...numerics.filters import central_difference, zero_phase_lowpass
 
 
@@ -37,6 +38,18 @@ class MovedBody:
             float(np.angle(pull)),
             self.offset + other.offset,
         )
+
+    @property
+    def words(self) -> str:
+        """How the body is modelled, as a sentence."""
+        return (
+            "limb and orthosis are taken for one body, since no card of the strap is there: a strap that yields adds "
+            "what the limb weighs at another angle."
+        )
+
+    def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
+        """Return the wearer's torque about the joint, shape (n,) [N m], low-passed at `lowpass` [Hz]."""
+        return human_torque(recording["position"], recording["torque"], self, lowpass=lowpass, fs=recording.fs)
 
 
 def human_torque(

@@ -156,6 +156,10 @@ class EmgEstimatorCard:
     confidence: float = 0.95
     format: int = CARD_FORMAT
 
+    def write(self, path: Path) -> Path:
+        """Write the card as JSON, atomically."""
+        return write_estimator_card(path, self)
+
     @property
     def features(self) -> tuple[str, ...]:
         """Names of what a map may multiply, in the core's order."""

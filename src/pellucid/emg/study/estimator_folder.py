@@ -6,27 +6,29 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from ... import _core
 from ..._errors import PellucidError
 from ..._printed_command import printed_command
-from ...controllers.export.c_folder import (
-    HEADER_FOLDER,
+from ...controllers.export.c_folder import render, render_all
+from ...controllers.export.controller_exporter import ControllerExporter, own_folder
+from ...controllers.export.replay_vector import ReplayVector
+from ...models.fields import model_fields
+from ...study.c_sources import (
     OUTPUT_FILE,
-    core_headers,
     float_literal,
+    header_files,
     needed_headers,
     record_outputs,
     refuse_other_makefile,
-    render,
-    render_all,
     write_files,
 )
-from ...controllers.export.replay_vector import ReplayVector
-from ...models.fields import model_fields
+from ...study.exporter import ExportRequest
 from ...study.procedures.card_sources import require_fresh
+from ...study.procedures.registry import asked
 from ...study.study import Study
 from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
 from ..models.estimator_faults import ESTIMATOR_FAULTS
@@ -114,9 +116,7 @@ def write_estimator_folder(
     card.build(period)  # raises an error if the estimator cannot be stepped
     arrays, raw = card.arrays(period), card.chain != "none"
     headers = sorted({*needed_headers("emg_estimator.hpp"), *needed_headers("integrity.hpp")})
-    files = {
-        f"{HEADER_FOLDER}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers
-    }
+    files = header_files(headers)
     terms, joints, muscles, surface = [], [], [], []
     for joint, named in zip(arrays["joints"], card.joints, strict=True):
         own = arrays["terms"][len(joints)]
@@ -273,3 +273,28 @@ def _factor(index: int) -> str:
 
 def _product(term) -> str:
     return " * ".join(name for name in (term.first, term.second) if name) or "offset"
+
+
+class EstimatorExporter(ControllerExporter):
+    """An estimator of torque from EMG, which is no law and has no safety gate."""
+
+    order: ClassVar[int] = 20
+    unused: ClassVar[tuple[str, ...]] = ("slider", "exponents", "load", "held", "probe")
+    why_unused: ClassVar[str] = "torque from EMG has none"
+
+    def fits(self, request: ExportRequest) -> bool:
+        """Return whether the estimator is requested: by its card, or if the study has nothing else."""
+        if not request.study.has_table("emg_torque"):
+            return False
+        named = request.card is not None and Path(request.card).name.startswith("emg_")
+        return named or not asked(request.study, "identify")
+
+    def export(self, request: ExportRequest) -> Path:
+        """Write the folder of the estimator."""
+        study, out = request.study, self.folder(request)
+        found = chosen_card(
+            study, card=request.card, controller=request.controller, participant=request.participant,
+            allow_outside=request.allow_outside,
+        )  # fmt: skip
+        with own_folder(out, study, "torque from EMG", (f"{found.name}.json",), overwrite=request.overwrite):
+            return write_estimator_folder(study.name, found, out, period=request.period)

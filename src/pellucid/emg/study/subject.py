@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..._errors import PellucidError, RecordingError
 from ..._given import require_folder
 from ..._printed_command import printed_command
 from ...models.parameter_card import ParameterCard, read_parameter_card
+from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
 from ..files.ceinms_writer import write_subject
@@ -134,3 +136,19 @@ def describe_muscles(path: Path, to: str) -> str:
         lacking.append("curves of each muscle: it has the mean's")
     end = f" Kept as a remark alone: {', '.join(lacking)}." if lacking else ""
     return f"{len(kept.muscles)} calibrated muscles of the {' and '.join(kept.joints)}.{end}"
+
+
+class MusclesExporter(Exporter):
+    """A person's calibrated muscles, for a program that knows muscles."""
+
+    kinds: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
+    order: ClassVar[int] = 50
+    unused: ClassVar[tuple[str, ...]] = ("slider", "participant", "controller", "exponents", "load", "held", "probe")
+    why_unused: ClassVar[str] = "muscles have none"
+
+    def export(self, request: ExportRequest) -> Path:
+        """Write the file of the muscles."""
+        return export_subject(
+            request.study, request.to, request.out, card=request.card, period=request.period,
+            overwrite=request.overwrite,
+        )  # fmt: skip

@@ -9,17 +9,11 @@ import numpy as np
 from ...models.joint import JointModel
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack
+from ...numerics.robust_weights import MAX_REWEIGHTINGS, robust_weights
 from .friction_solver import solve_family
-
-HUBER_THRESHOLD = 1.345
-"""Huber's threshold in robust standard deviations. The estimate then has 95 % efficiency on Gaussian residuals."""
 
 SPEED_BINS = 8
 """Number of speed bands, each with a weight of its own in every recording."""
-
-MAX_REWEIGHTINGS = 30
-"""Largest number of iterations of robust reweighting."""
-
 
 def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) -> np.ndarray:
     """Return weights, (m,): 1 / standard deviation of the residual, per recording and per band of speed.
@@ -37,12 +31,6 @@ def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) 
     sd = np.sqrt(power[group] / np.maximum(count[group], 1) / free)
     floor = 0.05 * np.sqrt(np.mean(residual**2)) + np.finfo(float).tiny
     return 1.0 / np.maximum(sd, floor)
-
-
-def robust_weights(residual: np.ndarray) -> np.ndarray:
-    """Return the square roots of Huber's weights, (m,), for residuals scaled by their median absolute deviation."""
-    scale = 1.4826 * np.median(np.abs(residual - np.median(residual))) + np.finfo(float).tiny
-    return np.sqrt(np.minimum(1.0, HUBER_THRESHOLD * scale / np.maximum(np.abs(residual), np.finfo(float).tiny)))
 
 
 def solve_weighted(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:

@@ -5,8 +5,8 @@ r"""Posterior density of parameters, given coloured residuals and effects that t
    e \sim N(0, v), \qquad \nu\hat v / v \sim \chi^2_\nu
 
 :math:`v` is the variance of a row, enlarged to allow for the residuals' autocorrelation. :math:`\hat v` is its estimate
-from blocks of scores and :math:`\nu` the number of blocks (``numerics/uncertainty.py``). Every row counts for less, but all
-frequencies keep the weights of least squares. Whitening by an autoregression would change these weights: it would
+from blocks of scores and :math:`\nu` the number of blocks (``numerics/uncertainty.py``). Every row counts for less, but
+all frequencies keep the weights of least squares. Whitening by an autoregression would change these weights: it would
 favour the frequencies that filters removed, where derivatives carry the most noise. The :math:`c_k` are integrated out:
 
 .. math::

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...models.estimates import Estimates
 from ...models.parameter import Parameter
-from ...study.estimates import Estimates
 from .ensemble import Draws, drawn
 from .marginal_likelihood import MarginalLikelihood, Prior
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError, RecordingError
-from ...study.estimates import Estimates
+from ...models.estimates import Estimates
 from .coupled_impedance import CouplingFit, fit_coupling
 from .identified_strap import IdentifiedStrap, identify_strap
 from .strap_torque import Orthosis, StrappedSwing, from_orthosis

@@ -1,9 +1,9 @@
 r"""Uncertainty of a strap's coefficients due to effects that its model neglects, and a test of the model.
 
-The method is that of ``joint/fit/discrepancy.py`` for joints. Every neglected effect is a column outside the model's span,
-scaled to the size of the residual. One maximum-likelihood scale is estimated for all of them. The discrepancy part of
-the covariance is the excess of the posterior covariance over the statistical one. The model is rejected if these
-columns improve the prediction of held-out blocks.
+The method is that of ``joint/fit/discrepancy.py`` for joints. Every neglected effect is a column outside the model's
+span, scaled to the size of the residual. One maximum-likelihood scale is estimated for all of them. The discrepancy
+part of the covariance is the excess of the posterior covariance over the statistical one. The model is rejected if
+these columns improve the prediction of held-out blocks.
 """
 
 from __future__ import annotations

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from hashlib import sha256
+from typing import ClassVar
 
 from ..._errors import PellucidError
 from ...controllers.coupling import Coupling
+from ...controllers.export.controller_exporter import LawExporter
 from ...controllers.export.controller_values import ControllerValues
 from ...controllers.export.study_limits import limits_of
 from ...controllers.limits import Limits
@@ -19,6 +21,7 @@ from ...controllers.worn_design import (
     design_worn_law,
 )
 from ...models.parameter_card import read_parameter_card
+from ...study.exporter import ExportRequest
 from ...study.procedures.card_sources import require_fresh, source_notes
 from ...study.study import Study
 from .coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
@@ -113,3 +116,24 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
         )
     period, known = float(card.settings["period"]), Coupling.__dataclass_fields__
     return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_TIME_SAMPLES * period}, period
+
+
+class WornExporter(LawExporter):
+    """The residual compensator of an orthosis and its wearer."""
+
+    order: ClassVar[int] = 30
+    default_name: ClassVar[str] = "residual compensator"
+    named_by_cards: ClassVar[bool] = True
+
+    def fits(self, request: ExportRequest) -> bool:
+        """Return whether the study is of a worn orthosis."""
+        return request.study.has_table("coupling")
+
+    def values(self, request: ExportRequest) -> ControllerValues:
+        """Return the numbers of the law."""
+        options = (request.card, request.slider, request.controller, request.exponents, request.load, request.held)
+        if any(given is not None for given in options):
+            raise PellucidError(
+                f"export of {request.study.name}: found a joint's card, carriage or controller, expected none"
+            )
+        return worn_values(request.study, participant=request.participant, period=request.period)

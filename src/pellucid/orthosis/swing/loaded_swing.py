@@ -23,6 +23,7 @@ from itertools import cycle
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.estimates import Estimates
 from ...models.filtered_dynamics import filtered_effort, filtered_jacobian
 from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX
 from ...models.parameter import Parameter
@@ -39,7 +40,6 @@ from ...numerics.regression import (
 )
 from ...numerics.searches.adam import AdamPath, adam
 from ...numerics.uncertainty import sandwich_covariance
-from ...study.estimates import Estimates
 
 COEFFICIENT_UNITS = {
     "inertia": "kg*m^2",

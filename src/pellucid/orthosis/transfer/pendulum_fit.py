@@ -18,9 +18,9 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.special import ndtri
 
 from ..._errors import IdentificationError
+from ...models.estimates import Estimates
 from ...models.parameter import Parameter, Whiteness
 from ...numerics.uncertainty import sandwich_covariance, whiteness
-from ...study.estimates import Estimates
 from ..input_output import InputOutput
 from ..pendulum import (
     NAMES,

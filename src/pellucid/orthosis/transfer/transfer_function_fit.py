@@ -23,10 +23,10 @@ import numpy as np
 from scipy.linalg import qr
 
 from ..._errors import IdentificationError
+from ...models.estimates import Estimates
 from ...models.parameter import Parameter, Whiteness
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, sandwich_covariance, whiteness
-from ...study.estimates import Estimates
 from ..input_output import InputOutput
 from ..transfer_function import INPUT_HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
 from .srivc import SINGULAR_VALUE_TOLERANCE, Experiment, first_transfer_functions, solve_linear

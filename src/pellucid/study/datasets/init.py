@@ -53,13 +53,9 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 
 def _files(config: StudyFile) -> list[str]:
     """Return every file that a study.toml names, once."""
-    from ...arm.study.tree_table import TreeTable
-    from ...emg.study.emg_torque.emg_torque_table import EmgTorqueTable
-
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
-    muscles, tree = config.find_table(EmgTorqueTable), config.find_table(TreeTable)
-    named_files = (muscles and muscles.muscle_file, tree and tree.urdf)
-    return list(dict.fromkeys(file for file in (*files, *named_files) if file))
+    named = [file for table in config.procedures.values() for file in table.named_files()]
+    return list(dict.fromkeys((*files, *named)))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:

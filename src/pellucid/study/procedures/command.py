@@ -6,10 +6,9 @@ Nothing heavy is imported here: ``pellucid --help`` names every command.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
-from pkgutil import iter_modules
 from types import ModuleType
 
+from ..._domains import offered
 from ..._plugins import load_plugins, require_attributes
 
 DESCRIBE_GROUP = "Describe recordings"
@@ -38,11 +37,10 @@ class Command:
 def procedure_folders() -> tuple[ModuleType, ...]:
     """Return the package of every procedure's folder, in the order of their ``PROCEDURE_ORDER``.
 
-    A study is checked, and its report drawn, in this order. Another package brings such a folder as an entry point of
-    ``pellucid.procedures``.
+    A study is checked, and its report drawn, in this order. Domains name their folders in ``domain.py``; another
+    package brings such a folder as an entry point of ``pellucid.procedures``.
     """
-    here = import_module(__package__)
-    folders = [import_module(f"{__package__}.{each.name}") for each in iter_modules(here.__path__) if each.ispkg]
+    folders = list(offered("PROCEDURE_FOLDERS"))
     for plugin in load_plugins("pellucid.procedures"):
         require_attributes(plugin, "pellucid.procedures", "PROCEDURE_ORDER", "__path__")
         folders.append(plugin.value)

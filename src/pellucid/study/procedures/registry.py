@@ -9,6 +9,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from ..._domains import missing_domain
 from .command import procedure_folders
 from .procedure import Procedure
 
@@ -19,7 +20,13 @@ if TYPE_CHECKING:
 
 def find_procedures() -> tuple[Procedure, ...]:
     """Return an object of every procedure: each subclass of `Procedure` in the ``procedure.py`` of a folder."""
-    modules = [import_module(f"{folder.__name__}.procedure") for folder in procedure_folders()]
+    modules = []
+    for folder in procedure_folders():
+        try:
+            modules.append(import_module(f"{folder.__name__}.procedure"))
+        except ModuleNotFoundError as error:
+            if missing_domain(error) is None:
+                raise
     kinds = [kind for module in modules for kind in vars(module).values() if _is_procedure_of(kind, module)]
     return tuple(kind() for kind in kinds)
 

@@ -8,12 +8,11 @@ from html import escape
 from pathlib import Path
 from shutil import rmtree
 from tempfile import gettempdir, mkdtemp
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 from ..._atomic import remove_leftovers
 from ..._errors import PellucidError
 from ..._tabular import data_frame
-from ...emg.models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ...models.card import Card, write_card
 from ...models.parameter import Parameter, Verdict
 from ...models.parameter_card import ParameterCard, write_parameter_card
@@ -28,6 +27,14 @@ if TYPE_CHECKING:
     import pandas
 
     from ..study import Study
+
+
+@runtime_checkable
+class DomainCard(Protocol):
+    """A card of a kind that only its domain knows."""
+
+    def write(self, path: Path) -> Path:
+        """Write the card, whole or not at all."""
 
 
 class ProcedureWithInputs(Protocol):
@@ -59,7 +66,7 @@ class Result:
         Verdicts on the result and on the recordings, worst first.
     rows : tuple of ResultRow
         Result rows, all of one command.
-    cards : Mapping[str, Card or ParameterCard or TreeCard or EmgEstimatorCard]
+    cards : Mapping[str, Card or ParameterCard or TreeCard or DomainCard]
         Cards by the name of their file in ``models/``, without suffix.
     checksums : Mapping[str, str]
         SHA-256 of the recorded files, by recording.
@@ -76,7 +83,7 @@ class Result:
     tables: tuple[ParameterTable | FigureTable, ...]
     verdicts: tuple[Verdict, ...]
     rows: tuple[ResultRow, ...] = field(repr=False)
-    cards: Mapping[str, Card | ParameterCard | TreeCard | EmgEstimatorCard] = field(repr=False)
+    cards: Mapping[str, Card | ParameterCard | TreeCard | DomainCard] = field(repr=False)
     checksums: Mapping[str, str] = field(repr=False)
     confidence: float = 0.95
     procedure: str = ""
@@ -240,11 +247,11 @@ class Result:
         return found if isinstance(found, cls) else None
 
 
-def _write(path: Path, card: Card | ParameterCard | TreeCard | EmgEstimatorCard) -> None:
+def _write(path: Path, card: Card | ParameterCard | TreeCard | DomainCard) -> None:
     if isinstance(card, TreeCard):
         write_tree_card(path, card)
-    elif isinstance(card, EmgEstimatorCard):
-        write_estimator_card(path, card)
+    elif isinstance(card, DomainCard):
+        card.write(path)
     else:
         (write_card if isinstance(card, Card) else write_parameter_card)(path, card)
 

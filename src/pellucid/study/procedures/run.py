@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..._domains import array_function
 from ..._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
 from ..._printed_command import printed_commands
 from ..._processes import with_one_blas_thread
@@ -32,10 +33,6 @@ from .subject import as_study, is_study
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ...emg.cocontraction import Cocontraction
-    from ...emg.estimators.envelope_synergies import FoundSynergies
-    from ...emg.signals.emg_onset import Activations
-    from ...people.assess_table import TableAssessment
     from ..pages.page import Page
 
 CHECK_READING_SHARE = 0.7
@@ -223,7 +220,7 @@ def assess(
     studies: int = 1000,
     executor: Executor | None = None,
     **table: object,
-) -> Result | TableAssessment:
+) -> Result | Any:
     """Compare how people move under several conditions: indices, tests, effect sizes and participants needed.
 
     Parameters
@@ -272,14 +269,12 @@ def assess(
     0.13
     """
     if not is_study(subject):
-        from ...people.assess_table import assess_table
-
         if "control" not in table:
             raise PellucidError(
                 f"assess: found {type(subject).__name__}, expected a study, or a data frame with control=NAME of the "
                 "control condition"
             )
-        return assess_table(subject, **table)
+        return array_function("assess")(subject, **table)
     if table:
         raise PellucidError(f"assess: found {', '.join(table)} with a study, expected them in its study.toml")
     if studies < 1:
@@ -292,7 +287,7 @@ def onset(
     subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
     on_progress: Callable[[str, float], None] | None = None,
     **options: object,
-) -> Result | Activations | dict[str, Activations]:
+) -> Result | Any:
     """Find when muscles become active: bursts of raw EMG, each onset and end with its interval.
 
     Parameters
@@ -331,9 +326,7 @@ def onset(
     """
     if is_study(subject):
         return _run_study("onset", subject, on_progress, options)
-    from ...emg.signals.onset import onset as onset_of_arrays
-
-    return onset_of_arrays(subject, **_array_options("onset", subject, options))
+    return array_function("onset")(subject, **_array_options("onset", subject, options))
 
 
 def cocontraction(
@@ -342,7 +335,7 @@ def cocontraction(
     *,
     on_progress: Callable[[str, float], None] | None = None,
     **options: object,
-) -> Result | Cocontraction:
+) -> Result | Any:
     """Return how much antagonists work against each other: indices of co-contraction with intervals.
 
     Parameters
@@ -382,19 +375,17 @@ def cocontraction(
     """
     if is_study(subject):
         return _run_study("cocontraction", subject, second if callable(second) else on_progress, options)
-    from ...emg.envelope_cocontraction import cocontraction as cocontraction_of_arrays
-
     given = _array_options("cocontraction", subject, options)
     if second is None or callable(second):
         raise PellucidError("cocontraction: found one envelope, expected a second one of the antagonist")
-    return cocontraction_of_arrays(subject, second, **given)
+    return array_function("cocontraction")(subject, second, **given)
 
 
 def synergies(
     subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
     on_progress: Callable[[str, float], None] | None = None,
     **options: object,
-) -> Result | FoundSynergies:
+) -> Result | Any:
     """Find groups of muscles that are active together: how many, which, and how much of the EMG they explain.
 
     Parameters
@@ -433,9 +424,7 @@ def synergies(
     """
     if is_study(subject):
         return _run_study("synergies", subject, on_progress, options)
-    from ...emg.estimators.envelope_synergies import synergies as synergies_of_arrays
-
-    return synergies_of_arrays(subject, **_array_options("synergies", subject, options))
+    return array_function("synergies")(subject, **_array_options("synergies", subject, options))
 
 
 def activations(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:

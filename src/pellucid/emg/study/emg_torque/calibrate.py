@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ...._domains import offered
 from ...._errors import IdentificationError
 from ...._processes import keep_helpers
 from ....models.parameter import Verdict
 from ....numerics.posterior.ensemble import require_sampler
-from ....orthosis.strap.strapped_reference import StrappedBodies
-from ....orthosis.study.loaded_swing.loaded_swing_table import LoadedSwingTable
-from ....orthosis.study.loaded_swing.seated_swings import SWING_PROTOCOL, evaluate_seated_swings
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
@@ -24,7 +22,6 @@ from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.smoothing import smoothing_delay
 from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
-from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.useful_repairs import apply_useful_repairs
 from ..study_chain import mains_verdicts, study_chain
@@ -72,6 +69,7 @@ from .together_findings import (
 from .torque_card import torque_card
 from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
 from .used_muscles import ignored_channel_verdicts
+from .worn_reference import WornBody
 from .worth_findings import RecordingWorth, find_worth, is_answer_founded, worth_sentence, worth_tables
 
 INVALID_BANDS_FINDING = "bands"
@@ -191,8 +189,9 @@ def _choose_evaluation(study: Study) -> Callable[[Study, Progress], CalibrationF
         return _evaluate_by_repetition
     if EXTENSION_PROTOCOL in protocols:
         return leave_out_repetitions
-    if SWING_PROTOCOL in protocols and study.find_table(LoadedSwingTable) is not None:
-        return evaluate_seated_swings
+    for evaluation in offered("TORQUE_EVALUATIONS"):
+        if evaluation.suits(study):
+            return evaluation.evaluate
     if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
         return leave_out_recordings
     return _evaluate_by_recording
@@ -362,14 +361,9 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
     return found
 
 
-def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
-    """Return a verdict that says how the strap is modelled in the wearer's torque."""
-    if isinstance(body, MovedBody):
-        text = "limb and orthosis are taken for one body, since no card of the strap is there: a strap that yields adds"
-        return Verdict("note", f"{what}: {text} what the limb weighs at another angle.")
-    if not body.model.features:
-        return Verdict("note", f"{what}: the torque of the wearer goes through a spring and a damper for the strap.")
-    return Verdict("note", f"{what}: the torque of the wearer goes through the strap of its card: {body.model.words}.")
+def _reference_verdict(what: str, body: WornBody) -> Verdict:
+    """Return a verdict that says how the body is modelled against which the wearer's torque is computed."""
+    return Verdict("note", f"{what}: {body.words}")
 
 
 def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:

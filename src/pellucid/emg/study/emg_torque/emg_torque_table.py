@@ -90,6 +90,10 @@ class EmgTorqueTable(ProcedureTable):
 
     bridges: ClassVar[bool] = False
 
+    def named_files(self) -> tuple[str, ...]:
+        """Return the file of the muscles, if there is one."""
+        return () if self.muscle_file is None else (self.muscle_file,)
+
     def reads(self, channel: str, stream: str) -> bool:
         """Return whether the procedure reads a channel: angles, torques and EMG in their streams."""
         kind = channel.partition(".")[0]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from ...._domains import offered
 from ...._errors import RecordingError
 from ....files.fault import Fault
-from ....orthosis.study.loaded_swing.loaded_swing_table import LoadedSwingTable
-from ....orthosis.study.loaded_swing.seated_swings import SWING_PROTOCOL
 from ....study.study import Study
 from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .emg_faults import emg_faults
@@ -33,7 +32,7 @@ def trial_refusals(study: Study) -> list[Fault]:
     `study` [emg_torque].
     """
     protocols = {recording.protocol for recording in study.recordings()}
-    if SWING_PROTOCOL in protocols and study.find_table(LoadedSwingTable) is not None:
+    if any(evaluation.suits(study) for evaluation in offered("TORQUE_EVALUATIONS")):
         return []
     own = next((protocol for protocol in (STEP_PROTOCOL, EXTENSION_PROTOCOL) if protocol in protocols), None)
     asked = study.table(EmgTorqueTable).joints if own is None else [own]

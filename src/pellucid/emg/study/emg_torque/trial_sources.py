@@ -8,24 +8,22 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from ...._domains import offered
 from ...._errors import IdentificationError, RecordingError
 from ...._printed_command import printed_command
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
-from ....models.friction_terms import COULOMB_FRICTION
 from ....models.parameter_card import ParameterCard, read_parameter_card
 from ....numerics.filters import zero_phase_lowpass
-from ....orthosis.strap.strap_model import PLAIN_NAME, StrapModel
-from ....orthosis.strap.strap_torque import Limb, Orthosis
-from ....orthosis.strap.strapped_reference import StrappedBodies, strapped_torque
 from ....study.procedures.card_sources import require_fresh
 from ....study.study import Study
 from ...estimators.features import MOTION_LOWPASS_HZ
-from ...estimators.torque_reference import MovedBody, human_torque
+from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
 from .relative_envelopes import find_maxima, find_window, relative_envelopes
 from .used_muscles import find_used_muscles
+from .worn_reference import WornBody
 
 STEP_PROTOCOL = "torque_steps"
 """Protocol in which a wearer counters an orthosis's torque."""
@@ -148,7 +146,7 @@ def _thin_trial(trial: TorqueTrial) -> TorqueTrial:
 def step_trials(
     study: Study,
     participant: str | None,
-    body: MovedBody | StrappedBodies,
+    body: WornBody,
     *,
     causal: bool = False,
     joint: str = "knee",
@@ -164,7 +162,7 @@ def step_trials(
     lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS_HZ, number_repetitions(found)
     trials = []
     for recording in found:
-        torque = _wearer_torque(recording, body, lowpass)
+        torque = body.wearer_torque(recording, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
         every = slice(None, None, max(1, round(recording.fs / KEPT_RATE_HZ)))
         trials.append(
@@ -197,17 +195,7 @@ def number_repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     return made
 
 
-def _wearer_torque(recording: Recording, body: MovedBody | StrappedBodies, lowpass: float) -> np.ndarray:
-    """Return the wearer's torque about the joint, shape (n,) [N m]."""
-    position, torque = recording["position"], recording["torque"]
-    if isinstance(body, MovedBody):
-        return human_torque(position, torque, body, lowpass=lowpass, fs=recording.fs)
-    return strapped_torque(
-        recording.time, position, torque, orthosis=body.orthosis, limb=body.limb, strap=body.strap, lowpass=lowpass
-    )
-
-
-def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBodies:
+def moved_body(study: Study, participant: str | None) -> WornBody:
     """Return limb and orthosis from the cards that `identify` wrote, with the strap between them if there is a card.
 
     Without a strap's card, limb and orthosis are one body.
@@ -216,7 +204,6 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
     own = [c for c in read.values() if participant in (None, c.settings.get("participant"))]
     limbs = [c for c in own if c.kind == "limb"]
-    straps = [c for kind in ("strap", "coupling") for c in own if c.kind == kind and _strap_of_card(c).in_core]
     if not orthosis or not limbs:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
@@ -224,32 +211,17 @@ def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBod
             f"{lacking}: the torque of the wearer needs what is moved; use: "
             f"{printed_command('identify', study.folder)}"
         )
-    used = (orthosis[0], limbs[0], *straps[:1])
+    strapped = next(
+        (found for of in offered("WORN_BODIES") if (found := of(orthosis[0], limbs[0], own)) is not None), None
+    )
+    used = (orthosis[0], limbs[0]) if strapped is None else (orthosis[0], limbs[0], strapped[1])
     for path, card in read.items():
         if any(card is each for each in used):
             require_fresh(study, path, card)
-    bodies = _body_of_card(orthosis[0]), _body_of_card(limbs[0])
-    if not straps:
-        return bodies[0] + bodies[1]
-    robot, limb = bodies
-    model = _strap_of_card(straps[0])
-    return StrappedBodies(
-        Orthosis(
-            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get(COULOMB_FRICTION.name, 0.0),
-            zero=robot.zero, offset=robot.offset,
-        ),
-        Limb(limb.inertia, limb.gravity, limb.viscous, zero=limb.zero),
-        model,
-        model.core(straps[0].values),
-    )  # fmt: skip
+    return body_of_card(orthosis[0]) + body_of_card(limbs[0]) if strapped is None else strapped[0]
 
 
-def _strap_of_card(card: ParameterCard) -> StrapModel:
-    """Return the strap's model that a card names; a card without a name is of a spring and a damper."""
-    return StrapModel.named(str(card.settings.get("model", PLAIN_NAME)))
-
-
-def _body_of_card(card: ParameterCard) -> MovedBody:
+def body_of_card(card: ParameterCard) -> MovedBody:
     """Return the body that a card describes."""
     values = {name.removeprefix(f"{card.kind}_"): value for name, value in card.values.items()}
     return MovedBody(

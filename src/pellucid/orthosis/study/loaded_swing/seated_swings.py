@@ -26,6 +26,7 @@ from ....emg.study.emg_torque.chosen import run_tests_if_candidate
 from ....emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 from ....emg.study.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
 from ....emg.study.emg_torque.muscle_findings import partial_errors
+from ....emg.study.emg_torque.worn_reference import TorqueEvaluation
 from ....emg.study.study_chain import study_chain
 from ....files.recording import Recording
 from ....models.parameter import Verdict
@@ -176,3 +177,7 @@ def _evaluate_person(
         widths = half.get(trial.name, {})
         found.traces.append(TorqueTrace(who, trial.name, trial.time, trial.torque, made[trial.name], widths))
     found.trials.extend(trials)
+
+
+SEATED_SWINGS = TorqueEvaluation(SWING_PROTOCOL, "loaded_swing", evaluate_seated_swings)
+"""What `calibrate` runs for a study of seated swings."""

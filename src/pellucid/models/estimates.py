@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._domains import offered
 from .._tabular import data_frame, html_table, text_table
-from ..models.card import named
-from ..models.parameter import Parameter
+from .card import named
+from .parameter import Parameter
 
 if TYPE_CHECKING:
     import pandas
@@ -104,9 +105,8 @@ class NamedEstimates(Mapping[str, Parameter]):
         -------
         matplotlib.figure.Figure
         """
-        from .pages.parameter_figures import parameters
-
-        return parameters(self).figure
+        (draw,) = offered("PARAMETER_DRAWINGS")
+        return draw(self).figure
 
     def __str__(self) -> str:
         return "\n".join(filter(None, (self.title, text_table(self._head(), self._rows()), *self._facts())))

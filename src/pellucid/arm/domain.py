@@ -1,0 +1,5 @@
+"""Robots of several joints: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+
+PROCEDURE_FOLDERS = (
+    "study",
+)

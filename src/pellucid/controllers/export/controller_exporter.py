@@ -1,0 +1,102 @@
+"""Exporters of products in C, which run with a period."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from ..._errors import PellucidError
+from ..._printed_command import printed_commands
+from ...study.c_sources import HEADER_FOLDER
+from ...study.exporter import Exporter, ExportRequest
+from ...study.procedures.registry import asked
+from ...study.study import Study
+from .c_folder import INCIDENT_TEMPLATE_FOLDERS, TEMPLATE_FOLDERS, template_path, write_c_folder
+from .controller_values import ControllerValues
+from .owned_folder import mark_own_folder, require_own_folder
+
+MAX_PERIOD_S = 0.1
+"""Largest accepted period of a controller [s]."""
+
+
+class ControllerExporter(Exporter):
+    """A product in C, which runs with a period."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("c",)
+
+    def place(self, request: ExportRequest) -> str:
+        """Return how an error message names a request."""
+        return f"export of {request.study.name}"
+
+    def require_options(self, request: ExportRequest) -> None:
+        """Raise a PellucidError for an impossible period too."""
+        period = request.period
+        if period is not None and not 0.0 < period <= MAX_PERIOD_S:
+            raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+        super().require_options(request)
+
+    def folder(self, request: ExportRequest) -> Path:
+        """Return the folder to write to."""
+        return request.study.place("controller") if request.out is None else Path(request.out)
+
+
+class LawExporter(ControllerExporter):
+    """A control law of one joint."""
+
+    default_name: ClassVar[str]
+    """Name of the law if the request names none."""
+
+    named_by_cards: ClassVar[bool] = False
+    """Whether the cards name the wearer."""
+
+    @abstractmethod
+    def values(self, request: ExportRequest) -> ControllerValues:
+        """Return the numbers of the law."""
+
+    def require_options(self, request: ExportRequest) -> None:
+        """Raise a PellucidError too if the study identifies nothing that a law could be made of."""
+        super().require_options(request)
+        study = request.study
+        if not asked(study, "identify"):
+            others = tuple(dict.fromkeys(procedure.command for procedure in asked(study)))
+            raise PellucidError(
+                f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
+                f"for this one there is: {printed_commands(others, study.folder)}"
+            )
+
+    def export(self, request: ExportRequest) -> Path:
+        """Write the folder of the law."""
+        study, out = request.study, self.folder(request)
+        law = self.values(request)
+        if request.probe:
+            law = replace(law, instruments=replace(law.instruments, probe=True))
+            if not law.supervised.supervision["probe_effort"] > 0.0:
+                raise PellucidError(
+                    f"export of {study.name}: found probe, expected none: a law that drives a spring has none"
+                )
+        named = request.controller or self.default_name
+        wearer = None if self.named_by_cards else request.participant
+        with own_folder(out, study, named, law.cards, participant=wearer, overwrite=request.overwrite):
+            return write_c_folder(study.name, law, out)
+
+
+@contextmanager
+def own_folder(
+    place: Path, study: Study, controller: str, cards: Sequence[str], *, participant: str | None = None, overwrite: bool
+) -> Iterator[None]:
+    """Refuse a folder that holds another controller or other files, and mark it after this controller is written."""
+    owner = {
+        "controller": controller,
+        "participant": participant or "",
+        "study": study.name,
+        "cards": ", ".join(cards),
+    }
+    templates = (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS)
+    names = {Path(template_path(name)).parts[0] for name in templates} | {Path(HEADER_FOLDER).parts[0]}
+    require_own_folder(place, owner, names, overwrite=overwrite)
+    yield
+    mark_own_folder(place, owner)
