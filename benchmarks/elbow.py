@@ -11,9 +11,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from pellucid_lab.elbow.instruments import play, read_all
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.study import record_in_memory
 from scipy import optimize
 
 from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
@@ -25,6 +22,9 @@ from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
+from pellucid_lab.elbow.instruments import play, read_all
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.study import record_in_memory
 
 from ._size import sized
 from .identification import _row, interleaved

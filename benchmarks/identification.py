@@ -16,8 +16,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 from scipy import optimize, signal
 
 from pellucid._errors import DatasetError
@@ -32,6 +30,8 @@ from pellucid.numerics.regression import stack
 from pellucid.study.datasets import init, names
 from pellucid.study.effort import drive_model
 from pellucid.study.study import Study
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 from ._peers import peer
 from ._size import sized

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+
 from pellucid_lab.pointing.conditions import Conditions, identify_cards, published_conditions
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import PointingRig, elbow_participants, elbow_people

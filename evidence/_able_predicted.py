@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from pellucid.study.results import ResultRow
 from pellucid_lab.papers.able.predicted import EMG_RANK_SUM, PredictionSize, models_of_people, predict_paper
 from pellucid_lab.papers.printed import printed
-
-from pellucid.study.results import ResultRow
 
 
 def able_rows(drawn: PredictionSize | None = None) -> Iterator[ResultRow]:

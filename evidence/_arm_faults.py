@@ -16,6 +16,13 @@ from functools import cache
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.supervisor_faults import NO_FAULT
+from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
+from pellucid.models.tree_card import TreeCard
+from pellucid.study.results import ResultRow
 from pellucid_lab.arm.card_law import SENSOR_LINKS, Point, card_of, identified, sensor_points
 from pellucid_lab.arm.human_motion import JOINTS, HumanMotion, generated_motion
 from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
@@ -30,13 +37,6 @@ from pellucid_lab.arm.single_faults import (
 from pellucid_lab.arm.wearer import Person, drawn_people
 from pellucid_lab.arm.worn_trial import WornTrial, run
 from pellucid_lab.drive_reading import LAGS_S, DriveReading, stated_readings
-
-from pellucid._processes import ordered_results
-from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
-from pellucid.models.tree_card import TreeCard
-from pellucid.study.results import ResultRow
 
 SEED = 20290201
 """Seed of the arms, wearers and instruments of the proof: nothing was chosen on them."""

@@ -15,16 +15,16 @@ from functools import partial
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.controllers.worn import WornCompensator
+from pellucid.study.results import ResultRow
 from pellucid_lab.knee.chosen_constants import chosen, design_reproduced_law
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.identified_wearer import WearerCard, card_with_coupling_errors, identify_wearer_of
 from pellucid_lab.knee.rig import KneeRig, knee_orthosis
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import swing
-
-from pellucid._processes import ordered_results
-from pellucid.controllers.worn import WornCompensator
-from pellucid.study.results import ResultRow
 
 SEED = 7200
 """First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""

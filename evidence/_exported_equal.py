@@ -17,16 +17,6 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
-from pellucid_lab.knee.chosen_constants import chosen
-from pellucid_lab.knee.identified_wearer import WearerCard
-from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS
-from pellucid_lab.ranking.knee import ranked_controllers
-from pellucid_lab.safety.fault_table import draw_worn_robot
-from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS
-from pellucid_lab.safety.worn_knee import WornKnee, draw_worn_knee
-from pellucid_lab.safety.worn_robot import COMMON_EXPONENTS, LAWS, WornRobot
-from pellucid_lab.study_text import study_text
-
 from pellucid.controllers.coupling import ON_CARDS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import ELBOW_LIMITS
@@ -37,6 +27,15 @@ from pellucid.models.card import CardParameter, write_card
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.study import Study
+from pellucid_lab.knee.chosen_constants import chosen
+from pellucid_lab.knee.identified_wearer import WearerCard
+from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS
+from pellucid_lab.ranking.knee import ranked_controllers
+from pellucid_lab.safety.fault_table import draw_worn_robot
+from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS
+from pellucid_lab.safety.worn_knee import WornKnee, draw_worn_knee
+from pellucid_lab.safety.worn_robot import COMMON_EXPONENTS, LAWS, WornRobot
+from pellucid_lab.study_text import study_text
 
 FLOAT32_TOLERANCE = 1e-6
 """Largest relative difference that rounding to float32 explains: half a unit in its last place is 6e-8 [1]."""

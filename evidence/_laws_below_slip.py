@@ -12,6 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
+from pellucid.controllers.transparent_laws import with_dither
+from pellucid.models.slider_card import SliderCard
+from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid_lab.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, LawOnRobot, try_law
 from pellucid_lab.pointing.conditions import (
@@ -24,13 +31,6 @@ from pellucid_lab.pointing.conditions import (
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
-
-from pellucid._processes import ordered_results
-from pellucid.controllers.control_law import ControlLaw
-from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
-from pellucid.controllers.transparent_laws import with_dither
-from pellucid.models.slider_card import SliderCard
-from pellucid.study.results import ResultRow
 
 TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})
 """By the end of the id [rad]."""

@@ -21,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.seated.protocol import seated_trials
-from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
-from pellucid_lab.study import record_in_memory
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from pellucid.files.readers import read_columns
 from pellucid.study.results import ResultRow
+from pellucid_lab.seated.protocol import seated_trials
+from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
+from pellucid_lab.study import record_in_memory
 
 FALSE_ALARMS_PER_EVENT = 0.05
 """Largest number of false alarms over that of events on the fitted events [1]."""

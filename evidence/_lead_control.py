@@ -12,6 +12,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.study.results import ResultRow
 from pellucid_lab.knee.chosen_constants import chosen
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.identified_wearer import identify_wearer_of
@@ -19,9 +22,6 @@ from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import Controller
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import rms_mismatch_and_torque, swing
-
-from pellucid._processes import ordered_results
-from pellucid.study.results import ResultRow
 
 from ._loads import ratio_interval
 

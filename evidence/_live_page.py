@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.session_devices import virtual_knee
 
 from pellucid.live.engine import LiveEngine
 from pellucid.live.session.live_session import LiveSession, Phase
@@ -26,6 +25,7 @@ from pellucid.live.session.page_server import PageServer
 from pellucid.live.session.run_session import choose_participant
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
+from pellucid_lab.session_devices import virtual_knee
 
 PAIR_COUNT = sized(5, smallest=1)
 """Number of alternating pairs of a bare page and the session's pages."""

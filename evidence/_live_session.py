@@ -11,10 +11,9 @@ import sys
 import time
 from pathlib import Path
 
-from pellucid_lab.live import virtual_elbow
-
 from pellucid.live.engine import LiveEngine
 from pellucid.live.setup import EngineSetup
+from pellucid_lab.live import virtual_elbow
 
 BEAT_S = 0.1
 """Time between two signs of life."""

@@ -12,11 +12,6 @@ from functools import partial
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.elbow.rig import able_elbow, drawn_rigs, with_fastened_load
-from pellucid_lab.pointing.conditions import identify_cards, interaction_rms
-from pellucid_lab.pointing.people import Person, draw_people
-from pellucid_lab.pointing.rig import PointingRig, elbow_participants
-from pellucid_lab.pointing.session import PointingSession, simulate_session
 
 from pellucid._processes import ordered_results
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
@@ -27,6 +22,11 @@ from pellucid.joint.fit.lifted_load import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 from pellucid.study.results import ResultRow
+from pellucid_lab.elbow.rig import able_elbow, drawn_rigs, with_fastened_load
+from pellucid_lab.pointing.conditions import identify_cards, interaction_rms
+from pellucid_lab.pointing.people import Person, draw_people
+from pellucid_lab.pointing.rig import PointingRig, elbow_participants
+from pellucid_lab.pointing.session import PointingSession, simulate_session
 
 SEED = 20261127
 """Seed of the drawn robots, wearers and loads; no constant was chosen on them."""

@@ -7,9 +7,9 @@ The figures are those of `python -m evidence people`, the study drawn smaller. T
 from collections.abc import Iterator
 
 from benchmarks._size import sized
-from pellucid_lab.papers.able.predicted import PredictionSize
 
 from pellucid.study.results import ResultRow
+from pellucid_lab.papers.able.predicted import PredictionSize
 
 from ._able_predicted import able_rows
 

@@ -10,15 +10,15 @@ from collections.abc import Iterator
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.elbow.protocol import trials
-from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
-from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, TRIAL_PREFIXES, numbered_names
-from pellucid_lab.study import record_in_memory
 
 from pellucid._processes import ordered_results
 from pellucid.joint.slider.slider_fit import SLIDER_METHODS
 from pellucid.joint.slider.study.identify_slider import fit_slider
 from pellucid.study.results import ResultRow
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
+from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, TRIAL_PREFIXES, numbered_names
+from pellucid_lab.study import record_in_memory
 
 SEED = 20261128
 """Seed of the drawn robots and of the recordings."""

@@ -11,6 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid.numerics.protocols.fourier import play
+from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
+from pellucid.study.results import ResultRow
 from pellucid_lab.papers.hill.release_orders import (
     ALL_AT_ONCE,
     DELAY_QUANTITY,
@@ -27,10 +31,6 @@ from pellucid_lab.seated.protocol import SeatedTrial, rich_swing
 from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
 from pellucid_lab.seated.subject import draw_subject
 from pellucid_lab.seated.wearer import swing_path
-
-from pellucid.numerics.protocols.fourier import play
-from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
-from pellucid.study.results import ResultRow
 
 from ._loads import mean_interval, ratio_interval
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
 
 from pellucid._atomic import write_text_atomically
 from pellucid.study.results import ResultRow
+from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
 
 PAGE_FILE = Path(__file__).parents[1] / "docs" / "safety.md"
 """File of the page that holds the measured tables."""

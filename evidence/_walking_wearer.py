@@ -6,8 +6,8 @@ thigh at rest, and every law is built from these cards alone. The plant has what
 accelerates, a foot that the ground pushes and holds, an elastic drive with its torque loop, friction, a strap that
 hardens, relaxes and slips, muscles that tire. It shares with the laws that bodies are rigid.
 
-The sessions are those of `pellucid reproduce knee` (`pellucid_lab.papers.knee.walking`); the rows here have intervals over
-wearers, and wearers of two further seeds.
+The sessions are those of `pellucid reproduce knee` (`pellucid_lab.papers.knee.walking`); the rows here have
+intervals over wearers, and wearers of two further seeds.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.study.results import ResultRow
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.papers.knee.walking import (
     EXTENDED_LAWS,
@@ -29,9 +32,6 @@ from pellucid_lab.papers.knee.walking import (
     source_of_strides,
     walked,
 )
-
-from pellucid._processes import ordered_results
-from pellucid.study.results import ResultRow
 
 from ._loads import mean_interval, ratio_interval
 

@@ -17,22 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.arm.card_law import card_of, identified, motions_of, sensor_points
-from pellucid_lab.arm.free_shoulder import compare_shoulders
-from pellucid_lab.arm.human_motion import JOINTS
-from pellucid_lab.arm.protocol import ArmTrial, limits_of
-from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
-from pellucid_lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
-from pellucid_lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
-from pellucid_lab.arm.worn_trial import motion_of
-from pellucid_lab.papers.able.arm_identification import (
-    LOAD_FRICTION_FAMILY,
-    IdentifiedArm,
-    directional_many,
-    draw_test_motions,
-    identified_many,
-)
-from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
 
 from pellucid._processes import ordered_results
 from pellucid.arm.fit.fit_tree import fit_tree
@@ -54,6 +38,22 @@ from pellucid.controllers.tree_stability import (
 )
 from pellucid.numerics.protocols.step_by_step import step_by_step
 from pellucid.study.results import ResultRow
+from pellucid_lab.arm.card_law import card_of, identified, motions_of, sensor_points
+from pellucid_lab.arm.free_shoulder import compare_shoulders
+from pellucid_lab.arm.human_motion import JOINTS
+from pellucid_lab.arm.protocol import ArmTrial, limits_of
+from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
+from pellucid_lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
+from pellucid_lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
+from pellucid_lab.arm.worn_trial import motion_of
+from pellucid_lab.papers.able.arm_identification import (
+    LOAD_FRICTION_FAMILY,
+    IdentifiedArm,
+    directional_many,
+    draw_test_motions,
+    identified_many,
+)
+from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
 
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""

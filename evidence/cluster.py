@@ -12,11 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.pointing.prediction import Prediction, predict_effects
-from pellucid_lab.pointing.rig import elbow_participants
 
 from pellucid.people.cluster import cluster
 from pellucid.study.results import ResultRow
+from pellucid_lab.pointing.prediction import Prediction, predict_effects
+from pellucid_lab.pointing.rig import elbow_participants
 
 PEOPLE_COUNT = sized(10, smallest=1)
 """Number of people of the prediction."""

@@ -35,10 +35,6 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.bench.rig import BenchRig, bench_joint
-from pellucid_lab.elbow.protocol import trials
-from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid_lab.study import record_in_memory, write_study
 
 import pellucid as pl
 from pellucid._processes import ordered_results
@@ -53,6 +49,10 @@ from pellucid.models.parameter import Parameter
 from pellucid.models.slider_joint import SliderJointModel
 from pellucid.study.datasets.init import init
 from pellucid.study.results import ResultRow
+from pellucid_lab.bench.rig import BenchRig, bench_joint
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid_lab.study import record_in_memory, write_study
 
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written
 from ._foreign_plants import drawn_plants, record_plant

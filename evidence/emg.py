@@ -22,7 +22,6 @@ from benchmarks._walking import DATASET as WALKING
 from benchmarks._walking import walking_study
 from scipy import signal
 
-from pellucid.controllers.export.c_folder import OUTPUT_FILE
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.condition_choice import ERROR_BAND_SHARE
 from pellucid.emg.estimators.cross_validation import score
@@ -43,6 +42,7 @@ from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.estimator_folder import write_estimator_folder
 from pellucid.files.readers import read_columns
 from pellucid.study import Study
+from pellucid.study.c_sources import OUTPUT_FILE
 from pellucid.study.datasets import init
 from pellucid.study.datasets.fetch import DATA_VARIABLE
 from pellucid.study.datasets.fetch import path as data_set

@@ -197,9 +197,8 @@ def damage_to_studies(scratch: Path) -> list[Outcome]:
 
 def damage_to_rigs(scratch: Path) -> list[Outcome]:
     """`simulate` of joints on a bench whose rig was damaged; of other kinds of rigs only the file is read."""
-    from pellucid_lab.known_rigs import parse_rig, rig_text
-
     from pellucid._errors import PellucidError
+    from pellucid_lab.known_rigs import parse_rig, rig_text
 
     texts = {name: rig_text(name) for name in ("bench-joint", "able-elbow", "knee-orthosis", "knee-seated")}
     texts["bench-joint"] = texts["bench-joint"].replace("duration = 20.0", "duration = 2.0")

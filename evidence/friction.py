@@ -29,8 +29,6 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
-from pellucid_lab.noise import draw_noise
 
 from pellucid import _core
 from pellucid._processes import ordered_results
@@ -47,6 +45,8 @@ from pellucid.study.datasets.init import init
 from pellucid.study.effort import drive_model
 from pellucid.study.recorded_motions import motions_of
 from pellucid.study.results import ResultRow
+from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
+from pellucid_lab.noise import draw_noise
 
 from .coverage import drawn_benches
 

@@ -40,9 +40,6 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.pointing.conditions import identify_cards
-from pellucid_lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
 
 from pellucid.controllers.limits import Limits
 from pellucid.files.xdf_writer import scan_xdf
@@ -54,6 +51,9 @@ from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.udp import ASKED_FORMAT, unpack_asked
 from pellucid.study.results import ResultRow, read_rows, write_rows
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.pointing.conditions import identify_cards
+from pellucid_lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
 
 from ._live_session import begin_motion, rest, session_setup
 

@@ -89,8 +89,8 @@ PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
         ("test_supervisor_thresholds",),
     ),
 }
-"""For each module of pellucid.controllers the functions and classes that are mutated beside its constants, None for all,
-and the tests of tests/unit that judge them."""
+"""For each module of pellucid.controllers the functions and classes that are mutated beside its constants, None for
+all, and the tests of tests/unit that judge them."""
 
 
 @dataclass(frozen=True)
@@ -302,7 +302,7 @@ def all_mutants() -> tuple[Mutant, ...]:
         file = f"include/pellucid/{header}.hpp"
         made += mutants_of(file, source_of(file))
     for module, (functions, _) in PYTHON_JUDGES.items():
-        file = f"src/pellucid/control/{module}.py"
+        file = f"src/pellucid/controllers/{module}.py"
         made += mutants_of(file, source_of(file), functions)
     return tuple(made)
 
@@ -352,7 +352,7 @@ def _python_killer(mutant: Mutant, copy: Path) -> str:
     here = Path(pellucid.__file__).parent
     package = Path(shutil.copytree(here, copy / "pellucid", ignore=shutil.ignore_patterns("__pycache__", "*.so")))
     (package / Path(_core.__file__).name).symlink_to(_core.__file__)
-    place = package / "control" / Path(mutant.file).name
+    place = package / "controllers" / Path(mutant.file).name
     place.write_text(mutant.applied(source_of(mutant.file)), encoding="utf-8")
     # An editable install finds the package before any path does.
     code = (

@@ -27,10 +27,6 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.bench.rig import BenchRig
-from pellucid_lab.knee.drawn import drawn_rig
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.study import record_in_memory, write_study
 from scipy.special import chdtrc
 
 import pellucid as pl
@@ -44,6 +40,10 @@ from pellucid.numerics.posterior.posterior import DrawnParameter
 from pellucid.numerics.posterior.straight import LinearisedModel
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
 from pellucid.study.results import ResultRow
+from pellucid_lab.bench.rig import BenchRig
+from pellucid_lab.knee.drawn import drawn_rig
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.study import record_in_memory, write_study
 
 from .coverage import bench_targets, drawn_benches
 

@@ -19,8 +19,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pellucid_lab.ranking.elbow as elbow
 from benchmarks._size import sized
+
+import pellucid_lab.ranking.elbow as elbow
+from pellucid._processes import ordered_results
+from pellucid.people.certificate import CANNOT_SAY
+from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid_lab.knee.protocol import swing_trial
 from pellucid_lab.knee.rig import knee_orthosis
@@ -40,10 +44,6 @@ from pellucid_lab.ranking.watched_knee import IdentifiedDrive, WatchedController
 from pellucid_lab.safety.fault_table import draw_worn_robot
 from pellucid_lab.safety.worn_knee import IDENTIFIED_ACTUATOR
 from pellucid_lab.safety.worn_robot import WornRobot
-
-from pellucid._processes import ordered_results
-from pellucid.people.certificate import CANNOT_SAY
-from pellucid.study.results import ResultRow
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
 """Folder of the example of a foreign law, in C and in Python."""

@@ -11,6 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks._size import sized
+
+from pellucid._processes import ordered_results
+from pellucid.models.slider_card import SliderCard
+from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, try_law
@@ -26,10 +30,6 @@ from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
-
-from pellucid._processes import ordered_results
-from pellucid.models.slider_card import SliderCard
-from pellucid.study.results import ResultRow
 
 ROBOTS = sized(3, smallest=1)
 PEOPLE = sized(3, smallest=1)

@@ -15,9 +15,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, draw_worn_robot, fault_table
-from pellucid_lab.safety.worn_knee import knee_table
-from pellucid_lab.safety.worn_robot import LAWS, WornRobot
 
 from pellucid import _core
 from pellucid.controllers.export.c_folder import write_c_folder
@@ -25,6 +22,9 @@ from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.study.results import ResultRow
+from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, draw_worn_robot, fault_table
+from pellucid_lab.safety.worn_knee import knee_table
+from pellucid_lab.safety.worn_robot import LAWS, WornRobot
 
 from . import _exported
 from ._arm_faults import ArmOutcome, arm_rows, long_life_rows, long_lives, outcomes

@@ -19,9 +19,6 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.bench.rig import BenchRig, bench_joint
-from pellucid_lab.rig import Trial
-from pellucid_lab.study_text import study_text
 
 from pellucid._atomic import write_text_atomically
 from pellucid.models.joint import DEFAULT_FAMILIES
@@ -30,6 +27,9 @@ from pellucid.study.effort import drive_model
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE
+from pellucid_lab.bench.rig import BenchRig, bench_joint
+from pellucid_lab.rig import Trial
+from pellucid_lab.study_text import study_text
 
 SEED = 20261121
 """Seed of every random draw."""

@@ -25,11 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks._size import sized
-from pellucid_lab.knee.drawn import drawn_rig
-from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial
-from pellucid_lab.knee.rig import KneeRig, knee_orthosis
-from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
-from pellucid_lab.study import record_in_memory
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
@@ -42,6 +37,11 @@ from pellucid.orthosis.strap.limb_imu import find_joint_axis, limb_angle_by_imu
 from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
 from pellucid.orthosis.strap.strap_torque import Orthosis, StrappedSwing, from_orthosis
 from pellucid.study.results import ResultRow
+from pellucid_lab.knee.drawn import drawn_rig
+from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial
+from pellucid_lab.knee.rig import KneeRig, knee_orthosis
+from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
+from pellucid_lab.study import record_in_memory
 
 from ._foreign_straps import FEATURES_BY_KIND, WornOrthosis, drawn_strap, record_straps
 

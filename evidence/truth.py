@@ -26,13 +26,6 @@ from typing import Any
 
 import numpy as np
 from benchmarks._size import is_smallest, sized
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.elbow.protocol import trials as elbow_trials
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial, torque_trial
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.seated.rig import load_seated_rig
-from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid._processes import ordered_results
@@ -41,6 +34,13 @@ from pellucid.study.datasets.init import init
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid.study.study import Study
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.elbow.protocol import trials as elbow_trials
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial, torque_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.seated.rig import load_seated_rig
+from pellucid_lab.study import write_study
 
 from . import _spoilt_recordings
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written

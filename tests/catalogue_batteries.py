@@ -14,7 +14,6 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 import numpy as np
-from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid
 from pellucid import _core
@@ -30,6 +29,7 @@ from pellucid.emg.models.estimator_faults import ESTIMATOR_FAULTS
 from pellucid.files import defects
 from pellucid.study.drawing.style import COLOURS, colour
 from pellucid.study.find_defects import KINDS
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 PACKAGE = Path(pellucid.__file__).parent
 NUMBERS = Path(__file__).parent / "core" / "law_numbers.hpp"

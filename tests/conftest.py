@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 from shared_compiler import install_stand_ins
 
 from pellucid.study import Study
 from pellucid.study.procedures.registry import open_study
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
 

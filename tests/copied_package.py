@@ -15,11 +15,14 @@ ALONE = "import sys\nsys.meta_path[:] = [f for f in sys.meta_path if 'Redirectin
 
 
 def copied_package(folder: Path) -> Path:
-    """``folder/src/pellucid`` with its core, and the core's headers beside ``folder/src``."""
+    """``folder/src/pellucid`` with its core, ``pellucid_lab`` beside it, the core's headers beside ``folder/src``."""
     package = folder / "src" / "pellucid"
     here = Path(pellucid.__file__).parent
     shutil.copytree(here, package)  # with its bytecode, which stays valid: times are copied, too
     shutil.copy(_core.__file__, package)
+    import pellucid_lab
+
+    shutil.copytree(Path(pellucid_lab.__file__).parent, package.parent / "pellucid_lab")
     if not (package / "include").is_dir():
         shutil.copytree(here.parents[1] / "include", folder / "include")
     return package

@@ -12,7 +12,6 @@ sys.path.append(str(Path(__file__).parent / "unit"))
 
 import made_pointing
 import numpy as np
-from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES
 
 from pellucid._errors import StudyError
 from pellucid.people.index_table import index_table
@@ -32,6 +31,7 @@ from pellucid.people.study.measured_study import MeasuredStudy, activities, meas
 from pellucid.people.study.pointing import with_rule
 from pellucid.people.study.pointing_faults import usable_records
 from pellucid.units import COORDINATES_BY_UNIT, parse_quantity
+from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES
 
 CONDITIONS = ("Ctrl", "FC")
 PLACES = {

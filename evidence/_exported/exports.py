@@ -12,8 +12,6 @@ from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 
-from pellucid_lab.safety.worn_robot import LAWS
-
 import pellucid
 from pellucid.controllers.control_law import LAWS as LAW_KINDS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
@@ -22,6 +20,7 @@ from pellucid.controllers.export.constants_file import numbers_in
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.export.export import values_for
 from pellucid.controllers.instruments import Instruments
+from pellucid_lab.safety.worn_robot import LAWS
 
 HERE = Path(__file__).parent
 """Folder of the plant's source."""

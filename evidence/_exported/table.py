@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+
 from pellucid_lab.safety.fault_table import FaultKind
 
 from .trials import KINDS, ForeignTrial

@@ -11,7 +11,6 @@ from pathlib import Path
 from time import process_time
 
 import slow_inputs
-from pellucid_lab.known_rigs import load_rig
 
 from pellucid._errors import PellucidError
 from pellucid.arm.urdf import read_urdf
@@ -20,6 +19,7 @@ from pellucid.files.readers.read import read_columns
 from pellucid.models.card import read_table
 from pellucid.start.given_files import read_given
 from pellucid.study.study_file import parse_study_file
+from pellucid_lab.known_rigs import load_rig
 
 MEMORY_BYTES = 1_500_000_000
 """Address space that all files together may take beyond what the program has after its imports."""

@@ -1,6 +1,7 @@
 """Nominal 95 % intervals hold the truth about 95 times in 100, whatever the noise, where the plant equals the model."""
 
 import pytest
+
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.demonstration.coverage import coverage
 

@@ -8,7 +8,6 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from pellucid_lab.papers.able.elbow import able_elbow
 from slider_motions import made_up
 
 from pellucid import _core
@@ -18,6 +17,7 @@ from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.directional_slider import DirectionalSliderModel
 from pellucid.models.energy import cycle_energy, net_energy
 from pellucid.models.slider_joint import SliderJointModel
+from pellucid_lab.papers.able.elbow import able_elbow
 
 DRAWS = 60
 RANGES = {

@@ -6,10 +6,6 @@ import moving_average
 import numpy as np
 import pytest
 from parameter_count import chain_parameters, coupled_parameters, listed_sets
-from pellucid_lab.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
-from pellucid_lab.papers.able.elbow import able_elbow
-from pellucid_lab.papers.paired_test import paired_test
-from pellucid_lab.papers.printed import printed
 from scipy import signal, stats
 from sd_bounds import sd_bounds
 
@@ -18,6 +14,10 @@ from pellucid.models.joint import GRAVITY
 from pellucid.numerics.protocols.swept_sine import swept_sine
 from pellucid.people.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.units import to_si_factor
+from pellucid_lab.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
+from pellucid_lab.papers.able.elbow import able_elbow
+from pellucid_lab.papers.paired_test import paired_test
+from pellucid_lab.papers.printed import printed
 
 ABLE = printed("able")
 PRINTED = ABLE.values

@@ -4,10 +4,6 @@ import os
 
 import numpy as np
 import pytest
-from pellucid_lab.elbow.instruments import read_all
-from pellucid_lab.elbow.protocol import fitted_sliders, trials
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid.joint.slider.coherent_body import fit_coherent
 from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
@@ -15,6 +11,10 @@ from pellucid.joint.slider.three_steps import all_at_once, three_steps
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
 from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid_lab.elbow.instruments import read_all
+from pellucid_lab.elbow.protocol import fitted_sliders, trials
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.study import record_in_memory, write_study
 
 SEED = 1
 THREADS = min(2, os.cpu_count() or 1)

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from pellucid_lab.papers.able.predicted import ScoredPrediction, friction_drawn, predicted_rows, printed_exponents
 from pellucid_lab.papers.able.predicted_sections import predicted_sections
 from pellucid_lab.papers.figure import Figures

@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from pellucid.study.results import read_rows
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.papers.able.identification_rows import (
@@ -23,8 +25,6 @@ from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, compare_models
 from pellucid_lab.papers.figure import VERDICT_WORDS, Figures, write_figures
 from pellucid_lab.papers.reproduce import reproduce
 from pellucid_lab.pointing.rig import elbow_participants
-
-from pellucid.study.results import read_rows
 
 whole = pytest.mark.nightly
 

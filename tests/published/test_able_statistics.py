@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from pellucid_lab.papers.able.statistics import PRINT_ERRORS, RANK_SUMS, statistics_rows
 from pellucid_lab.papers.printed import printed
 

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
+from pellucid.controllers.transparent_laws import with_force_sensor
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.papers.able.transparency import VirtualStudy, content_on_target, required_resistance, simulate_study
 from pellucid_lab.pointing.conditions import controller_builder, identify_cards, interaction_rms, published_conditions
@@ -9,9 +12,6 @@ from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import simulate_sessions, standstill_speed
 from pellucid_lab.pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE, injected_energy, session_indices
-
-from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
-from pellucid.controllers.transparent_laws import with_force_sensor
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 

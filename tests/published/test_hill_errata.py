@@ -7,6 +7,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy import signal
+
+from pellucid.numerics.protocols.two_sines import two_sines
+from pellucid.numerics.searches.adam import adam
+from pellucid.orthosis.swing.leg_balance import bare_leg_torque
+from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings, published_form, swing
+from pellucid.orthosis.swing.swing_information import optimise_swing, swing_information
 from pellucid_lab.papers.hill.recomputed import (
     GRAVITY_M_S2,
     SUBJECT_KEYS,
@@ -19,13 +26,6 @@ from pellucid_lab.papers.hill.recomputed import (
     swing_frequency,
 )
 from pellucid_lab.papers.printed import printed
-from scipy import signal
-
-from pellucid.numerics.protocols.two_sines import two_sines
-from pellucid.numerics.searches.adam import adam
-from pellucid.orthosis.swing.leg_balance import bare_leg_torque
-from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings, published_form, swing
-from pellucid.orthosis.swing.swing_information import optimise_swing, swing_information
 
 HILL = printed("hill")
 SWINGS, MUSCLES, ERRORS, METHODS = (HILL.tables[name] for name in ("swings", "muscles", "errors", "methods"))

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from pellucid_lab.papers.printed import printed
 from scipy import signal
 
 from pellucid.emg.models import hill_as_published as published
 from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
 from pellucid.emg.models.muscle_geometry import muscle_table
+from pellucid_lab.papers.printed import printed
 
 HILL = printed("hill")
 MUSCLES = HILL.tables["muscles"]

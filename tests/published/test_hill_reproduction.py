@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
+
+from pellucid.orthosis.swing import swing_information
+from pellucid.study.results import read_rows
 from pellucid_lab.papers.figure import VERDICT_WORDS
 from pellucid_lab.papers.hill import release_orders, sections, torque
 from pellucid_lab.papers.hill import rows as rows_of_torque
 from pellucid_lab.papers.hill.paper import HillPaper
 from pellucid_lab.papers.hill.torque import BASELINE_FAMILIES
 from pellucid_lab.papers.reproduce import reproduce
-
-from pellucid.orthosis.swing import swing_information
-from pellucid.study.results import read_rows
 
 
 @pytest.fixture(scope="module")

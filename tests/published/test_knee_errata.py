@@ -2,6 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy import signal
+from scipy.integrate import solve_ivp
+
+from pellucid._errors import PellucidError, StudyError
+from pellucid.models.anthropometry import rod, shank_length, winter
+from pellucid.numerics.gravity_holds import accuracy, cosine_moment, line_of_best_fit
+from pellucid.units import to_si_factor
 from pellucid_lab.papers.knee.recomputed import (
     GRAVITY_M_S2,
     SUBJECT_KEYS,
@@ -18,13 +25,6 @@ from pellucid_lab.papers.knee.two_poles import (
     sine_stiffness,
 )
 from pellucid_lab.papers.printed import printed
-from scipy import signal
-from scipy.integrate import solve_ivp
-
-from pellucid._errors import PellucidError, StudyError
-from pellucid.models.anthropometry import rod, shank_length, winter
-from pellucid.numerics.gravity_holds import accuracy, cosine_moment, line_of_best_fit
-from pellucid.units import to_si_factor
 
 KNEE = printed("knee")
 PRINTED = KNEE.values

@@ -5,13 +5,13 @@ import re
 
 import numpy as np
 import pytest
+
+from pellucid.study.results import read_rows
 from pellucid_lab.knee.recorded_session import take
 from pellucid_lab.papers.figure import VERDICT_WORDS
 from pellucid_lab.papers.knee.paper import KneePaper
 from pellucid_lab.papers.printed import papers
 from pellucid_lab.papers.reproduce import reproduce
-
-from pellucid.study.results import read_rows
 
 pytestmark = pytest.mark.nightly  # three minutes of processor time: each wearer is identified whole
 

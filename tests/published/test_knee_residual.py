@@ -2,6 +2,10 @@
 
 import numpy as np
 import pytest
+
+from pellucid._errors import IdentificationError, PellucidError
+from pellucid.controllers.worn import WornCompensator
+from pellucid.emg.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from pellucid_lab.knee.chosen_constants import (
     REQUIRED_DELAY_MARGIN_S,
     REQUIRED_GAIN_MARGIN_DB,
@@ -26,10 +30,6 @@ from pellucid_lab.papers.knee.residual import (
 )
 from pellucid_lab.papers.knee.residual_rows import residual_rows, residual_section
 from pellucid_lab.papers.knee.swings import last_speed, release_leg, rms_mismatch_and_torque, swing, without_power
-
-from pellucid._errors import IdentificationError, PellucidError
-from pellucid.controllers.worn import WornCompensator
-from pellucid.emg.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 
 SEED = 41
 """Of swings on which nothing was chosen."""

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid_lab.papers.able import law_comparison
 from pellucid_lab.papers.able.law_comparison import (
@@ -15,8 +17,6 @@ from pellucid_lab.papers.able.law_comparison import (
 )
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.strap_options import without_strap_options
-
-from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER
 
 CORRECTED = ("without_friction", "transparent", "emg", "oscillator", "dithered", "force_sensor", "disturbance_observer",
              "residual", "amplification_2", "amplification_4", "amplification_10")  # fmt: skip

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_people
 from pellucid_lab.pointing.session import simulate_sessions

@@ -11,19 +11,20 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES_BY_NAME
-from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid
+import pellucid_lab
 from pellucid import _core
 from pellucid.controllers.control_law import LAWS
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.people.indices import INDICES
 from pellucid.study.find_defects import KINDS
 from pellucid.study.procedures.registry import ALL_PROCEDURES
+from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES_BY_NAME
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
-ROOT = Path(pellucid.__file__).parent
-OUTSIDE = ("papers/", "datasets/")
+ROOTS = (Path(pellucid.__file__).parent, Path(pellucid_lab.__file__).parent)
+OUTSIDE = ("study/datasets/", "pellucid_lab/papers/")
 LOOK_UPS = {"get", "pop", "index", "count", "startswith", "endswith", "setdefault"}
 
 
@@ -56,7 +57,7 @@ CATALOGUES = {
     ),
     "single faults": Catalogue(("pellucid_lab/safety/fault_table.py",), frozenset(kind.name for kind in FAULT_KINDS)),
     "estimators": Catalogue(
-        ("estimators/families/",),
+        ("emg/estimators/families/",),
         frozenset({*ESTIMATOR_FAMILIES, *(alias for f in ESTIMATOR_FAMILIES.values() for alias in f.aliases)}),
         frozenset({"hill", "linear", "motion", "tree"}),
         r"estimator|\bname\b|\bfits\b|\bhow\b|famil|\bby\b",
@@ -67,7 +68,7 @@ CATALOGUES = {
         frozenset(p.name for p in ALL_PROCEDURES),
         r"(?i)procedure|command",
     ),
-    "defects": Catalogue(("recordings/defects/",), frozenset(kind.KIND for kind in KINDS)),
+    "defects": Catalogue(("files/defects/",), frozenset(kind.KIND for kind in KINDS)),
 }  # fmt: skip
 
 # Comparisons and subscripts with an entry's name, by catalogue and file. The numbers may only fall.
@@ -111,10 +112,11 @@ def comparisons(asked: list[tuple[str, list[str]]], catalogue: Catalogue) -> int
 
 
 @cache
-def asked_in_package(root: Path = ROOT) -> dict[str, list[tuple[str, list[str]]]]:
-    """Return the questions of each file, by its path below the package."""
-    paths = sorted(root.rglob("*.py"))
-    return {path.relative_to(root).as_posix(): questions(path.read_text(encoding="utf-8")) for path in paths}
+def asked_in_package(roots: tuple[Path, ...] = ROOTS) -> dict[str, list[tuple[str, list[str]]]]:
+    """Return the questions of each file, by its path: below the package, or with the lab's name before it."""
+    files = {f"{'' if root == ROOTS[0] else root.name + '/'}{path.relative_to(root).as_posix()}": path
+             for root in roots for path in sorted(root.rglob("*.py"))}  # fmt: skip
+    return {where: questions(path.read_text(encoding="utf-8")) for where, path in files.items()}
 
 
 def counted(which: str) -> dict[str, int]:

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import pellucid
+import pellucid_lab
 
-ROOT = Path(pellucid.__file__).parent
+ROOTS = (Path(pellucid.__file__).parent, Path(pellucid_lab.__file__).parent)
 SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "Examples", "References", "See Also")
 ARRAY = re.compile(r"\b(ndarray|array)\b")
 SHAPE = re.compile(r"shape \(|[Ss]hape|same shape|of the same length|\(n,|n samples|length n")
@@ -73,10 +74,16 @@ def _api() -> set[tuple[str, str]]:
     return found
 
 
+def named(path: Path) -> str:
+    """Return a file's path: below the package, or with the lab's name before it."""
+    own = path.is_relative_to(ROOTS[0])
+    return path.relative_to(ROOTS[0] if own else ROOTS[1].parent).as_posix()
+
+
 def definitions():
-    for path in sorted(ROOT.rglob("*.py")):
+    for path in sorted(path for root in ROOTS for path in root.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        where = path.relative_to(ROOT).as_posix()
+        where = named(path)
         for node in tree.body:
             yield from _public(where, node)
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
@@ -98,8 +105,9 @@ FUNCTIONS = [d for d in ALL if isinstance(d.node, ast.FunctionDef)]
 
 
 def test_every_module_says_what_it_is_for():
-    silent = [p for p in ROOT.rglob("*.py") if not ast.get_docstring(ast.parse(p.read_text(encoding="utf-8")))]
-    assert [p.relative_to(ROOT).as_posix() for p in silent] == []
+    paths = [path for root in ROOTS for path in root.rglob("*.py")]
+    silent = [path for path in paths if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+    assert [named(p) for p in silent] == []
 
 
 def test_every_public_name_is_documented():

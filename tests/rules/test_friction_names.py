@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 import pellucid
+import pellucid_lab
 from pellucid.models.fields import model_fields
 from pellucid.models.friction_terms import TERMS
 
-ROOT = Path(pellucid.__file__).parent
+ROOTS = (Path(pellucid.__file__).parent, Path(pellucid_lab.__file__).parent)
 CATALOGUE = "models/friction_terms.py"
-OUTSIDE = ("papers/", "datasets/")
+OUTSIDE = ("study/datasets/", "pellucid_lab/papers/")
 MODELS = ("joint", "geared_joint", "coupled_plant", "tree_joint", "tree_motor")
 NAMES = {term.name for term in TERMS} | {
     field.name for model in MODELS for field in model_fields(model) if field.resists is not None
@@ -47,11 +48,11 @@ def comparisons(source: str) -> int:
 
 
 @cache
-def counted(root: Path = ROOT) -> dict[str, int]:
+def counted(roots: tuple[Path, ...] = ROOTS) -> dict[str, int]:
     """Return the count of each file that has any, by its path below the package."""
     found = {}
-    for path in sorted(root.rglob("*.py")):
-        where = path.relative_to(root).as_posix()
+    for root, path in [(folder, path) for folder in roots for path in sorted(folder.rglob("*.py"))]:
+        where = f"{'' if root == ROOTS[0] else root.name + '/'}{path.relative_to(root).as_posix()}"
         if where != CATALOGUE and not where.startswith(OUTSIDE):
             found[where] = comparisons(path.read_text(encoding="utf-8"))
     return {where: count for where, count in found.items() if count}

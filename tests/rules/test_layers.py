@@ -11,55 +11,81 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_atomic", "_errors", "_given", "_plugins", "_printed_command", "_processes", "_tabular", "units"}
-PHYSICS = BASE | {"models", "_core"}
-UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols", "studies"}
-JUDGING = {"fit", "control", "estimators", "assessment", "pages", "procedures"}
-LIBRARY_AND_STUDIES = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"drawing", "datasets"}
-EVERYTHING = LIBRARY_AND_STUDIES | {"lab"}
-LAB_DISTRIBUTION = {"lab", "papers", "demonstration", "ranking", "lab_cli"}
-# The order of the flow; a layer may import what its entry names, and itself.
+BASE = {"_atomic", "_domains", "_errors", "_given", "_plugins", "_printed_command", "_processes", "_tabular", "units"}
+FOUNDATION = {"numerics", "files", "models", "study"}
+DOMAINS = {"joint", "arm", "orthosis", "emg", "people", "controllers"}
+# A room may import what its entry names, and itself: foundation, domains, then what joins domains.
 ALLOWED = {
     "_atomic": set(),
     "_errors": set(),
+    "_domains": {"_errors"},
     "_given": {"_errors"},
     "_plugins": {"_errors"},
     "_printed_command": set(),
     "_processes": set(),
     "_tabular": {"_errors"},
     "units": {"_errors"},
-    "recordings": BASE | {"models"},  # values and files; readers of models give models
-    "studies": BASE | {"recordings", "models"},  # study.toml names friction families
-    "datasets": BASE | {"recordings", "studies", "procedures"},
-    "signals": BASE | {"recordings", "_core"},
-    "protocols": BASE | {"recordings", "signals"},
-    "inference": BASE | {"recordings.name_evidence", "signals"},  # arrays and names; proposals read files
-    "models": BASE | {"_core"},  # physics knows no data
-    "fit": BASE | PHYSICS | {"drawing", "recordings.recording", "signals", "protocols"},  # arrays alone
-    "control": PHYSICS,
-    "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
-    "assessment": BASE | {"signals"},  # arrays; procedures read studies
-    "drawing": BASE,  # figures' common shapes
-    "pages": BASE | {"models", "fit", "drawing"},  # words, tables, drawings: of nobody's procedure
-    "procedures": UP_TO_SIGNALS | PHYSICS | {"drawing", "fit", "control", "estimators", "assessment", "pages"},
-    "live": BASE | {"models", "recordings", "control"},  # processes and shared memory: of nobody's study
-    "lab": UP_TO_SIGNALS | PHYSICS | JUDGING - {"pages"} | {"drawing", "datasets", "live"},
-    "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
-    "papers": EVERYTHING,
-    "demonstration": EVERYTHING | {"deployment", "live", "session"},
-    "ranking": EVERYTHING | {"papers", "deployment.microcontroller"},
-    "proposals": BASE | {"drawing", "inference", "pages", "recordings", "studies"},  # of a lab's own files
-    "session": UP_TO_SIGNALS | {"control", "live", "estimators", "assessment", "procedures", "pages", "drawing"},
-    # Rigs come as plug-ins.
-    "start_study": BASE | {"session", "datasets", "procedures", "proposals", "recordings", "studies"},
-    "terminal": BASE | {"procedures", "studies"},  # printing and progress
-    "command_group": {"_errors", "procedures.command", "terminal"},  # the help, for the commands of every distribution
-    "cli": LIBRARY_AND_STUDIES | {"command_group", "deployment", "proposals", "session", "start_study", "terminal"},
-    "lab_cli": EVERYTHING | {"command_group", "deployment", "papers", "demonstration", "ranking", "terminal"},
+    "models": BASE | {"_core"},  # what several domains know of the core: joints, trees, friction, cards
+    "numerics": BASE | {"_core", "models"},  # arrays
+    "files": BASE,  # values and files; knows no study
+    "study": BASE | {"numerics", "files", "models"},
+    **dict.fromkeys(DOMAINS, BASE | FOUNDATION | {"_core"}),  # and the doors below
+    "live": BASE | FOUNDATION | DOMAINS,
+    "start": BASE | FOUNDATION | {"arm.urdf"},  # a robot's file names its joints
+    "start_study": BASE | FOUNDATION | {"arm", "live", "start"},
+    "cli": BASE | FOUNDATION | DOMAINS | {"live", "start", "start_study"},
     "__main__": {"cli"},
-}  # fmt: skip
-PLOTTING = {"drawing", "pages"}
-CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}
+}
+DOORS = {
+    ("people", "emg.signals.emg_chain"): "activity of muscles is an index of movement",
+    ("people", "emg.signals.emg_quality"): "recordings of people contain EMG, which is checked in one place",
+    ("emg", "controllers.export.c_folder"): "an estimator is exported from the templates of controllers",
+    ("emg", "controllers.export.controller_exporter"): "an estimator runs with a period as a controller does",
+    ("emg", "controllers.export.replay_vector"): "an exported estimator has a test vector as a controller has",
+    ("orthosis", "controllers.coupling"): "the law of a worn orthosis is designed for its coupling",
+    ("orthosis", "controllers.export.controller_exporter"): "the law of a worn orthosis is exported",
+    ("orthosis", "controllers.export.controller_values"): "the law of a worn orthosis is exported",
+    ("orthosis", "controllers.export.study_limits"): "the law of a worn orthosis keeps the study's limits",
+    ("orthosis", "controllers.limits"): "the law of a worn orthosis keeps the study's limits",
+    ("orthosis", "controllers.study.rig_instruments"): "the law of a worn orthosis is supervised",
+    ("orthosis", "controllers.worn_design"): "the law of a worn orthosis is designed in one place",
+    ("orthosis", "emg.estimators.causal_map"): "coupling: the wearer's torque is mapped from raw EMG",
+    ("orthosis", "emg.estimators.cross_validation"): "loaded swings: estimators of torque are scored",
+    ("orthosis", "emg.estimators.families"): "loaded swings: estimators of torque are fitted",
+    ("orthosis", "emg.estimators.hill"): "loaded swings: estimators of torque are fitted",
+    ("orthosis", "emg.estimators.muscle_source"): "loaded swings: muscles of the seated leg",
+    ("orthosis", "emg.estimators.torque_map"): "loaded swings: estimators of torque are fitted",
+    ("orthosis", "emg.estimators.torque_trial"): "loaded swings are trials of torque",
+    ("orthosis", "emg.models.muscle_geometry"): "loaded swings: muscles of the seated leg",
+    ("orthosis", "emg.signals.emg_chain"): "EMG tells whether a limb is relaxed, and gives the wearer's torque",
+    ("orthosis", "emg.signals.emg_quality"): "EMG tells whether a limb is relaxed",
+    ("orthosis", "emg.study.emg_torque.calibration_findings"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.chosen"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.emg_torque_table"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.evaluated"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.muscle_findings"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.trial_sources"): "a strapped wearer's body is made of the same cards",
+    ("orthosis", "emg.study.emg_torque.worn_reference"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.study_chain"): "loaded swings: the study's EMG chain",
+    ("orthosis", "joint.fit.actuator_residual"): "the actuator of an orthosis is a joint",
+    ("orthosis", "joint.fit.discrepancy"): "intervals of a strap are enlarged as those of a joint",
+}
+"""Modules of a domain that another domain may import, each with the reason.
+
+Orthosis may import EMG, never the reverse.
+"""
+
+MAX_IMPORTS_BETWEEN_DOMAINS = 60
+"""Largest number of names that domains import from each other."""
+
+ARRAYS_ONLY = ("numerics", "models", "joint/fit", "arm/fit", "orthosis/strap", "orthosis/swing", "orthosis/transfer",
+               "orthosis/imu", "emg/estimators", "emg/fit", "emg/models", "emg/signals")  # fmt: skip
+"""Folders that compute with arrays. They know no study, no table of study.toml and no page."""
+
+PAGE_ROOMS = ("study/pages", "study/drawing")
+"""Folders that draw; elsewhere only files of figures import Matplotlib."""
+
+CORE_USERS = {"models", "numerics", *DOMAINS}
 DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
 
 
@@ -90,6 +116,13 @@ def imports(path: Path, root: Path = ROOT):
                 yield node.lineno, tuple(parts[1:]) if parts[0] == root.name else ("", parts[0])
 
 
+def is_allowed(layer: str, target: tuple[str, ...]) -> bool:
+    """Whether a room may import a module, given by its parts below the package."""
+    names = {".".join(target[:end]) for end in range(1, len(target) + 1)}
+    own = {module for room, module in DOORS if room == layer}
+    return bool(names & (ALLOWED[layer] | own | {layer, "__version__"}))
+
+
 def violations(root: Path = ROOT):
     for path in sources(root):
         layer = layer_of(path, root)
@@ -97,19 +130,17 @@ def violations(root: Path = ROOT):
             continue
         where = path.relative_to(root).as_posix()
         if layer not in ALLOWED:
-            yield f"{where}: the layer '{layer}' has no entry in ALLOWED"
+            yield f"{where}: the room '{layer}' has no entry in ALLOWED"
             continue
         for line, target in imports(path, root):
             if target[:1] == ("",):
-                if target[1] in ("matplotlib", "pylab") and layer not in PLOTTING and not path.stem.endswith("figures"):
-                    yield f"{where}:{line}: only {sorted(PLOTTING)} and files of figures may import matplotlib"
-            elif (
-                target
-                and target[0] not in {layer, "__version__"}
-                and target[0] not in ALLOWED[layer]
-                and ".".join(target[:2]) not in ALLOWED[layer]
-            ):
+                plots = where.startswith(PAGE_ROOMS) or path.stem.endswith("figures")
+                if target[1] in ("matplotlib", "pylab") and not plots:
+                    yield f"{where}:{line}: only {', '.join(PAGE_ROOMS)} and files of figures may import matplotlib"
+            elif target and not is_allowed(layer, target):
                 yield f"{where}:{line}: {layer} may not import {'.'.join(target)}"
+            elif where.startswith(ARRAYS_ONLY) and "study" in target[:2]:
+                yield f"{where}:{line}: found {'.'.join(target)}, expected arrays: a fit knows no study"
 
 
 def test_imports_follow_the_flow():
@@ -117,13 +148,32 @@ def test_imports_follow_the_flow():
     assert not found, "\n".join(found)
 
 
+def test_domains_have_few_doors_and_use_each():
+    crossings = [
+        (layer_of(path), ".".join(target))
+        for path in sources()
+        for _, target in imports(path)
+        if target[:1] != ("",) and target and {layer_of(path), target[0]} <= DOMAINS and layer_of(path) != target[0]
+    ]
+    assert len(crossings) <= MAX_IMPORTS_BETWEEN_DOMAINS
+    used = {(of, to) for of, to in DOORS for room, name in crossings if room == of and f"{name}.".startswith(f"{to}.")}
+    assert set(DOORS) == used
+
+
+def test_no_domain_is_in_a_circle():
+    reach = {room: {to.split(".")[0] for of, to in DOORS if of == room} for room in DOMAINS}
+    for _ in DOMAINS:
+        reach = {room: found | {far for near in found for far in reach[near]} for room, found in reach.items()}
+    assert [room for room, found in reach.items() if room in found] == []
+
+
 def test_identifying_a_joint_does_not_load_all_of_statistics():
     """scipy.stats, which scipy.signal loads too, takes longer to load than a joint to be fitted.
 
     Only a joint whose actuator's force was recorded beside its torque needs filters besides our own.
     """
-    paths = [*(ROOT / "fit" / "joint").rglob("*.py"), *(ROOT / "procedures" / "joint").rglob("*.py")]
-    paths += [ROOT / "signals" / name for name in ("filters.py", "low_pass.py", "motion.py", "sampled.py")]
+    paths = [path for path in (ROOT / "joint").rglob("*.py") if "slider" not in path.parts]
+    paths += [ROOT / "numerics" / name for name in ("filters.py", "low_pass.py", "motion.py", "sampled.py")]
     loads = re.compile(r"\s*(from|import) scipy(\.| import )(stats|signal)\b")
     lines = [(path.name, line) for path in paths for line in path.read_text(encoding="utf-8").splitlines()]
     assert {name for name, line in lines if loads.match(line)} == {"actuator_residual.py"}
@@ -131,19 +181,15 @@ def test_identifying_a_joint_does_not_load_all_of_statistics():
 
 def test_the_base_distribution_does_not_know_the_lab():
     """What `pellucid-lab` brings is found by entry points; the base must work without it."""
-    base = {layer: allowed for layer, allowed in ALLOWED.items() if layer not in LAB_DISTRIBUTION}
-    assert {layer for layer, allowed in base.items() if allowed & LAB_DISTRIBUTION} == set()
-    excluded = {
-        pattern.split("/")[1].removesuffix(".py")
-        for pattern in tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
-            "scikit-build"
-        ]["wheel"]["exclude"]
-    }
-    brought = tomllib.loads((ROOT.parents[1] / "lab" / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]
-    for target in ("wheel", "sdist"):
-        paths = brought["build"]["targets"][target]["only-include"]
-        assert {Path(path).stem for path in paths if path.startswith("src/")} == LAB_DISTRIBUTION
-    assert excluded == LAB_DISTRIBUTION
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}:{line}"
+        for path in sources()
+        for line, target in imports(path)
+        if target[:2] == ("", "pellucid_lab") and path != ROOT / "__init__.py"  # for a type checker
+    ]
+    assert not found, found
+    lab = tomllib.loads((ROOT.parents[1] / "lab" / "pyproject.toml").read_text(encoding="utf-8"))
+    assert lab["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["src/pellucid_lab"]
 
 
 def test_only_the_layers_that_compute_reach_into_the_core():
@@ -153,14 +199,17 @@ def test_only_the_layers_that_compute_reach_into_the_core():
 @pytest.mark.parametrize(
     ("file", "text", "said"),
     [
-        ("models/a.py", "from ..studies.study import Study", "models may not import studies.study.Study"),
+        ("models/a.py", "from ..study.study import Study", "models may not import study.study.Study"),
         (
-            "signals/a.py",
+            "emg/a.py",
             "def f():\n    import matplotlib.pyplot",
-            "only ['drawing', 'pages'] and files of figures may import matplotlib",
+            "only study/pages, study/drawing and files of figures may import matplotlib",
         ),
-        ("pages/a.py", "from .. import _core", "pages may not import _core"),
-        ("helpful/a.py", "", "the layer 'helpful' has no entry"),
+        ("study/a.py", "from .. import _core", "study may not import _core"),
+        ("study/a.py", "from ..joint.fit.fit_joint import fit_joint", "study may not import joint.fit.fit_joint"),
+        ("emg/a.py", "from ..orthosis.strap.fit_strap import fit_strap", "emg may not import orthosis.strap.fit_strap"),
+        ("joint/fit/a.py", "from ..study.joint_case import JointCase", "expected arrays"),
+        ("helpful/a.py", "", "the room 'helpful' has no entry"),
     ],
 )
 def test_a_wrong_import_is_found(tmp_path, file, text, said):
@@ -204,14 +253,13 @@ def test_no_import_goes_in_a_circle():
 
 # Where a file of the package's own is read or written, and why that is not opening data.
 OWN_FILES = {
+    "_domains": "which domains are there",
     "_given": "what others gave, for whoever parses it",
     "models/card.py": "model cards",
     "emg/models/muscle_geometry.py": "tables that ship with the package",
-    "lab": "the virtual lab writes recordings and reads its own rigs",
-    "papers": "printed numbers",
-    "session": "its own pages and templates, and the report that it shows",
-    "deployment": "the core's headers, and checksums of cards",
-    "live": "shared memory, and the files of a running session",
+    "live": "shared memory, its pages and templates, and the files of a running session",
+    "controllers/export": "the core's headers, and checksums of cards",
+    "orthosis/study/worn_values.py": "checksums of cards",
     "_plugins.py": "what installed distributions say they add",
 }
 OPENERS = re.compile(
@@ -224,7 +272,7 @@ def test_only_readers_open_data_files():
     found = []
     for path in sources():
         where = path.relative_to(ROOT).as_posix()
-        if layer_of(path) in {"recordings", "studies", "datasets"} or where in OWN_FILES or layer_of(path) in OWN_FILES:
+        if where.startswith(("files/", "study/", "emg/files/", "arm/urdf.py", *OWN_FILES)):
             continue
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             if OPENERS.search(line.split("#")[0]) and "pellucid.open" not in line and ">>>" not in line:

@@ -40,7 +40,7 @@ print(json.dumps({"terminal": said["assess"], "faults": faults()}))
 def test_an_index_is_one_entry(tmp_path):
     package = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*") if path.is_file()}
-    catalogue = package / "assessment" / "indices.py"
+    catalogue = package / "people" / "indices.py"
     text = catalogue.read_text(encoding="utf-8")
     for old, new in (("# A new index comes last", ENTRY), (LAST, LAST.replace(",", ", ACCELERATION_SIZE,"))):
         assert text.count(old) == 1

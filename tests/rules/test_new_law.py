@@ -162,7 +162,7 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     text = text.replace("TransparentCompensation>;", "TransparentCompensation, GravityShare>;")
     text = text.replace('#include "joint_comp', '#include "gravity_share.hpp"\n#include "joint_comp')
     (core / "laws.hpp").write_text(text, encoding="utf-8")
-    builders = tmp_path / "src" / "pellucid" / "control" / "elbow_controllers.py"
+    builders = tmp_path / "src" / "pellucid" / "controllers" / "elbow_controllers.py"
     builders.write_text(builders.read_text(encoding="utf-8") + BUILDER, encoding="utf-8")
     parts = [changed(ROOT / part, tmp_path / part) for part in ("include", "bindings", "src/pellucid")]
     assert parts == [

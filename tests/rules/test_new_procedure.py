@@ -15,7 +15,7 @@ from pellucid.study.study_fields import ProcedureTable
 MAX_LINES_OF_THE_SMALLEST = 300
 FOLDER = '''"""The largest torque of every recording."""
 
-from ..command import Command
+from ...study.procedures.command import Command
 
 PROCEDURE_ORDER = 125
 PROCEDURE_COMMAND = Command("peak", "The largest torque of every recording.")
@@ -28,15 +28,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...studies.results import ResultRow
-from ...studies.study_fields import ProcedureTable, Word
-from ..procedure import Procedure, Progress, quiet
-from ..result import FigureTable, Result
+from ...study.results import ResultRow
+from ...study.study_fields import ProcedureTable, Word
+from ...study.procedures.procedure import Procedure, Progress, quiet
+from ...study.procedures.result import FigureTable, Result
 
 if TYPE_CHECKING:
-    from ...pages.page import Page
-    from ...recordings.fault import Fault
-    from ...studies.study import Study
+    from ...study.pages.page import Page
+    from ...files.fault import Fault
+    from ...study.study import Study
 
 
 class PeakTable(ProcedureTable):
@@ -78,8 +78,8 @@ class PeakProcedure(Procedure[PeakTable, Result]):
         )
 
     def page(self, study: Study, found: Result) -> Page:
-        from ...pages.page import Section
-        from ..study_page import figure_tables, study_page
+        from ...study.pages.page import Section
+        from ...study.procedures.study_page import figure_tables, study_page
 
         section = Section("peak", "Peaks", (), figure_tables(found))
         return study_page(f"{found.study}: peaks", found.headline, (), (section,), found.verdicts)
@@ -124,13 +124,16 @@ print(json.dumps({
 def test_a_procedure_is_one_folder(tmp_path):
     package = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*") if path.is_file()}
-    own = package / "procedures" / "peak"
+    own = package / "people" / "peak"
     own.mkdir()
     (own / "__init__.py").write_text(FOLDER, encoding="utf-8")
     (own / "procedure.py").write_text(PROCEDURE, encoding="utf-8")
+    domain = package / "people" / "domain.py"
+    text = domain.read_text(encoding="utf-8")
+    domain.write_text(text.replace('"study",', '"study", "peak",'), encoding="utf-8")
     touched = [path for path in package.rglob("*") if path.is_file() and before.get(path) != path.stat().st_mtime_ns]
-    assert sorted(path.name for path in touched) == ["__init__.py", "procedure.py"]
-    assert {path.parent for path in touched} == {own}
+    assert sorted(path.name for path in touched) == ["__init__.py", "domain.py", "procedure.py"]
+    assert {path.parent for path in touched} == {own, domain.parent}
     folder = tmp_path / "arm"
     folder.mkdir()
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
@@ -154,9 +157,10 @@ def test_the_smallest_procedure_has_300_lines_at_most():
     assert min(sizes.values()) <= MAX_LINES_OF_THE_SMALLEST, sizes
 
 
-def test_every_folder_has_one_procedure_of_its_name_and_an_order_of_its_own():
+def test_every_folder_has_one_procedure_and_an_order_of_its_own():
     folders = command.procedure_folders()
-    assert [p.name for p in registry.ALL_PROCEDURES] == [each.__name__.rpartition(".")[2] for each in folders]
+    assert [type(p).__module__.rpartition(".")[0] for p in registry.ALL_PROCEDURES] == [f.__name__ for f in folders]
+    assert len({p.name for p in registry.ALL_PROCEDURES}) == len(folders)
     assert len({each.PROCEDURE_ORDER for each in folders}) == len(folders)
 
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ... import _core
-from ...models.joint import NAMES
-from ...protocols.excitation import multisine
+from pellucid import _core
+from pellucid.models.joint import NAMES
+from pellucid.numerics.protocols.excitation import multisine
 from ..constants import Gain, Quantum, Rate, RigConstants, RigTable, Torque, Viscosity
 from ..recorded_table import MAIN_STREAM, Column, StoredTable
 from ..rig import Rig, Taken, Trial
@@ -150,10 +150,10 @@ for command in (
 @pytest.mark.slow
 def test_a_new_rig_is_two_files_and_goes_from_init_to_export(tmp_path):
     package = copied_package(tmp_path)
-    own = {"lab/pendulum/rig.py": PENDULUM, "lab/rigs/pendulum.toml": CONSTANTS}
+    own = {"pellucid_lab/pendulum/rig.py": PENDULUM, "pellucid_lab/rigs/pendulum.toml": CONSTANTS}
     for file, text in own.items():
-        (package / file).parent.mkdir(exist_ok=True)
-        (package / file).write_text(text, encoding="utf-8")
+        (package.parent / file).parent.mkdir(exist_ok=True)
+        (package.parent / file).write_text(text, encoding="utf-8")
     assert len(own) == 2
     study = tmp_path / "study"
     done = run_copied(package.parent, COMMANDS, study)

@@ -79,7 +79,7 @@ def header_findings(path: Path) -> list[tuple[str, int, str]]:
 
 
 SOURCES = [
-    *((path, findings) for path in sorted((ROOT / "src").rglob("*.py"))),
+    *((path, findings) for path in sorted([*(ROOT / "src").rglob("*.py"), *(ROOT / "lab" / "src").rglob("*.py")])),
     *((path, header_findings) for path in sorted((ROOT / "include").rglob("*.hpp"))),
 ]
 """Every file of the product, with the function that finds what is not plain in it."""

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_difference, toml_text
-from pellucid_lab.papers.printed import printed
 
 from pellucid.study.datasets.registry import shipped
 from pellucid.study.procedures.registry import study_model
 from pellucid.study.study_file import parse_study_file
+from pellucid_lab.papers.printed import printed
 
 ROOT = Path(__file__).parents[2]
 PAGES = (
@@ -88,7 +88,7 @@ def test_a_paper_that_is_reproduced_is_named_in_full_and_said_to_be_re_enacted(p
 def test_what_is_to_be_installed_can_be():
     """Pellucid is on no package index: what it can do beside is installed from its clone."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    folders = (ROOT / "src", ROOT / "docs", ROOT / "tests", ROOT / "examples")
+    folders = (ROOT / "src", ROOT / "lab" / "src", ROOT / "docs", ROOT / "tests", ROOT / "examples")
     texts = [path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".md", ".toml")]
     for path in (*texts, ROOT / "README.md", ROOT / "CONTRIBUTING.md"):
         text = path.read_text(encoding="utf-8")

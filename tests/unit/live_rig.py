@@ -7,11 +7,10 @@ import threading
 import time
 from contextlib import contextmanager
 
-from pellucid_lab.live import virtual_knee
-
 from pellucid.live.engine import LiveEngine
 from pellucid.live.session import run_session
 from pellucid.live.session.new_session import start_session_study
+from pellucid_lab.live import virtual_knee
 
 PATIENCE_S = 60.0
 HELD_TORQUE = 2.0

@@ -11,7 +11,7 @@ from pellucid.cli import app
 
 prediction, reproduction, demonstration, ranking = map(
     import_module,
-    ("pellucid_lab.predict", "pellucid_lab.papers.reproduce", "pellucid_lab.demonstration.demo", "pellucid_lab.ranking.rank"),
+    (f"pellucid_lab.{name}" for name in ("predict", "papers.reproduce", "demonstration.demo", "ranking.rank")),
 )
 
 ON_A_STUDY = (

@@ -7,6 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+from pellucid._errors import StudyError
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.tree_laws import carried, with_force_sensor
+from pellucid.models.kinematic_tree import BODY_QUANTITIES
 from pellucid_lab.arm.bodies import JOINT_NUMBERS, built_tree
 from pellucid_lab.arm.card_law import CardLaw, card_of, sensor_points
 from pellucid_lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
@@ -20,11 +25,6 @@ from pellucid_lab.known_rigs import parse_rig
 from pellucid_lab.shipped_rigs import shipped_rig
 from pellucid_lab.study import record_in_memory, study_config
 from pellucid_lab.study_text import study_text
-
-from pellucid._errors import StudyError
-from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.tree_laws import carried, with_force_sensor
-from pellucid.models.kinematic_tree import BODY_QUANTITIES
 
 
 class Carried:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from pellucid_lab.arm.pointing import (
     LOAD_TRUST,
     LoadMemory,

@@ -17,7 +17,8 @@ HALF_ADDED = {
         "mbp: has no words",
     ),
     "an estimator without a colour": (
-        "estimators", "emg/estimators/families/tree.py", 'colour="load",\n        weight', 'colour="pink",\n        weight',
+        "estimators", "emg/estimators/families/tree.py",
+        'colour="load",\n        weight', 'colour="pink",\n        weight',
         "tree: has no colour",
     ),
     "a fault of the core without an entry": (

@@ -248,11 +248,13 @@ def test_folders_that_are_read_are_data_sets_or_explained():
 
 def test_no_code_knows_a_data_set_by_name():
     import pellucid
+    import pellucid_lab
 
-    root = Path(pellucid.__file__).parent
+    roots = [Path(package.__file__).parent for package in (pellucid, pellucid_lab)]
     # A name inside a longer word is not meant: "temps", French for time, ends in a data set's name.
     found = [
         f"{path.relative_to(root)}: {name}"
+        for root in roots
         for path in root.rglob("*.py")
         for name in datasets.names()
         if re.search(rf"(?<![a-z]){name}", path.read_text(encoding="utf-8"))

@@ -6,8 +6,6 @@ from shutil import copytree
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 
 from pellucid._errors import StudyError
 from pellucid.files.cut import Cut
@@ -16,6 +14,8 @@ from pellucid.files.recording import Channel, Recording
 from pellucid.joint.study.aligned_motions import aligned_motions, find_alignments
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 
 def recording(cuts=(), **channels) -> Recording:

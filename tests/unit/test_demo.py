@@ -8,11 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pellucid_lab.demonstration import demo as module
-from pellucid_lab.demonstration.story import chapter_sentences
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.pointing.people import draw_people
-from pellucid_lab.pointing.rig import elbow_participants
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.elbow_controllers import BEST_SENSED_CONTROLLER
@@ -20,6 +15,11 @@ from pellucid.study.datasets.registry import info, shipped
 from pellucid.study.pages.quantities import number, percent
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import read_rows
+from pellucid_lab.demonstration import demo as module
+from pellucid_lab.demonstration.story import chapter_sentences
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 pytestmark = pytest.mark.slow
 

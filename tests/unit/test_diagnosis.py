@@ -5,8 +5,6 @@ import shutil
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 
 from pellucid.joint.fit.excitation import measure_excitation
 from pellucid.joint.fit.friction_family import fit_family
@@ -19,6 +17,8 @@ from pellucid.numerics.regression import stack
 from pellucid.study.datasets import init
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 CAUSES = {"contradicting_recordings", "wrong_unit", "angle_zero", "drive_constant"}
 RIG = bench_joint()

@@ -3,8 +3,6 @@
 import shutil
 
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 from typer.testing import CliRunner
 
 from pellucid.cli import app
@@ -12,6 +10,8 @@ from pellucid.files.kept_columns import FILE_ENDING
 from pellucid.study.drawn_report import KEPT_COLUMNS_ENDING, ReportPlace
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import identify
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 
 @pytest.fixture(scope="module")

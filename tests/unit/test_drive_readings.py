@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from pellucid import _core
 from pellucid_lab.drive_reading import EXACT_READING, DriveReading, stated_readings
 from pellucid_lab.safety.fault_table import draw_worn_robot, with_stated_reading
 from pellucid_lab.safety.worn_knee import draw_worn_knee
 from pellucid_lab.safety.worn_knee import with_stated_reading as with_stated_spring
-
-from pellucid import _core
 
 LIFE_S = 40.0
 """Length of a healthy life: without an allowance an error of the gain of 2 % is taken for a fault after 15 s."""

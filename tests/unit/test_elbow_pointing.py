@@ -6,6 +6,10 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+
+from pellucid import _core
+from pellucid._errors import StudyError
+from pellucid.models.anthropometry import forearm
 from pellucid_lab.pointing.load_learning import load_regressor, update_expected_load
 from pellucid_lab.pointing.movement_choice import preferred_duration, utility
 from pellucid_lab.pointing.people import draw_people
@@ -14,10 +18,6 @@ from pellucid_lab.pointing.session import Unpowered, simulate_session, standstil
 from pellucid_lab.shipped_rigs import shipped_rig
 from pellucid_lab.simulate import simulate
 from pellucid_lab.study import record_in_memory, write_study
-
-from pellucid import _core
-from pellucid._errors import StudyError
-from pellucid.models.anthropometry import forearm
 
 RIG = elbow_participants()
 FROZEN = "412a5375a3b93d67"

@@ -5,15 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pellucid_lab.knee.protocol import torque_trial
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.strap_options import without_strap_options
-from pellucid_lab.study import record_in_memory
 
 from pellucid.emg.estimators.causal_map import CausalMap
 from pellucid.orthosis.strap.strap_model import KELVIN_VOIGT
 from pellucid.orthosis.strap.strap_torque import Limb, Orthosis
 from pellucid.orthosis.study.coupling.emg_card import emg_card, emg_cards
+from pellucid_lab.knee.protocol import torque_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.strap_options import without_strap_options
+from pellucid_lab.study import record_in_memory
 
 RIG = knee_orthosis().strapped(without_strap_options())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""

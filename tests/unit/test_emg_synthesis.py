@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import welch
+
 from pellucid_lab.emg_synthesis import Electrodes, EmgSynthesis, motor_unit_noise
 from pellucid_lab.knee.rig import knee_orthosis
-from scipy.signal import welch
 
 PERIOD = 2e-3
 TABLE = dict(knee_orthosis()["emg"])

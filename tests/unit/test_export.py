@@ -20,7 +20,7 @@ from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.export.c_folder import check_on_host, core_headers, needed_headers, write_c_folder
+from pellucid.controllers.export.c_folder import check_on_host, write_c_folder
 from pellucid.controllers.export.constants_file import read_constants
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.export.export import warn_of_export
@@ -33,6 +33,7 @@ from pellucid.controllers.supervised import SUPERVISOR_NAMES
 from pellucid.controllers.unmeasured_drive import warn_of_unmeasured_drive
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_card import SliderCard
+from pellucid.study.c_sources import core_headers, needed_headers
 
 compiled = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"

@@ -6,9 +6,6 @@ import subprocess
 import numpy as np
 import pytest
 from exported import Loaded, nonsense, written
-from pellucid_lab.pointing.conditions import controller_builder
-from pellucid_lab.pointing.people import draw_people
-from pellucid_lab.pointing.rig import elbow_participants
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -20,6 +17,9 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.slider_card import SliderCard, read_slider_card
+from pellucid_lab.pointing.conditions import controller_builder
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 compiled = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from evidence import _exported_equal
 from evidence._exported_equal import compare_knee_laws, compare_supervisors
-from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS
-from pellucid_lab.safety.worn_robot import LAWS
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.export.constants_file import read_constants
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.supervised import supervised
+from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS
+from pellucid_lab.safety.worn_robot import LAWS
 
 
 def test_every_number_of_every_law_is_the_measured_one():

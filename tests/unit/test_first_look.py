@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.study import record_in_memory, write_study
 from test_identify_transfer import HEAD
 
 from pellucid._errors import StudyError
@@ -16,6 +13,9 @@ from pellucid.orthosis.transfer.best_linear_approximation import BestLinearAppro
 from pellucid.orthosis.transfer_function import TransferFunction
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify, report
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.study import record_in_memory, write_study
 
 SHORT = {"multisine.asked": True, "multisine.realisations": 3, "multisine.periods": 2, "multisine.resolution": 0.2}
 """A first look of a few seconds."""

@@ -9,6 +9,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+from pellucid._errors import PellucidError
+from pellucid.controllers.export.microcontroller import missing_tools
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.tree_laws import carried, with_force_sensor
+from pellucid.controllers.worn import WornCompensator
+from pellucid.models.tree_card import COLUMNS
 from pellucid_lab.arm.card_law import card_of
 from pellucid_lab.arm.human_motion import generated_motion
 from pellucid_lab.arm.rig import able_arm
@@ -44,13 +51,6 @@ from pellucid_lab.ranking.tried import ControllerTrial
 from pellucid_lab.ranking.watched_knee import IdentifiedDrive, WatchedController
 from pellucid_lab.safety import worn_knee
 from pellucid_lab.safety.worn_robot import make_worn_robot
-
-from pellucid._errors import PellucidError
-from pellucid.controllers.export.microcontroller import missing_tools
-from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.tree_laws import carried, with_force_sensor
-from pellucid.controllers.worn import WornCompensator
-from pellucid.models.tree_card import COLUMNS
 
 RIG = knee_orthosis()
 """Orthosis whose supervisor watches the laws."""

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from pellucid_lab.pointing.rig import elbow_people
 
 ROOT = Path(__file__).parents[2]

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+
+from pellucid._errors import DatasetError
+from pellucid.controllers.coupling import Coupling
 from pellucid_lab.knee import gait
 from pellucid_lab.knee.protocol import walking_trial
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import run_trial
 from pellucid_lab.papers.knee.body_laws import BodyLaw, body_law, law_with_oscillator, residuals_beyond_law
 from pellucid_lab.papers.knee.swings import rms_mismatch_and_torque
-
-from pellucid._errors import DatasetError
-from pellucid.controllers.coupling import Coupling
 
 # As one drawn wearer was identified.
 COUPLING = Coupling(

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.study import record_in_memory
 from test_cocontraction import STUDY, TIME
 from test_identify_coupling import BENCH, RIG, WORN, swings
 from test_markers import frozen, trial
@@ -14,6 +13,7 @@ from pellucid.joint.slider.markers import slider_geometry
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import cocontraction
+from pellucid_lab.study import record_in_memory
 
 
 def held_out(recording):

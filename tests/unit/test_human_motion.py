@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 from scipy.io import savemat
 
 from pellucid._errors import DatasetError
 from pellucid.files.readers.read import read_columns
 from pellucid.study import datasets
+from pellucid_lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 
 
 def test_matrices_in_cells_of_cells_are_columns_named_by_their_place(tmp_path):

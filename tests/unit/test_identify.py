@@ -6,8 +6,6 @@ import shutil
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint, matched
-from pellucid_lab.study import write_study
 
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.joint.study.joint_result import rows_of
@@ -16,6 +14,8 @@ from pellucid.study.procedures.compare import compare
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 from pellucid.study.results import read_rows
+from pellucid_lab.bench.rig import bench_joint, matched
+from pellucid_lab.study import write_study
 
 SLOW = {"motion_range.velocity": 0.25, "motion_range.acceleration": 2.0, "drive.current_noise": 0.4}
 

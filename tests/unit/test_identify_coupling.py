@@ -4,11 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
-from pellucid_lab.knee.protocol import torque_trial as torque
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.strap_options import without_strap_options
-from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid._errors import IdentificationError
 from pellucid.files.recording import Channel
@@ -17,6 +12,11 @@ from pellucid.orthosis.study.coupling.identify_coupling import faults, identify_
 from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
 from pellucid.study.pages.page import write_page
 from pellucid.study.study import Study
+from pellucid_lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
+from pellucid_lab.knee.protocol import torque_trial as torque
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.strap_options import without_strap_options
+from pellucid_lab.study import record_in_memory, write_study
 
 RIG = knee_orthosis().strapped(without_strap_options())
 """Whose straps are what is fitted: springs with dampers. What straps as they are do to it, others test."""

@@ -129,7 +129,8 @@ def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
 
 
 def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
-    tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": "pellucid.models.parameter:Verdict", "v": {"kind": "good"}}})
+    verdict = {"d": "pellucid.models.parameter:Verdict", "v": {"kind": "good"}}
+    tree = json.dumps({"made_from": "fresh", TREE_KEY: verdict})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
     whole = {"d": "pellucid.models.parameter:Verdict", "v": vars(Verdict("a", "b"))}
     tree = json.dumps({"made_from": "fresh", TREE_KEY: whole})

@@ -7,15 +7,15 @@ import csv
 
 import numpy as np
 import pytest
-from pellucid_lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
-from pellucid_lab.knee.rig import knee_orthosis
-from pellucid_lab.study import write_study
 
 import pellucid
 from pellucid._errors import RecordingError
 from pellucid.emg.estimators.torque_reference import MovedBody
 from pellucid.emg.study.emg_torque.trial_sources import step_trials
 from pellucid.study.procedures.registry import open_study
+from pellucid_lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
+from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.study import write_study
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]

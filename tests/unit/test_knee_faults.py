@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from pellucid_lab.safety import worn_knee
 from pellucid_lab.safety.fault_table import FAULT_KINDS
 from pellucid_lab.safety.worn_knee import KINDS, draw_worn_knee, try_worn_law

@@ -5,6 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from pellucid import _core
+from pellucid._errors import StudyError
+from pellucid.models.joint import GRAVITY
 from pellucid_lab.init import start_study
 from pellucid_lab.knee.drawn import STRAP_EFFECT_RANGES, drawn_rig, drawn_strap
 from pellucid_lab.knee.instruments import draw_mounting, rotation, take_imu
@@ -25,10 +29,6 @@ from pellucid_lab.known_rigs import rig_text
 from pellucid_lab.simulate import simulate
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid_lab.study import record_in_memory, write_study
-
-from pellucid import _core
-from pellucid._errors import StudyError
-from pellucid.models.joint import GRAVITY
 
 RIG = knee_orthosis()
 SUBJECTS = RIG.subjects

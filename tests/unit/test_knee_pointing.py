@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+
+from pellucid._errors import StudyError
+from pellucid.controllers.residual_compensator import design
+from pellucid.controllers.worn import WornCompensator
 from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS, leg_conditions
 from pellucid_lab.knee_pointing.rig import KneePointingRig, knee_participants
 from pellucid_lab.knee_pointing.session import CONTROL_CONDITION, LegSession
 from pellucid_lab.safety.worn_knee import draw_worn_knee
 from pellucid_lab.study import write_study
-
-from pellucid._errors import StudyError
-from pellucid.controllers.residual_compensator import design
-from pellucid.controllers.worn import WornCompensator
 
 FEW = {"people.count": 1, "pointing.repetitions": 1, "pointing.amplitudes": (30.0,)}
 """One person and one movement each way."""

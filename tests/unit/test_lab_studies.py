@@ -6,6 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from pellucid._errors import StudyError
+from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid.study.procedures.registry import open_study
 from pellucid_lab.knee.rig import NAMES as PLANT
 from pellucid_lab.known_rigs import load_rig, parse_rig, rig_names
 from pellucid_lab.pointing.rig import PointingRig
@@ -14,10 +18,6 @@ from pellucid_lab.rig import Taken
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid_lab.study import study_config
 from pellucid_lab.study_text import study_text
-
-from pellucid._errors import StudyError
-from pellucid.numerics.protocols.reversals import REVERSALS_NAME
-from pellucid.study.procedures.registry import open_study
 
 KEPT = Path(__file__).parents[1] / "data" / "5239fe4" / "lab"
 """Each rig's file and the study.toml that `simulate` wrote of it with seed 1, as of that commit."""

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pellucid_lab.pointing.people import draw_people
-from pellucid_lab.pointing.rig import elbow_participants
 
 import pellucid as pl
 from pellucid import _core
@@ -27,6 +25,8 @@ from pellucid.controllers.law_fuzz import fuzz
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.fields import model_fields
 from pellucid.models.simulate import substeps_for
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
 
 NUMBERS = Path(__file__).parents[1] / "core" / "law_numbers.hpp"
 TYPICAL = {

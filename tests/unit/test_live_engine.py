@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pellucid_lab.live import virtual_elbow, virtual_knee
 
 import pellucid as pl
 from pellucid._errors import PellucidError
@@ -32,6 +31,7 @@ from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_
 from pellucid.live.shared_memory import remove_dead_regions
 from pellucid.live.stream_ring import StreamRing
 from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
+from pellucid_lab.live import virtual_elbow, virtual_knee
 
 PATIENCE_S = 30.0
 

@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.pointing.people import draw_people
-from pellucid_lab.pointing.rig import elbow_participants
-from pellucid_lab.pointing.session import simulate_session
 from test_elbow_laws import COHERENT, LIMB, PLACE, POOLED
 from test_export_elbow import study  # noqa: F401
 
@@ -18,6 +15,9 @@ from pellucid.controllers.transparent_laws import expecting_load, transparent, w
 from pellucid.joint.fit.lifted_load import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
+from pellucid_lab.pointing.people import draw_people
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.pointing.session import simulate_session
 
 KILOGRAM_LOAD = point_mass(1.0, 0.3)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling, friction_slope
@@ -25,6 +24,7 @@ from pellucid.controllers.stability import (
 )
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard
+from pellucid_lab.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 PERIOD = 0.002
 KNEE = Coupling(

@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from pellucid.controllers.coupling import Coupling
+from pellucid.models.joint import GRAVITY
 from pellucid_lab.knee.moving_thigh import (
     LawWithFootSwitch,
     LawWithThighSensor,
@@ -16,9 +19,6 @@ from pellucid_lab.knee.moving_thigh import (
 )
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import run_trial
-
-from pellucid.controllers.coupling import Coupling
-from pellucid.models.joint import GRAVITY
 
 STEP_S = 1e-4
 

@@ -52,7 +52,7 @@ print(pl.identify(study)["inertia"].value)
 def test_a_format_is_one_file(tmp_path, rng):
     copy = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*") if path.is_file()}
-    (copy / "recordings" / "readers" / "rig.py").write_text(READER, encoding="utf-8")
+    (copy / "files" / "readers" / "rig.py").write_text(READER, encoding="utf-8")
     t = np.arange(10000) / 250.0
     folder = tmp_path / "arm"
     folder.mkdir()

@@ -4,14 +4,14 @@ import json
 import sys
 
 import pytest
+
+from pellucid._errors import PellucidError
+from pellucid.study.results import read_rows
 from pellucid_lab import papers as room
 from pellucid_lab.papers.figure import Figures, figure
 from pellucid_lab.papers.paper import Paper, paper
 from pellucid_lab.papers.printed import papers
 from pellucid_lab.papers.reproduce import reproduce
-
-from pellucid._errors import PellucidError
-from pellucid.study.results import read_rows
 
 PRINTED = """
 name = "tides"

@@ -5,7 +5,6 @@ from io import StringIO
 from pathlib import Path
 
 import pytest
-from pellucid_lab import lab_cli
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -13,6 +12,7 @@ from pellucid import cli
 from pellucid.study import terminal
 from pellucid.study.pages.quantities import typeset_quantities
 from pellucid.study.terminal import print_items, print_lines, print_short_table
+from pellucid_lab import lab_cli
 
 SCREEN_LINES = 45
 """Lines of one screen."""

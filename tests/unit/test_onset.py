@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.emg_synthesis import motor_unit_noise
 
 from pellucid._errors import RecordingError
 from pellucid.emg.signals.emg_onset import activations, teager_kaiser
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, onset, report
+from pellucid_lab.emg_synthesis import motor_unit_noise
 
 FS = 1500.0
 TABLE = {"band": (10.0, 450.0), "median_frequency": 90.0}

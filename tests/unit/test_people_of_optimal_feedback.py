@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.pointing.people import draw_people, parameter_names, person_model
-from pellucid_lab.pointing.rig import elbow_people
-from pellucid_lab.pointing.session import Unpowered, simulate_session
 
 from pellucid import _core
 from pellucid._errors import StudyError
+from pellucid_lab.pointing.people import draw_people, parameter_names, person_model
+from pellucid_lab.pointing.rig import elbow_people
+from pellucid_lab.pointing.session import Unpowered, simulate_session
 
 RIG = elbow_people().modelled("optimal")
 

@@ -4,13 +4,13 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+
+from pellucid import _core
+from pellucid._errors import StudyError
 from pellucid_lab.known_rigs import load_rig
 from pellucid_lab.pointing.people import draw_people, parameter_names, person_model
 from pellucid_lab.pointing.rig import PeopleRig, elbow_participants, elbow_people
 from pellucid_lab.pointing.session import Unpowered, simulate_session
-
-from pellucid import _core
-from pellucid._errors import StudyError
 
 RIG = elbow_people()
 TEXT = (files("pellucid_lab") / "rigs" / "elbow-people.toml").read_text(encoding="utf-8")

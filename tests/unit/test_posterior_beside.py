@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid._errors import PellucidError
@@ -19,6 +17,8 @@ from pellucid.study.procedures.posterior_beside import (
     posterior_verdicts,
 )
 from pellucid.study.procedures.result import FigureTable
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 
 def drawn(name, centre, spread, **more):

@@ -8,6 +8,13 @@ from html import unescape
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
+from pellucid._errors import PellucidError, StudyError
+from pellucid.cli import app
+from pellucid.models.anthropometry import point_mass
+from pellucid.start_study import init
+from pellucid.study.results import read_rows
 from pellucid_lab import predict as prediction_of_folder
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.pointing import prediction, sensitivity
@@ -25,13 +32,6 @@ from pellucid_lab.pointing.prediction import (
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.sensitivity import CHANCE_FACTOR, list_factors, screen_factors
 from pellucid_lab.predict import PREDICTION_FILE, predict
-from typer.testing import CliRunner
-
-from pellucid._errors import PellucidError, StudyError
-from pellucid.cli import app
-from pellucid.models.anthropometry import point_mass
-from pellucid.start_study import init
-from pellucid.study.results import read_rows
 
 K = (-1.0, -1.9)
 

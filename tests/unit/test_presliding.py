@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.bench.rig import bench_joint
-from pellucid_lab.study import write_study
 
 import pellucid as pl
 from pellucid import _core
@@ -19,6 +17,8 @@ from pellucid.numerics.motion import Filtering, motion_of
 from pellucid.numerics.protocols.protocol import protocol
 from pellucid.numerics.protocols.reversals import reversals
 from pellucid.numerics.regression import stack
+from pellucid_lab.bench.rig import bench_joint
+from pellucid_lab.study import write_study
 
 FILTERING = Filtering(20.0, 4, 25, 0.0, 100)
 RIG = bench_joint()

@@ -5,10 +5,10 @@ import pytest
 from evidence._lead import RATE_HZ, Stretch, best_shift, compare_detectors, rows_of
 from evidence._lead_control import LateEmg
 from evidence._loads import ratio_interval
-from pellucid_lab.elbow.rig import able_elbow, with_fastened_load
 
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
+from pellucid_lab.elbow.rig import able_elbow, with_fastened_load
 
 
 def stretch(rng, *, emg_ahead, motion_ahead):

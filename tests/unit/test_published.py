@@ -4,6 +4,10 @@ import json
 
 import numpy as np
 import pytest
+
+from pellucid._errors import PellucidError
+from pellucid.models.joint import GRAVITY
+from pellucid.units import to_si_factor
 from pellucid_lab.papers.able.card import published_card, write_published_card
 from pellucid_lab.papers.able.coherence import (
     implied_friction,
@@ -13,10 +17,6 @@ from pellucid_lab.papers.able.coherence import (
 from pellucid_lab.papers.able.elbow import DirectionSet, PublishedElbow, able_elbow, published_angle
 from pellucid_lab.papers.paired_test import paired_test
 from pellucid_lab.papers.printed import Printed, papers, printed
-
-from pellucid._errors import PellucidError
-from pellucid.models.joint import GRAVITY
-from pellucid.units import to_si_factor
 
 
 def coherent(**changed) -> PublishedElbow:

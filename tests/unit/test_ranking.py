@@ -6,6 +6,9 @@ from html import unescape
 
 import numpy as np
 import pytest
+
+from pellucid._errors import PellucidError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid_lab.papers.knee.controllers import BODY_LAW_WORDS, CONTROLLER_WORDS
 from pellucid_lab.ranking.law_certificate import certificate_words, certify_controller
 from pellucid_lab.ranking.rank import rank, rank_task, rows_of
@@ -22,9 +25,6 @@ from pellucid_lab.ranking.strategies import (
 )
 from pellucid_lab.ranking.transparency_indices import TRANSPARENCY_INDICES
 from pellucid_lab.ranking.tried import ControllerTrial, given_and_taken_power
-
-from pellucid._errors import PellucidError
-from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 
 
 def made_up(task, pairs=8, seed=1):

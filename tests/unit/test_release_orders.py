@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from made_muscles import trial
+
+from pellucid.emg.fit.muscle_calibration import MuscleProblem
 from pellucid_lab.papers.hill.release_orders import (
     ALL_AT_ONCE,
     HELD_AFTER_RELEASE,
@@ -13,8 +15,6 @@ from pellucid_lab.papers.hill.release_orders import (
     released_in_turn,
 )
 from pellucid_lab.papers.hill.training import TRAINED_QUANTITIES
-
-from pellucid.emg.fit.muscle_calibration import MuscleProblem
 
 
 @pytest.fixture(scope="module")

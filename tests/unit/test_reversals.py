@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from pellucid_lab.elbow.protocol import trials
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.pointing.conditions import build_study_conditions, identify_cards, offered_controller
-from pellucid_lab.pointing.rig import elbow_participants
-from pellucid_lab.study import record_in_memory
 
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.joint.slider.reversals import TURN_BAND_RAD, find_turns, presliding_travel
 from pellucid.joint.slider.study.identify_slider import travel_of
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.pointing.conditions import build_study_conditions, identify_cards, offered_controller
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.study import record_in_memory
 
 FS = 200.0
 

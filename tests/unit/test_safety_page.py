@@ -2,9 +2,9 @@
 
 from evidence import _safety_page
 from evidence._safety_page import BEGIN_MARK, END_MARK, table, write_page
-from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, FaultTrial
 
 from pellucid.study.results import ResultRow
+from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, FaultTrial
 
 NEVER = float("nan")
 

@@ -4,12 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pellucid_lab.known_rigs import rig_text
-from pellucid_lab.seated.muscles import torque_at_rest
-from pellucid_lab.seated.protocol import seated_trials
-from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
-from pellucid_lab.seated.subject import subjects
-from pellucid_lab.study import record_in_memory, write_study
 
 from pellucid._errors import IdentificationError, StudyError
 from pellucid.emg.models.muscle_geometry import muscle_table
@@ -17,6 +11,12 @@ from pellucid.models.joint import GRAVITY
 from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import identify_swings
 from pellucid.orthosis.study.loaded_swing.loaded_swing_page import _panels
 from pellucid.orthosis.swing import swing_information
+from pellucid_lab.known_rigs import rig_text
+from pellucid_lab.seated.muscles import torque_at_rest
+from pellucid_lab.seated.protocol import seated_trials
+from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
+from pellucid_lab.seated.subject import subjects
+from pellucid_lab.study import record_in_memory, write_study
 
 pytestmark = pytest.mark.slow
 

@@ -7,13 +7,6 @@ import tomllib
 
 import numpy as np
 import pytest
-from pellucid_lab.elbow import protocol as elbow_protocol
-from pellucid_lab.elbow.protocol import trials
-from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from pellucid_lab.init import start_study
-from pellucid_lab.known_rigs import rig_names, rig_text
-from pellucid_lab.simulate import study_name
-from pellucid_lab.study import write_study
 from typer.testing import CliRunner
 
 import pellucid
@@ -22,6 +15,13 @@ from pellucid._errors import PellucidError, StudyError
 from pellucid.models.slider_card import read_slider_card
 from pellucid.study.procedures.run import check
 from pellucid.study.results import read_rows
+from pellucid_lab.elbow import protocol as elbow_protocol
+from pellucid_lab.elbow.protocol import trials
+from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid_lab.init import start_study
+from pellucid_lab.known_rigs import rig_names, rig_text
+from pellucid_lab.simulate import study_name
+from pellucid_lab.study import write_study
 
 run = CliRunner().invoke
 

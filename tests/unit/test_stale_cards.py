@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from pellucid_lab.ranking.rank import rank
 from typer.testing import CliRunner
 
 import pellucid as pl
@@ -15,6 +14,7 @@ from pellucid.controllers.export.joint_values import joint_values
 from pellucid.models.card import read_card, write_card
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow, require_own_page, write_rows
+from pellucid_lab.ranking.rank import rank
 
 STALE = r"joint\.json: found a stale card: {} changed since it was made; identify again: pellucid identify "
 

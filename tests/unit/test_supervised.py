@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 import pellucid as pl
 from pellucid import _core
@@ -13,6 +12,7 @@ from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.supervised import supervised
 from pellucid.models.fields import model_fields
+from pellucid_lab.safety.fault_table import FAULT_KINDS
 
 NUMBERS = {
     "inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "coulomb_positive": 0.3, "coulomb_negative": 0.3,

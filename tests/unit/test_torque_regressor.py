@@ -122,7 +122,7 @@ print(rows["leg.knee.neighbours.r2"])
 @pytest.mark.slow
 def test_an_estimator_is_one_file(tmp_path):
     copy = copied_package(tmp_path)
-    (copy / "estimators" / "families" / "neighbours.py").write_text(NEIGHBOURS, encoding="utf-8")
+    (copy / "emg" / "estimators" / "families" / "neighbours.py").write_text(NEIGHBOURS, encoding="utf-8")
     study = leg(tmp_path / "leg")
     run = run_copied(copy.parent, SCRIPT, study.folder)
     assert run.returncode == 0, run.stderr

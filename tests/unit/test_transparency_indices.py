@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
+
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
@@ -17,7 +19,6 @@ from pellucid_lab.ranking.transparency_indices import (
     index_values,
     see,
 )
-from scipy import stats
 
 
 def test_there_are_twenty_of_every_kind_with_sources():

@@ -5,10 +5,10 @@ import os
 import numpy as np
 import pytest
 from evidence._mutations import damaged_toml
-from pellucid_lab.known_rigs import parse_rig
-from pellucid_lab.shipped_rigs import shipped_rig
 
 from pellucid._errors import PellucidError
+from pellucid_lab.known_rigs import parse_rig
+from pellucid_lab.shipped_rigs import shipped_rig
 
 EACH = int(os.environ.get("FUZZ", "300"))
 KINDS = (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from pellucid_lab.safety.fault_table import draw_worn_robot
 from pellucid_lab.safety.worn_knee import draw_worn_knee
 

@@ -6,14 +6,14 @@ import time
 
 import numpy as np
 import pytest
-from pellucid_lab.elbow.rig import able_elbow
-from pellucid_lab.live import virtual_elbow
-from pellucid_lab.pointing.rig import elbow_participants
-from pellucid_lab.virtual_streams import EmgSource, MuscleChannel
 
 from pellucid.files.readers import xdf
 from pellucid.live.engine import LiveEngine
 from pellucid.live.stream_ring import StreamRing
+from pellucid_lab.elbow.rig import able_elbow
+from pellucid_lab.live import virtual_elbow
+from pellucid_lab.pointing.rig import elbow_participants
+from pellucid_lab.virtual_streams import EmgSource, MuscleChannel
 
 RATE = 2048.0
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+from pellucid.controllers.worn import watched_worn
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.papers.knee.paper import KneePaper
 from pellucid_lab.papers.knee.walking import (
@@ -16,8 +18,6 @@ from pellucid_lab.papers.knee.walking import (
     watched_walking,
 )
 from pellucid_lab.safety.worn_knee import draw_worn_knee
-
-from pellucid.controllers.worn import watched_worn
 
 CONDITIONS = (SITTING_CONDITION, "3.6", "5.4")
 

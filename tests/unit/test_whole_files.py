@@ -11,12 +11,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import pellucid
+import pellucid_lab
 from pellucid._errors import PellucidError
 from pellucid.study import ResultRow, lock, read_rows, write_rows
 from pellucid.study.drawing.drawing import Drawing
 from pellucid.study.pages.page import Page, Section, write_page
 
 SOURCES = Path(pellucid.__file__).parent
+LAB_SOURCES = Path(pellucid_lab.__file__).parent
 WRITES = re.compile(
     r"""savefig\(|\.write_text\(|\.write_bytes\(|savetxt\(|open\([^)]*["'][wax]b?\+?["']"""
     r"""|os\.open\((?!os\.devnull)[^)]*O_(?:WRONLY|RDWR)"""
@@ -65,18 +67,20 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
 
 def test_nothing_is_written_but_whole():
     """Only `_atomic.py` opens a file for writing; what goes into a scratch folder is nobody's result."""
-    scratch = {"_atomic.py": 1, "controllers/export/c_folder.py": 1, "study/datasets/init.py": 1, "pellucid_lab/ranking/foreign_cost.py": 1}
+    scratch = {"_atomic.py": 1, "study/c_sources.py": 1, "study/datasets/init.py": 1,
+               "pellucid_lab/ranking/foreign_cost.py": 1}  # fmt: skip
     # A live session's log is appended to while its process runs; its region and rings are memory that
     # processes share, of a fixed size and written in place. None is read as a result. A recording is appended to, and
     # readable whenever its writer ends.
     live = {"live/engine.py": 1, "live/region.py": 1, "live/shared_memory.py": 1, "files/xdf_writer.py": 2}
     found = {}
-    for path in sorted(SOURCES.rglob("*.py")):
+    for path in sorted([*SOURCES.rglob("*.py"), *LAB_SOURCES.rglob("*.py")]):
         text = re.sub(r"^\s*(>>>|\.\.\.) .*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
         into_memory = len(re.findall(r"savefig\(\s*(buffer|printed)\b", text))
         count = len(WRITES.findall(text)) - into_memory
         if count:
-            found[str(path.relative_to(SOURCES))] = count
+            root = SOURCES if path.is_relative_to(SOURCES) else LAB_SOURCES.parent
+            found[str(path.relative_to(root))] = count
     assert found == scratch | live
 
 
