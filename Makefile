@@ -9,7 +9,9 @@ BIN    := $(VENV)/bin
 # Files in their order: by how many tests they have, the long ones with few would come last, one process waiting.
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # Tests whose figures another BLAS kernel rounds otherwise.
-NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
+ARRAYS  = numerics|people|models\.(parameter|estimates)|joint\.(fit|slider)|arm\.(fit|tree_motion)|orthosis\.(strap|swing|transfer|imu)
+NUMERIC = tests/property tests/real \
+  $(shell grep -lE 'pellucid\.($(ARRAYS)|emg\.(estimators|signals|fit|cocontraction))' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp engine/*.cpp engine/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
 .PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels site clean
