@@ -43,7 +43,7 @@ FEATURES = Features(np.zeros((1, 2)), ("emg", "angle"), (1,))
 def built_laws() -> set[str]:
     """Return the names of the laws that some function of the package makes."""
     found = set()
-    for path in (*(PACKAGE / "control").glob("*.py"), *(PACKAGE / "deployment").glob("*.py")):
+    for path in (PACKAGE / "controllers").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("ControlLaw", "replace"):
                 named = [word.value for word in node.keywords if word.arg == "kind"]

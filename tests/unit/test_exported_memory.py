@@ -11,6 +11,7 @@ from test_export_elbow import study as elbow_study  # noqa: F401
 from test_tree_laws import PERIOD, M, arm
 
 from pellucid.controllers import tree_laws
+from pellucid.controllers.export import tree_folder
 from pellucid.controllers.export.elbow_values import elbow_values
 from pellucid.controllers.export.joint_values import joint_values
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
@@ -64,7 +65,7 @@ def test_a_stop_wins_and_no_lost_bit_forgets_a_fault(kind, tmp_path, request):
 
 
 def test_an_arm_keeps_its_joint_in_doubt_without_power(tmp_path, monkeypatch):
-    monkeypatch.setattr("pellucid.controllers.export.tree_folder.record_outputs", lambda *_: [])
+    monkeypatch.setattr(tree_folder, "record_outputs", lambda *_: [])
     law = tree_laws.transparent(arm())
     values = TreeValues(law, ("tree.best.json",), {"tree.best.json": "0" * 64}, notes_of(law.card))
     folder = write_tree_folder("arm", values, tmp_path / "c")

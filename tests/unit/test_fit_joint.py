@@ -144,8 +144,8 @@ def test_what_a_transfer_function_cannot_come_from(changes, said):
         pl.fit_transfer_function(T, given.pop("input"), given.pop("output"), **given)
 
 
-@pytest.mark.parametrize("module", ["joint.fit_joint", "transfer.fit_transfer_function"])
+@pytest.mark.parametrize("module", ["joint.fit.fit_joint", "orthosis.transfer.fit_transfer_function"])
 def test_examples_run(module):
-    found = doctest.testmod(import_module(f"pellucid.numerics.{module}"))
+    found = doctest.testmod(import_module(f"pellucid.{module}"))
     assert found.attempted
     assert not found.failed

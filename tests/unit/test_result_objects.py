@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid import LAB as lab
+import pellucid_lab as lab
 from pellucid.study import procedures
 from pellucid.study.procedures.result import Result
 

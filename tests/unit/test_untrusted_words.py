@@ -77,7 +77,7 @@ def test_a_channel_that_would_be_a_formula_is_not_written(tmp_path):
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
 def test_a_terminal_says_what_it_can(tmp_path, encoding):
     code = (
-        "from pellucid import cli, terminal\nfrom rich.console import Console\n"
+        "from pellucid import cli\nfrom pellucid.study import terminal\nfrom rich.console import Console\n"
         "terminal.replace_unprintable_characters()\nConsole().print('0.05 ± 0.01 kg·m² Ж')\ncli.main()"
     )
     environment = os.environ | {"PYTHONIOENCODING": encoding, "COLUMNS": "80"}

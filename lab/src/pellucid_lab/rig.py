@@ -1,6 +1,6 @@
 """Virtual rigs: each has constants, a protocol of trials, recordings as a lab would make them, a study and a truth.
 
-A kind of rig is a class that derives from `Rig` in ``lab/<folder>/rig.py``, and a file of constants in ``lab/rigs``.
+A kind of rig is a class that derives from `Rig` in ``<folder>/rig.py``, and a file of constants in ``rigs``.
 The class names the type of its constants, a class that derives from `RigConstants`. `known_rigs` finds class and file.
 Files, studies, recordings in memory and commands are shared by all rigs.
 """
@@ -102,7 +102,7 @@ class Rig(ABC):
     """
 
     name: str
-    constants: RigConstants  # all tables of a file of ``lab/rigs``
+    constants: RigConstants  # all tables of a file of ``rigs``
 
     kind: ClassVar[str]  # value of ``kind`` in the file
     constants_type: ClassVar[type[RigConstants]] = RigConstants  # class that reads and checks the file

@@ -192,7 +192,7 @@ class ProtocolTable(RigTable):
 
 
 class ArmConstants(RigConstants):
-    """A file like ``lab/rigs/able-arm.toml``."""
+    """A file like ``rigs/able-arm.toml``."""
 
     motion: Motion = "rotary"  # way in which the joints move
     body: BodyTable

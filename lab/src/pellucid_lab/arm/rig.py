@@ -30,7 +30,7 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class ArmRig(ArmMachine):
-    """The virtual arm with its protocol and instruments, of a file like ``lab/rigs/able-arm.toml``."""
+    """The virtual arm with its protocol and instruments, of a file like ``rigs/able-arm.toml``."""
 
     kind = "serial-arm"
     constants_type = ArmConstants
@@ -135,7 +135,7 @@ def _about_centre(link: Any, centre: np.ndarray) -> np.ndarray:
 
 
 def able_arm() -> ArmRig:
-    """The rig of ``lab/rigs/able-arm.toml``."""
+    """The rig of ``rigs/able-arm.toml``."""
     return ArmRig.parse(shipped_rig("able-arm"), "able-arm")
 
 

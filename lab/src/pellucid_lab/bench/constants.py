@@ -90,7 +90,7 @@ class SamplingTable(RigTable):
 
 
 class BenchConstants(RigConstants):
-    """A file like ``lab/rigs/bench-joint.toml``."""
+    """A file like ``rigs/bench-joint.toml``."""
 
     motion: Motion  # way in which the joint moves
     lifts: Text  # name of the positive direction

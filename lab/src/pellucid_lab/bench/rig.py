@@ -47,7 +47,7 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class BenchRig(Rig):
-    """A virtual joint, with the constants of a file like ``lab/rigs/bench-joint.toml``."""
+    """A virtual joint, with the constants of a file like ``rigs/bench-joint.toml``."""
 
     constants: BenchConstants
 
@@ -207,7 +207,7 @@ class BenchRig(Rig):
 
 
 def bench_joint() -> BenchRig:
-    """Return the joint of ``lab/rigs/bench-joint.toml``."""
+    """Return the joint of ``rigs/bench-joint.toml``."""
     return BenchRig.parse(shipped_rig("bench-joint"), "bench-joint")
 
 

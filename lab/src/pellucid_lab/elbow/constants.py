@@ -137,7 +137,7 @@ class SamplingTable(RigTable):
 
 
 class ElbowConstants(RigConstants):
-    """A file like ``lab/rigs/able-elbow.toml``."""
+    """A file like ``rigs/able-elbow.toml``."""
 
     motion: Motion = "rotary"  # way in which the joint moves
     lifts: Text = "flexion"  # name of the positive direction

@@ -47,7 +47,7 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class ElbowRig(ElbowMachine):
-    """The virtual elbow with its protocol and instruments, of a file like ``lab/rigs/able-elbow.toml``."""
+    """The virtual elbow with its protocol and instruments, of a file like ``rigs/able-elbow.toml``."""
 
     kind = "slider-elbow"
     constants_type = ElbowConstants
@@ -134,7 +134,7 @@ class ElbowRig(ElbowMachine):
 
 
 def able_elbow() -> ElbowRig:
-    """Return the rig of ``lab/rigs/able-elbow.toml``."""
+    """Return the rig of ``rigs/able-elbow.toml``."""
     return ElbowRig.parse(shipped_rig("able-elbow"), "able-elbow")
 
 

@@ -299,7 +299,7 @@ class SubjectTable(RigTable):
 
 
 class KneeConstants(RigConstants):
-    """A file like ``lab/rigs/knee-orthosis.toml``."""
+    """A file like ``rigs/knee-orthosis.toml``."""
 
     motion: Motion = "rotary"  # way in which the joint moves
     lifts: Text = "flexion"  # name of the positive direction

@@ -41,7 +41,7 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class KneeRig(KneeMachine):
-    """The virtual orthosis with its wearers' trials, of a file like ``lab/rigs/knee-orthosis.toml``."""
+    """The virtual orthosis with its wearers' trials, of a file like ``rigs/knee-orthosis.toml``."""
 
     kind = "knee-orthosis"
     constants_type = KneeConstants
@@ -199,5 +199,5 @@ def trial_truth(read: KneeReadings) -> dict[str, float]:
 
 
 def knee_orthosis() -> KneeRig:
-    """The rig of ``lab/rigs/knee-orthosis.toml``."""
+    """The rig of ``rigs/knee-orthosis.toml``."""
     return KneeRig.parse(shipped_rig("knee-orthosis"), "knee-orthosis")

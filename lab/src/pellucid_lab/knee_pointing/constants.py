@@ -55,7 +55,7 @@ class LegCamerasTable(CamerasTable):
 
 
 class KneePointingConstants(RigConstants):
-    """A file like ``lab/rigs/knee-participants.toml``."""
+    """A file like ``rigs/knee-participants.toml``."""
 
     motion: Motion = "rotary"  # way in which the joint moves
     lifts: Text = "flexion"  # name of the positive direction

@@ -62,7 +62,7 @@ class LegTrial(Trial):
 
 @dataclass(frozen=True)
 class KneePointingRig(Rig):
-    """People who point with the shank, of a file like ``lab/rigs/knee-participants.toml``."""
+    """People who point with the shank, of a file like ``rigs/knee-participants.toml``."""
 
     constants: KneePointingConstants
     conditions: Mapping[str, LegCondition] = field(default_factory=lambda: leg_conditions(None))
@@ -197,5 +197,5 @@ class KneePointingRig(Rig):
 
 
 def knee_participants() -> KneePointingRig:
-    """Return the people of ``lab/rigs/knee-participants.toml``."""
+    """Return the people of ``rigs/knee-participants.toml``."""
     return KneePointingRig.parse(shipped_rig(KneePointingRig.kind), KneePointingRig.kind)

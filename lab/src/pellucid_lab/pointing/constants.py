@@ -321,7 +321,7 @@ class PointingConstants(RigConstants):
 
 
 class ParticipantsConstants(PointingConstants):
-    """A file like ``lab/rigs/elbow-participants.toml``."""
+    """A file like ``rigs/elbow-participants.toml``."""
 
     muscles: ReachingMusclesTable
     vision: ReachingVisionTable
@@ -334,7 +334,7 @@ class ModelledPeopleTable(PeopleTable):
 
 
 class PeopleConstants(PointingConstants):
-    """A file like ``lab/rigs/elbow-people.toml``."""
+    """A file like ``rigs/elbow-people.toml``."""
 
     people: ModelledPeopleTable
     impedance: ImpedanceTable

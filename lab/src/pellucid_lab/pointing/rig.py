@@ -44,7 +44,7 @@ class PointingTrial(Trial):
 
 @dataclass(frozen=True)
 class PointingRig(PointingPlant):
-    """People who point, of a file like ``lab/rigs/elbow-participants.toml``, and the robot that they wear."""
+    """People who point, of a file like ``rigs/elbow-participants.toml``, and the robot that they wear."""
 
     conditions: Conditions | None = None  # law of each condition; known once the rig is `prepared`
 
@@ -164,7 +164,7 @@ class PointingRig(PointingPlant):
 
 @dataclass(frozen=True)
 class PeopleRig(PointingRig):
-    """People who differ in how they move, of a file like ``lab/rigs/elbow-people.toml``."""
+    """People who differ in how they move, of a file like ``rigs/elbow-people.toml``."""
 
     kind = "elbow-people"
     constants: PeopleConstants
@@ -197,10 +197,10 @@ class PeopleRig(PointingRig):
 
 
 def elbow_people(robot: ElbowRig | None = None) -> PeopleRig:
-    """Return the people of ``lab/rigs/elbow-people.toml``, who wear `robot`, or the one that the file names."""
+    """Return the people of ``rigs/elbow-people.toml``, who wear `robot`, or the one that the file names."""
     return PeopleRig.parse(shipped_rig(PeopleRig.kind), PeopleRig.kind, robot)
 
 
 def elbow_participants(robot: ElbowRig | None = None) -> PointingRig:
-    """Return the people of ``lab/rigs/elbow-participants.toml``, who wear `robot`, or the one that the file names."""
+    """Return the people of ``rigs/elbow-participants.toml``, who wear `robot`, or the one that the file names."""
     return PointingRig.parse(shipped_rig(PointingRig.kind), PointingRig.kind, robot)

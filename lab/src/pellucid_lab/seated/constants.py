@@ -222,7 +222,7 @@ class SubjectTable(RigTable):
 
 
 class SeatedConstants(RigConstants):
-    """A file like ``lab/rigs/knee-seated.toml``."""
+    """A file like ``rigs/knee-seated.toml``."""
 
     motion: Motion = "rotary"  # way in which the joint moves
     lifts: Text = "extension"  # name of the positive direction

@@ -34,7 +34,7 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class SeatedRig(SeatedMachine):
-    """The virtual exoskeleton with its subjects' trials, of a file like ``lab/rigs/knee-seated.toml``."""
+    """The virtual exoskeleton with its subjects' trials, of a file like ``rigs/knee-seated.toml``."""
 
     kind = "knee-seated"
     constants_type = SeatedConstants

@@ -6,7 +6,7 @@ While the wearer holds against the actuator, the balances of both bodies give th
     \tau_k = m_{sh} g l_{sh}\sin\theta + m_e g l_e\sin\theta - \tau_e
 
 (the thesis omits gravity). The torque is regressed on the envelopes and on their products with the angle. Better
-estimators exist (``pellucid.estimators``); here the torque only serves to show how far the limb's balance can be
+estimators exist (``pellucid.emg.estimators``); here the torque only serves to show how far the limb's balance can be
 trusted.
 """
 
