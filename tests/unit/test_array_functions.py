@@ -316,6 +316,50 @@ def test_columns_of_the_design_are_no_indices():
         pl.assess(rows, control="free", indices=["duration", "amplitude"], factors=["amplitude"])
 
 
+@pytest.mark.parametrize(
+    "name", ["distance", "target_distance", "width", "load [kg]", "speed_condition", "gap", "indexOfDifficulty", "q7"]
+)
+def test_a_designed_level_of_any_name_is_a_factor_and_no_index(name):
+    rows = without(movement_rows(1.15, **LONG_ONES_MISSING), "direction", "target")
+    rows[name] = rows.pop("amplitude")
+    found = pl.assess(rows, control="free", margins={"duration": 0.10})
+    assert (list(found), found.factors) == (["duration"], (name,))
+    assert found.certificates["robot"].verdict == "not transparent"
+    assert f"taken as factors, movements compared within their levels: {name}" in str(found)
+    assert set(found.uncompared) == {"block", "trial", "period"}
+    assert name in pl.assess(rows, control="free", indices=["duration", name])
+
+
+def test_what_was_measured_stays_an_index_and_order_is_told_from_trials():
+    rows = without(movement_rows(1.0), "period", "trial", "block")
+    rng, n = np.random.default_rng(3), len(rows["duration"])
+    rows["peaks"] = rng.choice([1, 2, 3], n, p=[0.7, 0.2, 0.1]).tolist()
+    rows["success"] = (rng.uniform(size=n) < 0.8).tolist()
+    rows["movement_distance"] = rng.uniform(1.0, 2.0, n).tolist()
+    rows["mass"] = [{"free": 0.0, "robot": 2.0}[c] for c in rows["condition"]]
+    rows["load"] = rows["mass"]
+    odd = np.array([int(p[1:]) % 2 == 1 for p in rows["participant"]])
+    rows["order"] = np.where((np.array(rows["condition"]) == "robot") == odd, 2, 1).tolist()
+    found = pl.assess(rows, control="free", margins={"duration": 0.10})
+    assert list(found) == ["duration", "peaks", "success", "movement_distance", "mass"]
+    assert "load has other levels in every condition" in str(found)
+    assert any(doubt.what == "period" for doubt in found.certificates["robot"].doubts["duration"])
+
+
+def test_why_a_claim_is_not_made_is_said_with_the_people_and_losses_that_decided():
+    def said(people, gain=1.0, **options):
+        rows = movement_rows(gain, people=people, **options)
+        found = pl.assess(rows, control="free", margins={"duration": 0.10})
+        (line,) = [line for line in str(found).splitlines() if line.startswith("robot: ")]
+        return line
+
+    lacking = {"keep": lambda person, condition, *_: condition == "free" or person != 3}
+    assert "11 people took part, and a mean is said to lie within a margin from 12 people on" in said(12, **lacking)
+    assert "1 of 12 left out" in said(12, **lacking)
+    assert said(13, **lacking) == said(12) == "robot: transparent"
+    assert "reaches past an end of the margin, -9.1 to +10.0 %" in said(16, 1.10)
+
+
 def test_amplitudes_drawn_at_random_are_pooled_and_told():
     rows = movement_rows(1.02)
     drawn = np.random.default_rng(1).uniform(0.0, 1.0, len(rows["trial"]))

@@ -26,7 +26,7 @@ from .certificate import (
 )
 from .certify import margin_of
 from .comparison import ConditionComparison, compare_conditions
-from .design_columns import DesignRole, columns_with_role, design_word, too_many_levels
+from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
 from .doubts import (
     LOST_MOVEMENTS_DOUBT,
     LOST_PEOPLE_DOUBT,
@@ -37,6 +37,7 @@ from .doubts import (
     learning_doubt,
     period_doubt,
     too_many_lost,
+    undecided_reason,
 )
 from .equivalence import UNDECIDED, equivalence
 from .index_table import shared_cells
@@ -65,6 +66,8 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         has most rows of a participant's alike movements.
     factors : tuple of str
         Columns within whose levels movements are compared.
+    uncompared : tuple of str
+        Other columns that were taken as part of the design, and so are no indices.
     notes : tuple of str
         What limits the comparison, in sentences.
     """
@@ -75,6 +78,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
     certificates: Mapping[str, Certificate] = field(default_factory=dict)
     lost: Mapping[str, LostCounts] = field(default_factory=dict)
     factors: tuple[str, ...] = ()
+    uncompared: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, index: str) -> ConditionComparison:
@@ -125,8 +129,38 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         said = [f"{len(self.participants)} participants"]
         if self.left_out:
             said.append(f"left out for a missing condition: {', '.join(self.left_out)}")
-        said += [f"{name}: {each.verdict}{_why(each)}" for name, each in self.certificates.items()]
+        said += [f"{name}: {each.verdict}{self._why(name)}" for name, each in self.certificates.items()]
+        if self.factors:
+            said.append(f"taken as factors, movements compared within their levels: {', '.join(self.factors)}")
+        if self.uncompared:
+            said.append(f"taken as columns of the design, not compared: {', '.join(self.uncompared)}")
+        if self.factors or self.uncompared:
+            said[-1] += " (name one in indices to compare it)"
         return (*said, *self.notes)
+
+    def _why(self, condition: str) -> str:
+        """Return why a certificate cannot say, in brackets; "" where it can."""
+        own, reasons = self.certificates[condition], []
+        for name in own.end_points:
+            if own.said_of(name) != UNDECIDED:
+                continue
+            found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
+            if own.far_people(name):
+                found.append(f"{len(own.far_people(name))} far beyond the margin")
+            if own.lacks_people(name):
+                found.append("not enough people are shown to lie within")
+            if not found and own.verdict == CANNOT_SAY:
+                test = own.end_points[name]
+                found = ["; ".join((f"undecided: {undecided_reason(test)}", *self._losses(name, test.pairs)))]
+            if found:
+                reasons.append(f"{name} {', '.join(found)}")
+        return f" ({'; '.join(reasons)})" if reasons else ""
+
+    def _losses(self, index: str, people: int) -> list[str]:
+        """Say how many people, but for those compared, and movements gave an index no value; nothing without losses."""
+        every = len(self.participants) + len(self.left_out)
+        said = [f"{every - people} of {every} left out"] if people < every else []
+        return said + [f"{gone} of {of} movements lost in {c}" for c, (gone, of) in self.lost[index].items() if gone]
 
     def __repr__(self) -> str:
         return "\n".join((text_table(*self._table()), *self._facts()))
@@ -162,12 +196,13 @@ def assess_table(
     control : str
         Name of the condition with which the others are compared.
     indices : sequence of str, optional
-        Columns to compare. By default all numeric columns but those of the design, such as ``amplitude``, ``target``,
-        ``direction``, ``period``, ``block``, ``trial`` and ``repetition``.
+        Columns to compare. By default all numeric columns but those of the design: by their names, such as
+        ``amplitude``, ``target_distance``, ``load``, ``side``, ``period``, ``order`` and ``trial``, or because they
+        have few levels, the same ones in every condition and participant.
     participant, condition : str
         Names of the two columns that identify a row.
     factors : sequence of str, optional
-        Columns that say which movements are alike; by default those named amplitude, target and direction.
+        Columns that say which movements are alike; by default all columns of the design but those of order.
     margins : mapping of str to float, optional
         Largest relative change of an index that does not matter, by index: makes a certificate for each condition.
     alpha : float
@@ -204,20 +239,24 @@ def assess_table(
     if len(conditions) < 2:
         raise PellucidError(f"assess: found the condition {control} alone, expected at least one other")
     others = [name for name in columns if name not in (participant, condition)]
+    named = {*(margins or ()), *(indices or ())}
+    roles = design_roles({name: columns[name] for name in others if name not in named}, who, what)
     if indices is None:
-        kept = {*(margins or ())}
         indices = [
             name for name in others
-            if name in kept or (not design_word(name) and name not in (factors or ()) and _is_numeric(columns[name]))
+            if name in named or (name not in roles and name not in (factors or ()) and _is_numeric(columns[name]))
         ]  # fmt: skip
     if not indices:
-        raise PellucidError(f"assess: found no numeric column among {', '.join(columns)}, expected at least one index")
+        taken = f", of which {', '.join(roles)} describe the design" if roles else ""
+        raise PellucidError(
+            f"assess: found no numeric column to compare among {', '.join(columns)}{taken}, expected at least one index"
+        )
     strangers = [name for name in margins or () if name not in indices]
     if strangers:
         raise PellucidError(f"assess: found margins of {', '.join(strangers)}, expected them among the indices too")
     design = {name: columns[name] for name in others if name not in indices}
-    cells, used, notes = _cells(design, factors, len(who))
-    rows = _Rows(who, what, cells, _order(design), {name: _numbers(name, columns[name]) for name in indices})
+    cells, used, notes = _cells(design, roles, factors, what)
+    rows = _Rows(who, what, cells, _order(design, roles), {name: _numbers(name, columns[name]) for name in indices})
     people_names = list(dict.fromkeys(who))
     there = set(zip(who, what, strict=True))
     participants = tuple(p for p in people_names if all((p, c) in there for c in conditions))
@@ -238,13 +277,16 @@ def assess_table(
     if margins:
         ends = {name: margin_of(name, margin) for name, margin in margins.items()}
         both = [p for p in participants if all(p in tables[name][0] for name in margins)]
-        periods = _periods(design, who, what)
+        periods = _periods(design, roles, who, what)
         for name in conditions[1:]:
             certificates[name] = _certificate(
                 rows, tables, ends, (control, name), both, people_names, periods, alpha, estimand, people, max_left_out
             )
     notes += _notes(tables, participants, lost, max_left_out)
-    return TableAssessment(comparisons, participants, left_out, certificates, lost, tuple(used), tuple(notes))
+    uncompared = tuple(name for name in roles if name not in used)
+    return TableAssessment(
+        comparisons, participants, left_out, certificates, lost, tuple(used), uncompared, tuple(notes)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,10 +312,11 @@ def _numbers(name: str, values: Sequence[Any]) -> np.ndarray:
 
 
 def _cells(
-    design: Mapping[str, Sequence[Any]], factors: Sequence[str] | None, length: int
-) -> tuple[list[tuple], list[str], list[str]]:
-    """Return the cell of each of `length` rows, the factors that make it, and notes on those that do not."""
-    wanted = columns_with_role(design, DesignRole.CELL_FACTOR) if factors is None else list(factors)
+    design: Mapping[str, Sequence[Any]], roles: Mapping[str, DesignRole], factors: Sequence[str] | None,
+    conditions: Sequence[str],
+) -> tuple[list[tuple], list[str], list[str]]:  # fmt: skip
+    """Return the cell of each row, the factors that make it, and notes on those that do not."""
+    wanted = columns_with_role(roles, DesignRole.CELL_FACTOR) if factors is None else list(factors)
     clash = [name for name in wanted if name not in design]
     if clash:
         raise PellucidError(f"assess: found {', '.join(clash)} among indices and factors, expected it in one of both")
@@ -283,34 +326,44 @@ def _cells(
         count = len(set(levels))
         if too_many_levels(tuple(set(levels))):
             notes.append(f"{name} has {count} levels: movements are not compared within them")
+        elif factors is None and count > 1 and not _shared_levels(levels, conditions):
+            notes.append(f"{name} has other levels in every condition: movements are not compared within them")
         elif count > 1:
             used.append(name)
             parts.append(levels)
-    cells: list[tuple] = list(zip(*parts, strict=True)) if parts else [()] * length
+    cells: list[tuple] = list(zip(*parts, strict=True)) if parts else [()] * len(conditions)
     return cells, used, notes
 
 
+def _shared_levels(levels: Sequence[object], conditions: Sequence[str]) -> set:
+    """Return the levels that all conditions have."""
+    own: dict[str, set] = {}
+    for level, condition in zip(levels, conditions, strict=True):
+        own.setdefault(condition, set()).add(level)
+    return set.intersection(*own.values())
+
+
 def _level(name: str, row: int, value: Any) -> object:
-    """Return the level of a factor: numbers to six digits, as labels that were computed are rounded."""
+    """Return the level of a factor in a row."""
     if value is None or (isinstance(value, (float, np.floating)) and not np.isfinite(value)):
         raise PellucidError(f"assess, column {name}, row {row}: found no value, expected one of every movement")
-    return float(f"{value:.6g}") if _is_numeric([value]) else str(value)
+    return level_of(value)
 
 
-def _order(design: Mapping[str, Sequence[Any]]) -> np.ndarray | None:
+def _order(design: Mapping[str, Sequence[Any]], roles: Mapping[str, DesignRole]) -> np.ndarray | None:
     """Return the place of each row in time by the columns of the design that state it; None without one."""
-    wanted = columns_with_role(design, DesignRole.PERIOD_FACTOR) + columns_with_role(design, DesignRole.TRIAL_FACTOR)
+    wanted = columns_with_role(roles, DesignRole.PERIOD_FACTOR) + columns_with_role(roles, DesignRole.TRIAL_FACTOR)
     known = [np.asarray(design[name], float) for name in wanted if _is_numeric(design[name])]
-    if not columns_with_role(design, DesignRole.TRIAL_FACTOR) or not known or not np.isfinite(known).all():
+    if not columns_with_role(roles, DesignRole.TRIAL_FACTOR) or not known or not np.isfinite(known).all():
         return None
     return np.unique(np.array(known).T, axis=0, return_inverse=True)[1].ravel()
 
 
 def _periods(
-    design: Mapping[str, Sequence[Any]], who: Sequence[str], what: Sequence[str]
+    design: Mapping[str, Sequence[Any]], roles: Mapping[str, DesignRole], who: Sequence[str], what: Sequence[str]
 ) -> Mapping[tuple[str, str], float]:
     """Return the mean period of each participant and condition; empty if it is not stated."""
-    name = next((n for n in columns_with_role(design, DesignRole.PERIOD_FACTOR) if _is_numeric(design[n])), None)
+    name = next((n for n in columns_with_role(roles, DesignRole.PERIOD_FACTOR) if _is_numeric(design[n])), None)
     if name is None or not np.isfinite(np.asarray(design[name], float)).all():
         return {}
     found: dict[tuple[str, str], list[float]] = {}
@@ -437,19 +490,3 @@ DOUBT_WORDS = {
     LOST_PEOPLE_DOUBT: "too many participants are missing",
 }
 """Reasons, by doubt, why a claim is not made; of other doubts their name."""
-
-
-def _why(own: Certificate) -> str:
-    """Return why a certificate cannot say, in brackets; "" where it can."""
-    reasons = []
-    for name in own.end_points:
-        if own.said_of(name) != UNDECIDED:
-            continue
-        found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
-        if own.far_people(name):
-            found.append(f"{len(own.far_people(name))} far beyond the margin")
-        if own.lacks_people(name):
-            found.append("not enough people are shown to lie within")
-        if found or own.verdict == CANNOT_SAY:
-            reasons.append(f"{name} {', '.join(found) if found else 'undecided'}")
-    return f" ({'; '.join(reasons)})" if reasons else ""

@@ -12,7 +12,8 @@ import numpy as np
 from .certificate import Doubt
 from .crossover import carry_over, is_balanced, period_effect
 from .curves import CurveComparison
-from .equivalence import Equivalence, Margin, Method, equivalence
+from .equivalence import BEYOND_MARGIN, Equivalence, Margin, Method, equivalence
+from .mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from .signed_rank import signed_rank
 
 PERIOD_DOUBT = "period"
@@ -107,6 +108,27 @@ def doubts_of_lost_people(
             bounded = _without_knowing(test, hidden, alpha, method)
             made[name] = Doubt(LOST_PEOPLE_DOUBT, float("nan"), bounded, always=True)
     return made
+
+
+def undecided_reason(test: Equivalence) -> str:
+    """Return why a test of logarithms of ratios claims neither "within" nor "beyond", by the rule that decided."""
+    (low, high), n = test.interval, test.pairs
+    if test.verdict == BEYOND_MARGIN:
+        return f"beyond the margin if tested alone, with {n} people; of several end points one may be so by chance"
+    reasons = []
+    if not np.isfinite([low, high]).all():
+        reasons.append(f"the change has no bounds with {n} people")
+    elif low <= test.margin.low or high >= test.margin.high:
+        ends, margin = (100.0 * np.expm1(pair) for pair in ((low, high), (test.margin.low, test.margin.high)))
+        reasons.append(
+            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people, {ends[0]:+.1f} to {ends[1]:+.1f} %, "
+            f"reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %"
+        )
+    if test.method == "skew_robust" and n < MIN_PEOPLE:
+        reasons.append(f"{n} people took part, and a mean is said to lie within a margin from {MIN_PEOPLE} people on")
+    elif test.method == "skew_robust" and not reasons:
+        reasons.append(f"with {n} people the {100.0 * HIDDEN_SHARE:g} % who lie farthest away may not have been seen")
+    return "; ".join(reasons)
 
 
 def _without_knowing(
