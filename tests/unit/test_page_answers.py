@@ -10,9 +10,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from pellucid.arm.study.tree_page import _verdict as robot_verdict
+from pellucid.joint.fit.estimator_choice import EstimatorChoice
 from pellucid.joint.study import joint_page as module
 from pellucid.joint.study.joint_page import page as joint_page
-from pellucid.joint.study.joint_result import rows_of
+from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.parameter import Verdict
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, forest
@@ -184,3 +185,17 @@ def test_a_robot_is_judged_by_its_worst_joint_where_it_was_not_fitted(judged, er
         errors_of=lambda model, where: SimpleNamespace(each=errors),
     )
     assert robot_verdict(found) == verdict
+
+
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [("ls", "by least squares"), ("irls", "by least squares (the headline is by robust least squares)")],
+)
+def test_the_table_of_families_says_by_which_estimator_it_is(tmp_path, method, said):
+    found = fabricate.fit(families=("symmetric", "load"))
+    best = found.families[found.best]
+    chosen = EstimatorChoice(method=method, predictions=best.predictions)
+    found = replace(found, families={**found.families, found.best: replace(best, choice=chosen)})
+    tables = complete_result(fabricate.study(tmp_path, found), found).tables
+    (title,) = [table.title for table in tables if "amilies" in table.title]
+    assert title == f"Friction families, by their errors of the effort {said}"

@@ -148,7 +148,10 @@ def _tables(
         )
         for f in families.values()
     )
-    title, at = "Friction families, by their errors of the effort", list(families).index(best)
+    compared, at = families[best].estimate.method, list(families).index(best)
+    title = f"Friction families, by their errors of the effort by {METHODS[compared]}"
+    if chosen.method != compared:
+        title += f" (the headline is by {METHODS[chosen.method]})"
     return parameters, FigureTable(title, heads, rows, chosen_rows=(at,)), *by_recording
 
 
