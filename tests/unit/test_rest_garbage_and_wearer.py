@@ -136,6 +136,39 @@ def test_a_velocity_without_a_position_is_integrated(make_study):
     assert np.abs(recording["position"] - moved).max() < 2e-3
 
 
+@pytest.mark.parametrize(
+    ("unit", "effort", "gravity"),
+    [("rpm", "torque [Nm]", 'gravity = "sine+cosine"'), ("mm/s", "current [A]", 'motion = "prismatic"')],
+)
+def test_init_check_and_identify_agree_on_a_velocity_without_a_position(tmp_path, make_study, unit, effort, gravity):
+    columns, files = make_study.swing(), []
+    speed = np.gradient(columns["q"], columns["t"]) * {"rpm": 30.0 / np.pi, "mm/s": 1000.0}[unit]
+    for name, half in (("a", slice(0, 1200)), ("b", slice(1200, None))):
+        path = tmp_path / f"{name}.csv"
+        rows = np.column_stack([columns["t"], speed, columns["i"]])[half]
+        np.savetxt(path, rows, "%.9g", ",", header=f"time [s],speed [{unit}],{effort}", comments="")
+        files.append(path)
+    study = pl.open(pl.init(tmp_path / "study", files=files).folder)
+    assert gravity in (study.folder / "study.toml").read_text(encoding="utf-8")
+    notes = [fault for fault in pl.check(study) if fault.kind == "integrated"]
+    said = "integrated from 0 on, expected recordings that all start at the same angle"
+    assert [said in n.message for n in notes] == [True] * (unit == "rpm")
+    assert {"inertia", "mass"} & set(pl.identify(study, families=["symmetric"]).estimates)
+
+
+def test_the_zero_of_an_integrated_velocity_is_corrected_by_a_free_zero(make_study):
+    """A study that says sine has no position to write an offset at."""
+    columns = make_study.swing()
+    gravity = np.sin(columns["q"] + 0.6) * 3.0
+    columns["i"] = columns["i"] + gravity
+    speed = np.gradient(columns["q"], columns["t"])
+    changes = ('position = { column = "q", unit = "rad" }', 'velocity = { column = "q", unit = "rad/s" }')
+    study = make_study({**columns, "q": speed}, changes)
+    verdicts = pl.identify(study, families=["symmetric"]).verdicts
+    (zero,) = [v for v in verdicts if "zero of the angle" in v.text]
+    assert zero.do == 'Write gravity = "sine+cosine" in [model].'
+
+
 def at_speeds(speeds, rng, fs: float = 200.0, seconds: float = 6.0) -> dict[str, np.ndarray]:
     """A joint that turns at one speed after another, as for a map of its friction."""
     ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(60) / 60.0)

@@ -692,8 +692,8 @@ def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple
     if lengths:
         return "prismatic", all(r.unit_is_certain for r in lengths), None
     if not positions or any(r.unit_is_certain for r in positions) or drive is None:
-        forces = [r for r in main.channels if r.quantity == "force"]
-        if not positions and forces:
+        sliding = [r for r in main.channels if r.quantity == "force" or r.unit in ("m/s", "mm/s", "cm/s")]
+        if not positions and sliding:
             return "prismatic", False, None
         return "rotary", True, _gravity(main, drive)
     if any(r.unit == "counts" for r in positions):
@@ -712,8 +712,10 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     zero."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
-    if not positions and not any(r.quantity == "motor_position" for r in main.channels):
-        return None
+    if not _measures_angle(main):
+        # The integral of a velocity starts at 0, wherever the joint hangs.
+        is_integrated = any(r.quantity == "velocity" and not r.is_command for r in main.channels)
+        return "sine+cosine" if is_integrated and drive is not None else None
     if found is None or not positions or main.roles.rate is None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
@@ -726,6 +728,10 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
         return "sine+cosine"
     gain = weighed.left_share("none") - weighed.left_share(role.unit)
     return "sine+cosine" if gain > MIN_GRAVITY_SHARE or weighed.beats(role.unit, "none") else "none"
+
+
+def _measures_angle(main: Layout) -> bool:
+    return any(r.quantity in ("position", "motor_position") for r in main.channels)
 
 
 def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
@@ -814,7 +820,7 @@ def _alike_tables(main: Layout) -> list[GivenTable]:
 def _with_torque(main: Layout) -> Layout:
     """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a
     lever."""
-    if not any(r.quantity in ("position", "motor_position") for r in main.channels):
+    if not _measures_angle(main):
         return main
     if any(r.quantity == "torque" for r in main.channels):
         return main
@@ -953,7 +959,7 @@ def _questions(main, streams, recordings, drive, facts, motion_sure, person, rep
             "unknown",
             "a known mass gives the drive's constant; an unknown one must not be fitted together with the rest",
         )
-    if gravity == "sine+cosine" and drive is not None:
+    if gravity == "sine+cosine" and drive is not None and _measures_angle(main):
         yield Question(
             "angle_zero",
             "Does the joint hang at the angle 0?",

@@ -55,6 +55,7 @@ def joint_faults(study: Study) -> list[Fault]:
             gravity=study.model.gravity,
             known=study.model.known,
         )
+        faults += _integration_notes(study)
         faults.append(_excitation_note(study, model, data))
         solve_family(model, data)
         require_sign(model, data, drive_channel(study.recordings("fit")[0], study))
@@ -94,6 +95,20 @@ def _excitation_note(study: Study, model: JointModel, data: Stack) -> Fault:
         say += "; every parameter shows"
     expected = f"{100 * MIN_UNEXPLAINED_SHARE:.0f} % of what each parameter does to be its own"
     return Fault("note", "excitation", "study.toml", "position", text, expected, say.rstrip())
+
+
+def _integration_notes(study: Study) -> Iterator[Fault]:
+    """Yield a note if angles are integrals of a velocity, whose zero is where each recording starts."""
+    given = {"position", "motor_position"}
+    integrated = [r.path.name for r in study.recordings() if "position" in r and not given & set(study.specs_of(r))]
+    if not integrated or study.rig.motion != "rotary" or study.model.gravity == "none":
+        return
+    found = "no position: the velocity is integrated from 0 on"
+    wanted = "recordings that all start at the same angle, or a position; otherwise the weight is wrong"
+    message = f"{integrated[0]}, channel position: found {found}, expected {wanted}"
+    if study.model.gravity == "sine":
+        message += '. Write gravity = "sine+cosine" in [model] unless the joint hangs at that angle'
+    yield Fault("note", "integrated", integrated[0], "position", found, wanted, message)
 
 
 def _delay_notes(study: Study) -> Iterator[Fault]:

@@ -55,7 +55,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
         "wrong",
         f"The zero of the angle is off: by its weight, {at} ({100 * case.level:g} %). With the zero free, effort that "
         f"was not fitted is predicted to {found.after:.3g} {unit} RMS instead of {found.before:.3g}.",
-        f'Write {_offset(case, found.angle)}, or gravity = "sine+cosine" in [model].',
+        f"Write {_advice(case, found.angle)} in [model].",
         weight=11.0,
     )
 
@@ -72,8 +72,11 @@ def _best(case: JointCase) -> AngleZero | None:
     return min(made, key=lambda each: each.after, default=None)
 
 
-def _offset(case: JointCase, angle: float) -> str:
-    """Return the entry of [channels] that corrects the zero."""
-    spec = case.study.config.channels["position"]
+def _advice(case: JointCase, angle: float) -> str:
+    """Return the entries of study.toml that correct the zero; an integrated velocity has no offset to write."""
+    free = 'gravity = "sine+cosine"'
+    spec = case.study.config.channels.get("position")
+    if spec is None:
+        return free
     offset = spec.offset + angle / spec.si_factor
-    return f"offset = {offset:.4g} in [channels] position ({spec.unit})"
+    return f"offset = {offset:.4g} in [channels] position ({spec.unit}), or {free}"
