@@ -125,7 +125,7 @@ def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
         try:
             found = _tables_of(path)
         except PellucidError as error:
-            unread.append((path, str(error)))
+            unread.append((path, str(error).removeprefix(f"{path.name}: ")))
             continue
         if found:
             tables += found

@@ -14,7 +14,7 @@ from ..personal_fields import find_personal_columns, find_personal_lines, search
 from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
-from ._comma import comma_evidence, decimal_marks, read_number, two_readings
+from ._comma import comma_evidence, decimal_marks, may_hold_thousands, read_number, two_readings
 from ._last_row import cut_row
 from ._number_table import MIN_LONG_FILE_BYTES, number_table
 from ._wall_clock import stamp_seconds
@@ -71,15 +71,17 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
     ):
         header, first = numbers, first + 1
     rows = lines[first:]
+    # A last column with a name may be empty throughout; one without a name is only a surplus delimiter.
+    named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
     try:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
         texts, unclear = None, set[int]()
     except ValueError:
-        # A last column with a name may be empty throughout; one without a name is only a surplus delimiter.
-        named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
         table, texts, unclear = _read_with_empty_cells(rows, delimiter, named) or _read_fields(
             path, rows, delimiter, named
         )
+    if texts is None and may_hold_thousands(table.T):
+        table, texts, unclear = _read_fields(path, rows, delimiter, named)
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
     units = _units(names, unit_texts)
@@ -160,6 +162,8 @@ def _read_long(path: Path) -> Columns | None:
     columns = number_table(path, start, len(fields), delimiter=delimiter, decimal=decimal, end=end)
     if columns is None or (delimiter.isspace() and _has_empty_row(columns)):
         return None  # a line of tabs alone is no row, which Arrow does not tell from one of missing samples
+    if decimal == "." and may_hold_thousands(columns):
+        return None  # the texts tell
     above = [*comments, *(line for _, line in lines[:first])]
     return Columns(
         path,
@@ -181,9 +185,9 @@ def lost_end(path: Path) -> str:
 def _certain_mark(rows: list[list[str]]) -> str | None:
     """Return the decimal mark of the first rows of a table; None if only all of its rows can tell it."""
     evidence = comma_evidence(field for fields in rows for field in fields)
-    if evidence.decimal == "." and evidence.either:
-        return None  # commas between thousands
-    return evidence.decimal if evidence.comma or evidence.point or evidence.either else "."
+    if evidence.comma:
+        return None if evidence.point else ","
+    return None if "," in evidence.either else "."
 
 
 def _has_empty_row(columns: list[np.ndarray]) -> bool:

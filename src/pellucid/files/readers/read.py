@@ -125,7 +125,8 @@ def read_columns(path: str | os.PathLike) -> Columns:
     if any(unit_from_text(unit) not in (None, unit) for unit in columns.units.values()):
         columns = replace(columns, units={name: unit_from_text(u) or u for name, u in columns.units.items()})
     if all(isinstance(value, str) for value in columns.values.values()):
-        raise RecordingError(f"{path.name}: found no numeric column")
+        first = next((f'; column "{name}": {text}' for name, text in columns.values.items()), "")
+        raise RecordingError(f"{path.name}: found no numeric column{first}")
     lost = reader.lost_end(path) if hasattr(reader, "lost_end") else ""
     return replace(columns, lost=lost) if lost else columns
 
