@@ -18,6 +18,9 @@ MAX_EVEN_JITTER = 0.1
 """Samples count as unevenly spaced if 1 in 100 time steps is off by more than this share of the usual step. Chosen by
 judgement; no measurement is recorded."""
 
+BRIDGED_LOWPASS_PERIODS = 0.5
+"""Interpolation over a gap of up to so many periods of the low-pass loses nothing that the filter would keep."""
+
 
 @dataclass(frozen=True)
 class Cut:

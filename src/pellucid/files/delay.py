@@ -23,7 +23,7 @@ def shift_channels(recording: Recording, delays: Mapping[str, float]) -> Recordi
     The result is shortened to the time that all channels cover.
     """
     delays = {name: delay for name, delay in delays.items() if delay != 0.0 and name in recording}
-    if not delays or not _advances(recording):
+    if not delays or not advances_within_spans(recording):
         return recording  # a later check refuses time that does not increase
     time, channels = recording.time, {}
     for name, delay in delays.items():
@@ -37,7 +37,7 @@ def shift_channels(recording: Recording, delays: Mapping[str, float]) -> Recordi
     return replace_channels(recording, channels, lost)
 
 
-def _advances(recording: Recording) -> bool:
+def advances_within_spans(recording: Recording) -> bool:
     """Whether time increases within every span between cuts."""
     return all((np.diff(recording.time[span]) > 0.0).all() for span in recording.spans)
 
@@ -45,7 +45,7 @@ def _advances(recording: Recording) -> bool:
 def undo_lags(recording: Recording, lags: Mapping[str, float]) -> Recording:
     """Return the recording with the first-order lag of each channel of `lags` undone: x + lag * dx/dt, lags [s]."""
     lags = {name: lag for name, lag in lags.items() if name in recording}
-    if not lags or not _advances(recording):
+    if not lags or not advances_within_spans(recording):
         return recording
     channels = dict(recording.channels)
     for name, lag in lags.items():

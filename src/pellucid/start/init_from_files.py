@@ -150,9 +150,11 @@ def _require_accepted(
     try:
         faults = tuple(check(draft))
     except PellucidError as error:
-        reasons = str(error).replace(f"{draft}{os.sep}", "").splitlines()
+        reasons = str(error).splitlines()
     else:
         reasons = grouped_messages([fault for fault in faults if fault.severity == "refuse"])
+    for place in (draft, draft.absolute(), draft.resolve()):
+        reasons = [reason.replace(f"{place}{os.sep}", "") for reason in reasons]
     if reasons:
         said = missing_part(proposal)
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 and not said else ""

@@ -27,7 +27,7 @@ from .inference.derivatives import UNIT_RATIOS
 from .inference.emg_spectrum import swings_fast
 from .inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
-from .inference.processing_choice import ProcessingChoice, choose_processing
+from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
 from .inference.repeated_motions import RepeatedMotion, find_repeated_motion
 from .inference.static_postures import find_postures
 from .questions import Question, select_questions
@@ -1119,8 +1119,20 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
     if drive is None or not positions or rate is None or main.tables[0].rows < 200:
         return None
     first = main.roles.clock.first_sound
-    choices = [choose_processing(_decoded(main.tables[0], role)[first:], rate) for role in positions]
-    return max(choices, key=lambda choice: choice.lowpass)
+    lost = [_lost_periods(table, main, positions[0], 0 if i else first) for i, table in enumerate(main.tables)]
+    choices = [choose_processing(_decoded(main.tables[0], role)[first:], rate, lost[0]) for role in positions]
+    choice = max(choices, key=lambda choice: choice.lowpass)
+    periods = [periods for periods in lost if periods is not None]
+    return bridge_losses(choice, periods, rate) if periods else choice
+
+
+def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: int) -> np.ndarray | None:
+    """Return how many sampling periods each step of a table's clock lasts; None unless it loses samples."""
+    clock = main.roles.clock
+    if clock.column is None or any(name not in table.columns for name in (clock.column, position.column)):
+        return None
+    time = np.asarray(table.columns[clock.column], float)[first:] * UNIT_SECONDS[clock.unit]
+    return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)
 
 
 def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list[str]:

@@ -396,6 +396,11 @@ def _processing(proposal: Proposal) -> list[str]:
         *_wrapped(f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."),
         f'lowpass = "{choice.lowpass:g} Hz"',
         "order = 4",
+        *(
+            [_line(f'resample = "{choice.resample:.5g} Hz"', "the clock loses samples; short losses are interpolated")]
+            if choice.resample is not None
+            else []
+        ),
         f"decimate = {choice.decimate}",
         *([] if proposal.spring is not None else [_line(dead_band, "slower, friction has no certain sign")]),
         _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled"),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from ..files.cut import Cut
+from ..files.cut import BRIDGED_LOWPASS_PERIODS, Cut
 from ..files.defects import clipped, dropouts, frozen, gaps, missing, sensor_range, silent, spikes
 from ..files.defects.watched import WatchedRecording
 from ..files.recording import Recording
@@ -83,7 +83,7 @@ def regressed_joints(config: StudyFile) -> tuple[JointTable, ...]:
 
 def max_bridged_gap(processing: Processing, fs: float) -> float:
     """Return the longest gap [s] over which interpolation loses nothing that the filter would keep; `fs` [Hz]."""
-    return 0.5 / processing.lowpass if processing.lowpass else 3.0 / fs
+    return BRIDGED_LOWPASS_PERIODS / processing.lowpass if processing.lowpass else 3.0 / fs
 
 
 def needed_kinds(config: StudyFile) -> tuple[ModuleType, ...]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._errors import RecordingError
-from ..files.cut import MAX_EVEN_JITTER
-from ..files.delay import interpolate_at
+from ..files.cut import BRIDGED_LOWPASS_PERIODS, MAX_EVEN_JITTER
+from ..files.delay import advances_within_spans, interpolate_at
 from ..files.fault import Fault
 from ..files.recording import Recording, channels_within
 from ..numerics.even_times import even_times
@@ -90,6 +90,8 @@ def short_stretch_faults(study: Study) -> list[Fault]:
     """Return a fault for each stretch between cuts that is too short to be used, and for held-out files without any."""
     faults = []
     for recording in study.recordings():
+        if not advances_within_spans(recording):
+            continue  # the check of time refuses it, and no even grid exists
         processing = study.processing_of(recording)
         fewest = shortest(filtering_of(processing))
         where = f"{recording.path.name} (recording {recording.name})"
@@ -121,9 +123,23 @@ def usable_stretches(recording: Recording, processing: Processing) -> list[Stret
     if not found and recording.use == "fit":
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
-            "expected a longer recording, a smaller [processing] decimate or trim"
+            f"expected a longer recording, {_remedy(recording, processing)}"
         )
     return found
+
+
+def _remedy(recording: Recording, processing: Processing) -> str:
+    """Return the keys of [processing] that make the stretches of a recording longer, or the needed length shorter."""
+    gaps = [cut.stop - cut.start for cut in recording.cuts if cut.kind == "gap"]
+    if len(gaps) < 2:
+        return "a smaller [processing] decimate or trim"
+    if processing.resample is None:
+        return f'or [processing] resample = "{recording.fs:.5g} Hz", which bridges the short ones of {len(gaps)} gaps'
+    usual = float(np.quantile(gaps, 0.9))
+    return (
+        f"a [processing] lowpass of at most {BRIDGED_LOWPASS_PERIODS / usual:.2g} Hz, at which gaps of up to "
+        f"{usual:.3g} s are interpolated, or a smaller decimate or trim"
+    )
 
 
 def _motions_of(recording: Recording, study: Study, model: DriveModel, within: int | None = None) -> Iterator[Motion]:

@@ -60,14 +60,15 @@ def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> lis
     columns : mapping of ndarray
         Columns, each shape (n,), without counters and clocks.
     time : ndarray, shape (n,)
-        Times [s]; they must not fall.
+        Times [s]; rows whose time falls back are not used.
     """
     names = [name for name, x in columns.items() if np.isfinite(x).mean() > 0.98 and np.ptp(x[np.isfinite(x)]) > 0.0]
     if len(names) < 2 or len(time) < 50:
         return []
     rows = _busiest_rows([columns[name] for name in names], len(time))
     times = time[rows]
-    keep = np.concatenate(([True], np.diff(times) > 0.0)) & np.isfinite(times)
+    # Stamps of arrival fall back: only a row later than all rows before it has a slope.
+    keep = np.isfinite(times) & (times > np.fmax.accumulate(np.concatenate(([-np.inf], times[:-1]))))
     times = times[keep]
     if len(times) < 50:
         return []

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
+from ...files.cut import BRIDGED_LOWPASS_PERIODS, MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
 from ...numerics.filters import zero_phase_lowpass
+from ...numerics.motion import Filtering, shortest
 from .angle_units import find_quantum
 
 FLOOR_MARGIN = 4.0
@@ -21,6 +25,23 @@ MAX_LOWPASS_SHARE = 0.2
 DEAD_BAND_SHARE = 0.02
 """The dead band is at least this share of the largest speed, where friction takes a sign for certain."""
 
+MAX_BRIDGED_PERIODS = 10
+"""The spectrum is computed over losses of up to so many sampling periods, by interpolation. A longer loss can hide
+motion within reach of a low-pass of a twentieth of the sampling rate, and parts the samples. Chosen by judgement."""
+
+MIN_SPECTRUM_SAMPLES = 64
+"""A spectrum is computed between long losses only if one stretch has so many samples."""
+
+MIN_KEPT_SHARE = 0.8
+"""Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass is
+lowered, so that longer losses are bridged, until it is reached. Chosen by judgement."""
+
+TRIM_LOWPASS_PERIODS = 0.5
+"""Periods of the low-pass that are left out at each border, where the filter has not settled."""
+
+MIN_TRIM_SAMPLES = 20
+"""Fewest samples that are left out at each border."""
+
 
 @dataclass(frozen=True)
 class ProcessingChoice:
@@ -33,20 +54,52 @@ class ProcessingChoice:
     why: str  # reason, for a comment in study.toml
     frequency: np.ndarray  # frequencies of the spectrum, shape (f,) [Hz]
     acceleration_power: np.ndarray  # power of the computed acceleration, shape (f,)
+    peak: float = 0.0  # frequency of the most motion [Hz]
+    resample: float | None = None  # rate to interpolate to [Hz], None unless a clock loses samples now and then
 
 
-def choose_processing(position: np.ndarray, rate: float) -> ProcessingChoice:
-    """Return a proposal for a position, shape (n,), sampled evenly at `rate` [Hz].
+def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np.ndarray | None:
+    """Return how many sampling periods each step of a clock lasts, shape (n - 1,); None unless samples are lost.
 
-    The power of the acceleration falls while motion ends, and rises again where quanta and noise, differentiated
-    twice, outweigh it. The low-pass stands at the fall's end.
+    `time`, (n,) [s], are the stamps of `position`, (n,), and `rate` [Hz] is the rate without losses. Steps of a clock
+    that only loses samples are whole periods. So are those of an even clock that was rounded, but there the position
+    moves over a long step as far as over any other.
+    """
+    if len(time) < 4 or not np.isfinite(time).all():
+        return None
+    steps = np.diff(time) * rate
+    periods = np.maximum(np.round(steps), 1.0)
+    long = steps > MIN_GAP_STEP_RATIO
+    if steps.min() <= 0.0 or not long.any() or np.quantile(np.abs(steps - periods)[~long], 0.99) > MAX_EVEN_JITTER:
+        return None
+    short = long & (periods <= MAX_BRIDGED_PERIODS)
+    if short.any() and np.quantile(np.abs(steps - periods)[short], 0.9) > MAX_EVEN_JITTER:
+        return None
+    moved = np.diff(position)
+    pace = 0.5 * (moved[:-2] / periods[:-2] + moved[2:] / periods[2:])
+    inner = short[1:-1] & np.isfinite(pace) & np.isfinite(moved[1:-1])
+    by_stamps = np.abs(moved[1:-1] - pace * periods[1:-1])[inner].sum()
+    by_rows = np.abs(moved[1:-1] - pace)[inner].sum()
+    return None if by_rows < by_stamps else periods
+
+
+def choose_processing(position: np.ndarray, rate: float, periods: np.ndarray | None = None) -> ProcessingChoice:
+    """Return a proposal for a position, shape (n,), sampled at `rate` [Hz].
+
+    It is sampled evenly, or its steps last `periods`, (n - 1,), as `find_lost_periods` returns them. The power of the
+    acceleration falls while motion ends, and rises again where quanta and noise, differentiated twice, outweigh it.
+    The low-pass stands at the fall's end.
     """
     from scipy.signal import welch  # it loads all of scipy.stats
 
     known = position[np.isfinite(position)]
-    length = int(min(len(known), max(256, 2 ** int(np.log2(max(rate * 4.0, 256.0))))))
-    frequency, power = welch(known - known.mean(), rate, nperseg=length)
-    frequency, power = frequency[1:], power[1:]
+    parts = [known] if periods is None else _even_parts(position, periods)
+    longest = max(len(part) for part in parts)
+    length = int(min(longest, max(256, 2 ** int(np.log2(max(rate * 4.0, 256.0))))))
+    parts = [part for part in parts if len(part) >= length]
+    spectra = [welch(part - part.mean(), rate, nperseg=length) for part in parts]
+    frequency = spectra[0][0][1:]
+    power = np.average([power[1:] for _, power in spectra], axis=0, weights=[len(part) for part in parts])
     acceleration = power * (2.0 * np.pi * frequency) ** 4
     smooth = _smoothed(acceleration)
     peak = int(np.argmax(smooth * (frequency < 0.25 * rate) / (1.0 + frequency) ** 4))
@@ -55,8 +108,7 @@ def choose_processing(position: np.ndarray, rate: float) -> ProcessingChoice:
     end = peak + int(np.flatnonzero(above)[-1]) + 1 if above.any() else lowest
     cut = float(frequency[min(end, len(frequency) - 1)])
     lowpass = _rounded(min(max(cut, 4.0 * float(frequency[peak])), MAX_LOWPASS_SHARE * rate))
-    decimate = max(1, int(rate / (MIN_RATE_OVER_LOWPASS * lowpass)))
-    speed = np.abs(np.gradient(zero_phase_lowpass(known, lowpass, 4, rate))) * rate
+    speed = np.concatenate([np.abs(np.gradient(zero_phase_lowpass(part, lowpass, 4, rate))) * rate for part in parts])
     quantum = find_quantum(known) or 0.0
     # A quantum that passes the filter once is a speed of about quantum times the cut-off.
     dead_band = _rounded(max(DEAD_BAND_SHARE * float(np.quantile(speed, 0.99)), 2.0 * quantum * lowpass))
@@ -65,8 +117,72 @@ def choose_processing(position: np.ndarray, rate: float) -> ProcessingChoice:
         "outweigh motion"
     )
     return ProcessingChoice(
-        lowpass, decimate, dead_band, max(20, round(0.5 * rate / lowpass)), why, frequency, acceleration
+        lowpass, _decimation(lowpass, rate), dead_band, _trim(lowpass, rate), why, frequency, acceleration,
+        peak=float(frequency[peak]),
+    )  # fmt: skip
+
+
+def bridge_losses(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: float) -> ProcessingChoice:
+    """Return a choice that resamples over the short losses of clocks, so that enough samples are left between cuts.
+
+    `tables` holds the periods of each table's steps, (n - 1,), as `find_lost_periods` returns them. Interpolation
+    bridges losses of half a period of the low-pass, so that the low-pass is lowered where losses are longer and
+    frequent.
+    """
+    tried = [choice.lowpass]
+    for lost in range(2, MAX_BRIDGED_PERIODS + 1):
+        lowpass = _rounded(BRIDGED_LOWPASS_PERIODS * rate / (lost + 0.5))
+        if 4.0 * choice.peak <= lowpass < choice.lowpass:
+            tried.append(lowpass)
+    shares = [_kept_share(tables, lowpass, rate) for lowpass in tried]
+    best = next((i for i, share in enumerate(shares) if share >= MIN_KEPT_SHARE), int(np.argmax(shares)))
+    lowpass = tried[best]
+    if not any(np.any((p > 1.0) & (p <= _bridged_periods(lowpass, rate))) for p in tables):
+        return choice
+    why = choice.why
+    if best:
+        why += f"; {lowpass:g} Hz is lower, so that interpolation bridges the samples that the clock loses"
+    return replace(
+        choice, lowpass=lowpass, decimate=_decimation(lowpass, rate), trim=_trim(lowpass, rate), why=why, resample=rate
     )
+
+
+def _kept_share(tables: Sequence[np.ndarray], lowpass: float, rate: float) -> float:
+    """Return the share of time that lies in stretches long enough for a regression with a low-pass [Hz]."""
+    fewest = shortest(Filtering(lowpass, 4, _decimation(lowpass, rate), 0.0, _trim(lowpass, rate)))
+    kept = whole = 0.0
+    for periods in tables:
+        cut = (periods > 1.0) & (periods > _bridged_periods(lowpass, rate))
+        lasts = np.array([part.sum() for part in np.split(np.where(cut, 0.0, periods), np.flatnonzero(cut))])
+        kept += float(lasts[lasts >= fewest].sum())
+        whole += float(lasts.sum())
+    return kept / whole if whole > 0.0 else 0.0
+
+
+def _bridged_periods(lowpass: float, rate: float) -> float:
+    """Return the longest loss that a study bridges at a low-pass [Hz], in sampling periods."""
+    return BRIDGED_LOWPASS_PERIODS * rate / lowpass
+
+
+def _decimation(lowpass: float, rate: float) -> int:
+    return max(1, int(rate / (MIN_RATE_OVER_LOWPASS * lowpass)))
+
+
+def _trim(lowpass: float, rate: float) -> int:
+    return max(MIN_TRIM_SAMPLES, round(TRIM_LOWPASS_PERIODS * rate / lowpass))
+
+
+def _even_parts(position: np.ndarray, periods: np.ndarray) -> list[np.ndarray]:
+    """Return a position, (n,), on an even grid between long losses, interpolated over short ones."""
+    row = np.concatenate(([0.0], np.cumsum(periods)))
+    finite = np.isfinite(position)
+    row, known = row[finite], position[finite]
+    parts = []
+    for part in np.split(np.arange(len(row)), 1 + np.flatnonzero(np.diff(row) > MAX_BRIDGED_PERIODS)):
+        if len(part) >= 4:
+            grid = np.arange(row[part[0]], row[part[-1]] + 1.0)
+            parts.append(CubicSpline(row[part], known[part])(grid))
+    return parts if max(map(len, parts), default=0) >= MIN_SPECTRUM_SAMPLES else [known]
 
 
 def _smoothed(power: np.ndarray) -> np.ndarray:
