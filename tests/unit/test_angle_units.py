@@ -122,3 +122,52 @@ def test_a_speed_follows_from_the_answer_by_the_ratio_of_both(tmp_path):
 def test_a_joint_that_hardly_moves_is_not_decided():
     t, q, tau = joint(0.1)
     assert unit_by_weight(tau, motion_samples(q, t)) is None
+
+
+def random_joint(seed, per_turn, is_count):
+    """Return time [s], position and torque [N*m] of a joint with random zero, weight, friction, inertia and range."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 40.0, 0.005)
+    w = 2.0 * np.pi * np.arange(1, 11) * 0.1
+    sizes, phases = rng.normal(size=10) / w, rng.uniform(0.0, 2.0 * np.pi, 10)
+    turned = np.outer(t, w) + phases
+    q = np.sin(turned) @ sizes
+    size = rng.uniform(0.3, 2.0) / np.max(np.abs(q))
+    q, v, a = size * q, size * np.cos(turned) @ (sizes * w), -size * np.sin(turned) @ (sizes * w**2)
+    weight, inertia, viscous, coulomb = rng.uniform((0.3, 0.02, 0.0, 0.0), (6.0, 0.2, 0.3, 0.6))
+    creep = 10.0 ** rng.uniform(-2.5, -0.5)
+    tau = weight * np.sin(q + rng.uniform(-np.pi, np.pi)) + inertia * a + viscous * v + coulomb * np.tanh(v / creep)
+    tau += rng.uniform(0.005, 0.1) * rng.standard_normal(t.size)
+    x = (q + rng.uniform(-3.0, 3.0)) * per_turn / (2.0 * np.pi)
+    return t, np.round(x) if is_count else x, tau
+
+
+def verdict(folder, seed, per_turn, is_count):
+    """Return "asked", "right" or "wrong" by what a proposal takes for one turn."""
+    path = folder / f"{seed}-{per_turn:.0f}.csv"
+    columns = np.column_stack(random_joint(seed, per_turn, is_count))
+    np.savetxt(path, columns, delimiter=",", header="time,position,torque", comments="", fmt="%.7g")
+    proposal, role = proposed(path)
+    if {"position_unit", "counts_per_turn"} & {question.key for question in (*proposal.asked, *proposal.marked)}:
+        return "asked"
+    return "right" if role.keys.get("counts_per_turn", TURNS[role.unit]) == per_turn else "wrong"
+
+
+def test_random_joints_decide_their_unit_or_ask(tmp_path):
+    """Whatever the zero, weight, friction and range: no unit is wrong, and most are found."""
+    found = [
+        verdict(tmp_path, seed, turn, is_count=False)
+        for turn in (360.0, 2.0 * np.pi, 1.0) for seed in range(200, 204)
+    ]  # fmt: skip
+    assert "wrong" not in found
+    assert found.count("right") >= 0.5 * len(found)
+    counts = [verdict(tmp_path, seed, turn, True) for turn in (16384.0, 65536.0) for seed in range(200, 203)]
+    assert "wrong" not in counts
+    assert "right" in counts
+
+
+def test_a_turn_that_is_no_candidates_is_asked(tmp_path):
+    """Behind a gear, the nearest unit or division is not the true one."""
+    turns = [(1080.0, False), (6.0 * np.pi, False), (14000.0, True), (51200.0, True)]
+    found = [verdict(tmp_path, seed, turn, is_count) for turn, is_count in turns for seed in range(300, 303)]
+    assert set(found) == {"asked"}

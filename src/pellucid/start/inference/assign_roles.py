@@ -681,15 +681,15 @@ class _Assignment:
             if weighed is None:
                 continue
             best = weighed.best
-            if not weighed.is_decided(best, FULL_TURNS):
+            if not weighed.is_decided(FULL_TURNS):
                 continue
             unit = "counts" if best in divisions else best
             shares = [
                 f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in dict.fromkeys((best, *FULL_TURNS))
             ]
             usual = f"{USUAL_COUNTS} counts"
-            if best in divisions and (weighed.is_decided(best) or weighed.beats(best, usual)):
-                self._counts[name] = int(divisions[best]), weighed.is_decided(best)
+            if best in divisions and (weighed.is_decided() or weighed.beats(best, usual)):
+                self._counts[name] = int(divisions[best]), weighed.is_decided()
             return unit, f'"{other}" weighs it so: gravity and friction explain {", ".join(shares)}', True
         return None
 

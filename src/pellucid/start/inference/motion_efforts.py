@@ -28,6 +28,14 @@ MIN_WEIGHED_ANGLE = 0.5
 """The decided unit makes the joint turn by at least this angle: less hardly bends the sine, as a spring does not
 [rad]."""
 
+FRICTION_SHARPNESS = (1.0, 10.0)
+"""Friction turns over at speeds of the usual one over these: at a creep, and at once. With one alone, what friction
+leaves hides how gravity differs between units."""
+
+NEAR_TURN = 1.1
+"""A turn is decided only if one that is longer or shorter by this factor fits worse: else the true one is none of the
+candidates, as after a gear. Without it, a third of simulated angles behind gears got a wrong unit."""
+
 MAX_ROWS = 4_000
 """Fits take at most this many rows, evenly spread."""
 
@@ -46,7 +54,8 @@ class MotionSamples:
 def motion_samples(position: np.ndarray, time: np.ndarray) -> MotionSamples:
     """Return a joint's motion from positions, shape (n,), at times that do not fall [s]."""
     rate = len(time) / max(float(time[-1] - time[0]), 1e-9)
-    width = max(1, min(round(rate / 25.0), len(time) // 50))
+    # An odd width shifts nothing in time, so that means of means stay beside means.
+    width = max(1, min(round(rate / 25.0), len(time) // 50)) | 1
     smooth = running_mean(position, width)
     grid = np.arange(len(smooth)) / rate
     velocity = np.gradient(smooth, grid)
@@ -78,17 +87,16 @@ def effort_share(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
 def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> tuple[float, np.ndarray]:
     """Return the power of an effort, and what the joint's motion leaves of it in some rows, shape (k,)."""
     target = running_mean(effort, motion.width)
-    columns = [
-        motion.acceleration,
-        motion.velocity,
-        np.tanh(motion.velocity / _usual(motion.velocity)),
-        np.ones(len(target)),
-    ]
+    speed = motion.velocity / _usual(motion.velocity)
+    friction = [running_mean(np.tanh(speed * sharpness), motion.width) for sharpness in FRICTION_SHARPNESS]
+    columns = [motion.acceleration, motion.velocity, *friction, np.ones(len(target))]
     if radians_per_unit is not None:
         # The mean of the sine, and not the sine of the mean: they differ where the joint turns fast.
         angle = motion.recorded * radians_per_unit
         columns += [running_mean(np.sin(angle), motion.width), running_mean(np.cos(angle), motion.width)]
-    rows = slice(None, None, max(1, len(target) // MAX_ROWS))
+    # Means at the ends repeat the last value: the kink there would look like an acceleration.
+    end = min(3 * motion.width + 2, len(target) // 10) if motion.width > 1 else 0
+    rows = slice(end, len(target) - end, max(1, len(target) // MAX_ROWS))
     matrix = np.column_stack(columns)[rows]
     scales = np.linalg.norm(matrix, axis=0)
     matrix, target = matrix / np.where(scales > 0.0, scales, 1.0), target[rows]
@@ -103,6 +111,7 @@ class WeighedTurns:
     span: float  # range of the numbers
     turns: Mapping[str, float]  # numbers in one turn, by the candidates' names
     left: Mapping[str, np.ndarray]  # left share of the effort in each block, by name; "none" is without gravity
+    near: float  # least share left with a turn a little longer or shorter than the best candidate's
 
     @property
     def best(self) -> str:
@@ -118,12 +127,17 @@ class WeighedTurns:
         won = int(np.sum(self.left[name] < self.left[other]))
         return self.left_share(name) < MAX_LEFT_RATIO * self.left_share(other) and won >= MIN_WON_BLOCKS
 
-    def is_decided(self, name: str, others: Mapping[str, float] | None = None) -> bool:
-        """Whether a candidate is better than all `others`, and than none, and turns the joint far enough."""
-        rivals = [other for other in (self.turns if others is None else others) if other != name]
-        angle = 2.0 * math.pi * self.span / self.turns[name]
-        explains = self.left_share(name) <= 1.0 - MIN_EFFORT_SHARE and angle >= MIN_WEIGHED_ANGLE
-        return explains and all(self.beats(name, other) for other in (*rivals, "none"))
+    def is_decided(self, others: Mapping[str, float] | None = None) -> bool:
+        """Whether the best candidate is better than all `others`, and than none, and turns the joint far enough.
+
+        If it is one of them, it must also be better than a turn that is a little longer or shorter.
+        """
+        compared = self.turns if others is None else others
+        rivals = [other for other in compared if other != self.best]
+        angle = 2.0 * math.pi * self.span / self.turns[self.best]
+        explains = self.left_share(self.best) <= 1.0 - MIN_EFFORT_SHARE and angle >= MIN_WEIGHED_ANGLE
+        is_true_turn = self.best not in compared or self.left_share(self.best) < self.near
+        return explains and is_true_turn and all(self.beats(self.best, other) for other in (*rivals, "none"))
 
 
 def weigh_turns(effort: np.ndarray, motion: MotionSamples, turns: Mapping[str, float]) -> WeighedTurns | None:
@@ -131,14 +145,22 @@ def weigh_turns(effort: np.ndarray, motion: MotionSamples, turns: Mapping[str, f
 
     `turns` are the numbers in one turn, by the candidates' names. `effort` has shape (n,).
     """
-    factors: dict[str, float | None] = {"none": None, **{name: 2.0 * math.pi / turn for name, turn in turns.items()}}
-    left = {}
-    for name, factor in factors.items():
-        power, residuals = _residuals(effort, motion, factor)
-        if power <= 0.0:
-            return None
-        left[name] = np.array([float(part @ part) / power for part in np.array_split(residuals, WEIGHED_BLOCKS)])
-    return WeighedTurns(float(np.ptp(motion.recorded)), dict(turns), left)
+    shares = {name: _left_shares(effort, motion, turn) for name, turn in {"none": None, **turns}.items()}
+    left = {name: share for name, share in shares.items() if share is not None}
+    if len(left) < len(shares):
+        return None
+    best = min(turns, key=lambda name: float(np.sum(left[name])))
+    near = [_left_shares(effort, motion, turns[best] * factor) for factor in (NEAR_TURN, 1.0 / NEAR_TURN)]
+    least = min(float(np.sum(share)) for share in near if share is not None)
+    return WeighedTurns(float(np.ptp(motion.recorded)), dict(turns), left, least)
+
+
+def _left_shares(effort: np.ndarray, motion: MotionSamples, turn: float | None) -> np.ndarray | None:
+    """Return the share of an effort that a turn of so many numbers leaves in each block; None for a constant effort."""
+    power, residuals = _residuals(effort, motion, None if turn is None else 2.0 * math.pi / turn)
+    if power <= 0.0:
+        return None
+    return np.array([float(part @ part) / power for part in np.array_split(residuals, WEIGHED_BLOCKS)])
 
 
 def unit_by_weight(effort: np.ndarray, motion: MotionSamples) -> tuple[str, float, float] | None:
@@ -148,7 +170,7 @@ def unit_by_weight(effort: np.ndarray, motion: MotionSamples) -> tuple[str, floa
     None if no unit is clearly better: little motion, or no gravity, cannot decide.
     """
     weighed = weigh_turns(effort, motion, FULL_TURNS)
-    if weighed is None or not weighed.is_decided(weighed.best):
+    if weighed is None or not weighed.is_decided():
         return None
     others = min(weighed.left_share(unit) for unit in FULL_TURNS if unit != weighed.best)
     return weighed.best, 1.0 - weighed.left_share(weighed.best), 1.0 - others
