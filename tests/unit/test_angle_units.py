@@ -8,7 +8,7 @@ import pellucid as pl
 from pellucid.cli import app
 from pellucid.start.given_files import read_given
 from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
-from pellucid.start.propose_study import propose_study
+from pellucid.start.propose_study import propose_study, require_agreeing_units
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "turn": 1.0, "counts": 4096.0}
 
@@ -171,3 +171,24 @@ def test_a_turn_that_is_no_candidates_is_asked(tmp_path):
     turns = [(1080.0, False), (6.0 * np.pi, False), (14000.0, True), (51200.0, True)]
     found = [verdict(tmp_path, seed, turn, is_count) for turn, is_count in turns for seed in range(300, 303)]
     assert set(found) == {"asked"}
+
+
+def test_stated_units_that_contradict_each_other_are_refused(tmp_path):
+    """An angle in rad under the heading of degrees, beside its derivative in rad/s."""
+    t, q, tau = joint(1.5)
+    columns = np.column_stack((t, q, np.gradient(q, t), tau))
+    path = tmp_path / "log.csv"
+    for angle, speed, agree in (("deg", "rad/s", False), ("rad", "deg/s", False), ("rad", "rad/s", True)):
+        head = f"time [s],angle [{angle}],velocity [{speed}],torque [Nm]"
+        np.savetxt(path, columns, delimiter=",", header=head, comments="", fmt="%.7g")
+        proposal = propose_study(read_given([path]), "made", {})
+        if agree:
+            require_agreeing_units(proposal)
+            continue
+        found = rf'log.csv: columns "angle .{angle}." and "velocity .{speed}.": found .* expected'
+        with pytest.raises(pl.PellucidError, match=found):
+            require_agreeing_units(proposal)
+    path.write_text(path.read_text().replace("angle [rad]", "angle [deg]"))
+    done = CliRunner().invoke(app, ["init", str(tmp_path / "study"), "--from", str(path), "--yes"])
+    assert done.exit_code != 0
+    assert not (tmp_path / "study").exists()

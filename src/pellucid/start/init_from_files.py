@@ -20,7 +20,7 @@ from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
 from .missing_parts import missing_part
 from .proposal_page import proposal_page
-from .propose_study import Proposal, propose_study, require_known_units
+from .propose_study import Proposal, propose_study, require_agreeing_units, require_known_units
 from .questions import Question
 from .study_text import study_text
 
@@ -111,6 +111,7 @@ def init_from_files(
                     said[question.key] = answer
         proposal = propose_study(given, name, said) if said != dict(answers or {}) else proposal
     require_known_units(proposal)
+    require_agreeing_units(proposal)
     with _draft_of(folder) as draft:
         _write(draft, proposal, given)
         faults = _require_accepted(draft, folder, proposal, check)

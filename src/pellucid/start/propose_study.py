@@ -23,7 +23,7 @@ from .inference.angle_units import USUAL_COUNTS
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.clocks import UNIT_SECONDS
 from .inference.commands import find_resting_limit
-from .inference.derivatives import UNIT_RATIOS
+from .inference.derivatives import MIN_CORRELATION_WITHOUT_UNITS, UNIT_RATIOS
 from .inference.emg_spectrum import swings_fast
 from .inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
@@ -232,6 +232,28 @@ def require_known_units(proposal: Proposal) -> None:
             raise StudyError(
                 f'{table.path.name}: column "{column}": found the unknown unit "{unit}", expected one such as "N*m", '
                 f'"N*mm", "deg", "rad/s" or "mA"{answer}'
+            )
+
+
+def require_agreeing_units(proposal: Proposal) -> None:
+    """Raise a StudyError if the stated units of a position and of its derivative contradict each other."""
+    for layout in (proposal.main, *proposal.streams):
+        table, columns = layout.tables[0], {role.column: role for role in layout.channels}
+        for pair in layout.roles.pairs:
+            stated = [
+                with_stated_unit(read_name(column), table.units.get(column)).unit if column in columns else None
+                for column in (pair.of, pair.by)
+            ]
+            is_clear = abs(pair.correlation) > MIN_CORRELATION_WITHOUT_UNITS
+            known = [ratio for of, by, ratio in UNIT_RATIOS if [of, by] == stated]
+            fitting = [(of, by) for of, by in pair.units if of == stated[0] or by == stated[1]]
+            if not is_clear or not known or not fitting or tuple(stated) in pair.units:
+                continue
+            ways = " or ".join(f'"{of}" with "{by}"' for of, by in fitting)
+            raise StudyError(
+                f'{table.path.name}: columns "{pair.of}" and "{pair.by}": found the units "{stated[0]}" and '
+                f'"{stated[1]}", but the second is {pair.ratio:.4g} times the derivative of the first, expected '
+                f"{known[0]:.4g}; correct one unit in the file: {ways} would fit"
             )
 
 
