@@ -8,7 +8,6 @@ import pytest
 
 import pellucid as pl
 import pellucid_lab as lab
-from pellucid.study import procedures
 from pellucid.study.procedures.result import Result
 
 
@@ -25,13 +24,13 @@ def test_a_result_is_one_line(found):
 
 
 def test_no_result_prints_its_arrays():
-    for room in (procedures, lab):
+    for room in (pl, lab):
         for module in walk_packages(room.__path__, f"{room.__name__}."):
             import_module(module.name)
     kinds, left = [], [Result]
     while left:
         kind = left.pop()
-        kinds += [kind] if kind.__module__.startswith("pellucid.") else []
+        kinds += [kind] if kind.__module__.startswith(("pellucid.", "pellucid_lab.")) else []
         left += kind.__subclasses__()
     assert len(kinds) > 10
     assert all("__repr__" not in vars(kind) for kind in kinds if kind is not Result)

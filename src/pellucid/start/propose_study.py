@@ -1153,6 +1153,8 @@ def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: 
     clock = main.roles.clock
     if clock.column is None or any(name not in table.columns for name in (clock.column, position.column)):
         return None
+    if main.roles.rate is None:
+        return None
     time = np.asarray(table.columns[clock.column], float)[first:] * UNIT_SECONDS[clock.unit]
     return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..files.cut import BRIDGED_LOWPASS_PERIODS, MAX_EVEN_JITTER
+from ..files.defects import gaps
 from ..files.delay import advances_within_spans, interpolate_at
 from ..files.fault import Fault
 from ..files.recording import Recording, channels_within
@@ -130,12 +131,13 @@ def usable_stretches(recording: Recording, processing: Processing) -> list[Stret
 
 def _remedy(recording: Recording, processing: Processing) -> str:
     """Return the keys of [processing] that make the stretches of a recording longer, or the needed length shorter."""
-    gaps = [cut.stop - cut.start for cut in recording.cuts if cut.kind == "gap"]
-    if len(gaps) < 2:
+    lengths = [cut.stop - cut.start for cut in recording.cuts if cut.kind == gaps.KIND]
+    if len(lengths) < 2:
         return "a smaller [processing] decimate or trim"
     if processing.resample is None:
-        return f'or [processing] resample = "{recording.fs:.5g} Hz", which bridges the short ones of {len(gaps)} gaps'
-    usual = float(np.quantile(gaps, 0.9))
+        key = f'[processing] resample = "{recording.fs:.5g} Hz"'
+        return f"or {key}, which bridges the short ones of {len(lengths)} gaps"
+    usual = float(np.quantile(lengths, 0.9))
     return (
         f"a [processing] lowpass of at most {BRIDGED_LOWPASS_PERIODS / usual:.2g} Hz, at which gaps of up to "
         f"{usual:.3g} s are interpolated, or a smaller decimate or trim"
