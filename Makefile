@@ -65,7 +65,7 @@ site: $(VENV)/.installed
 $(VENV)/.installed: $(CORE)
 	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)
 	$(BIN)/uv pip install -q --compile-bytecode --python $(BIN)/python -e . -e ./lab --reinstall-package pellucid
-	$(BIN)/python -m compileall -q src/pellucid
+	$(BIN)/python -m compileall -q src/pellucid lab/src/pellucid_lab
 	touch $@
 
 # Libraries alone: to name the package with its extra, -e '.[test]', would build it again.
