@@ -14,9 +14,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pellucid import _core
+from pellucid.controllers.export.controller_values import TreeValues
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.export.tree_folder import write_tree_folder
-from pellucid.controllers.export.tree_values import TreeValues
 from pellucid.controllers.tree_laws import TreeLaw, carried, full_compensation, transparent
 from pellucid.models.tree_card import JointRange, TreeCard
 

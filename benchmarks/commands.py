@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.joint.study.aligned_motions import aligned_motions
-from pellucid.study.effort import drive_model
+from pellucid.study.recorded_motions import drive_model
 
 from ._size import sized
 from .identification import study_at

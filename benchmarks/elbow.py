@@ -19,9 +19,8 @@ from pellucid.joint.slider.slider_motion import REGRESSION_STRIDE, SliderMotion
 from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
 from pellucid.joint.slider.study.recorded_slider import slider_motions
 from pellucid.joint.slider.three_steps import three_steps
-from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
-from pellucid.models.slider_joint import SliderJointModel
+from pellucid.models.slider_joint import VELOCITY_WIDTH, SliderJointModel
 from pellucid_lab.elbow.instruments import play, read_all
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.study import record_in_memory

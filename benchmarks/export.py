@@ -19,7 +19,7 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.residual_compensator import design
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 
 from ._size import sized
 

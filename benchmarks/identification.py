@@ -28,7 +28,7 @@ from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.numerics.regression import stack
 from pellucid.study.datasets import init, names
-from pellucid.study.effort import drive_model
+from pellucid.study.recorded_motions import drive_model
 from pellucid.study.study import Study
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.study import write_study

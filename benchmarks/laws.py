@@ -14,9 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from pellucid import _core
-from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.control_law import ControlLaw, step_times
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.controllers.law_fuzz import step_times
 from pellucid.models.simulate import substeps_for
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants

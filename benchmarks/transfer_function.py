@@ -11,7 +11,7 @@ import numpy as np
 from scipy import optimize, signal
 
 from pellucid.orthosis.input_output import InputOutput
-from pellucid.orthosis.transfer.transfer_function_fit import fit_records
+from pellucid.orthosis.transfer.fit_transfer_function import fit_records
 from pellucid.orthosis.transfer_function import TransferFunction
 
 from ._size import sized

@@ -143,7 +143,7 @@ int run(const char* settings_path, const char* region_path, bool ordinary) {
   status.process = static_cast<std::uint64_t>(getpid());
 
   // An engine whose session died has nobody who could stop it or start it again: its law is stopped after the session's
-  // silence, and it ends. The system gives such a process another parent (src/pellucid/live/session_process.py).
+  // silence, and it ends. The system gives such a process another parent (src/pellucid/live/setup.py).
   const char* const said = std::getenv("PELLUCID_SESSION_PROCESS");
   const long session = said == nullptr ? 0 : std::strtol(said, nullptr, 10);
   std::int64_t orphaned = 0;

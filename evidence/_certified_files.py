@@ -15,8 +15,8 @@ from benchmarks._size import sized
 from typer.testing import CliRunner
 
 from pellucid.people.equivalence import Margin
-from pellucid.people.group_sequential import looks
-from pellucid.people.transparent_studies import SimulatedStudies, are_transparent
+from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.survival import looks
 
 SEED = 20261127
 """Seed of every random draw."""

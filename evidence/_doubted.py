@@ -12,14 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from pellucid.people.certificate import PASS, Doubt, certificate_from_tests
-from pellucid.people.crossover import is_balanced, period_effect
+from pellucid.people.comparison import signed_rank
 from pellucid.people.curves import compare_curves
+from pellucid.people.design_columns import MovementDuration
 from pellucid.people.equivalence import Margin, equivalence
-from pellucid.people.lasting_bounds import lasting_bounds
-from pellucid.people.learning import thirds
-from pellucid.people.measured import MovementDuration
-from pellucid.people.mixed_model import mixed_model
-from pellucid.people.signed_rank import signed_rank
+from pellucid.people.mixed_model import is_balanced, mixed_model, period_effect, thirds
+from pellucid.people.power import lasting_bounds
 
 SEED = 20261123
 """Seed of every random draw."""

@@ -17,17 +17,16 @@ from pathlib import Path
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.emg.estimators.channel_watch import add_channel_watch
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.emg_session import FittedSession, add_channel_watch
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import EmgEstimatorCard
 from pellucid.emg.signals.emg_chain import emg_chain
 from pellucid.emg.signals.emg_quality import find_mains
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_estimator
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.files.recording import Channel, Recording
 from pellucid.study import Study

@@ -20,7 +20,7 @@ from unittest.mock import patch
 from pellucid.controllers.coupling import ON_CARDS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import ELBOW_LIMITS
-from pellucid.controllers.export.constants_file import read_constants
+from pellucid.controllers.export.c_folder import read_constants
 from pellucid.controllers.export.export import export
 from pellucid.controllers.supervised import SUPERVISOR_NAMES
 from pellucid.models.card import CardParameter, write_card

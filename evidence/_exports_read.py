@@ -22,7 +22,7 @@ from pellucid.controllers.export.simulator_model import (
 from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers
 from pellucid.emg.files.osim_writer import write_osim
 from pellucid.emg.models.hill import HillMuscle
-from pellucid.emg.models.muscle_card import CalibratedMuscles
+from pellucid.emg.models.muscle import CalibratedMuscles
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.joint import SYMBOLS_BY_NAME
 from pellucid.models.tree_card import JointRange, TreeCard

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.orthosis.strap.strap_torque import Orthosis, StrappedSwing
+from pellucid.orthosis.strap.strap_model import Orthosis, StrappedSwing
 
 FEATURES_BY_KIND = {
     "plain": (),

@@ -27,7 +27,7 @@ from pellucid.files.stated_units import split_unit
 from pellucid.start.given_files import read_given
 from pellucid.start.propose_study import Proposal, propose_study
 from pellucid.start.study_text import study_text
-from pellucid.study.datasets.registry import template
+from pellucid.study.datasets.fetch import template
 from pellucid.study.results import ResultRow
 from pellucid.units import to_si_factor
 

@@ -17,7 +17,7 @@ from pellucid._processes import ordered_results
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.controllers.transparent_laws import with_dither
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid_lab.papers.able.law_comparison import PEOPLE_SEED, REFERENCE_LAW, LawOnRobot, try_law

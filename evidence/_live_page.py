@@ -20,9 +20,8 @@ from benchmarks._size import sized
 
 from pellucid.live.engine import LiveEngine
 from pellucid.live.session.live_session import LiveSession, Phase
-from pellucid.live.session.new_session import start_session_study
 from pellucid.live.session.page_server import PageServer
-from pellucid.live.session.run_session import choose_participant
+from pellucid.live.session.run_session import choose_participant, start_session_study
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid_lab.session_devices import virtual_knee

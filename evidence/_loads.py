@@ -18,7 +18,7 @@ from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.joint_compensation import identified_body
 from pellucid.controllers.supervised import supervised
 from pellucid.controllers.transparent_laws import expecting_load
-from pellucid.joint.fit.lifted_load import Lift, estimate_load
+from pellucid.joint.fit.drive_constant import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 from pellucid.study.results import ResultRow

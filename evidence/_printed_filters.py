@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
-from pellucid.joint.slider.slider_fit import SLIDER_METHODS
 from pellucid.joint.slider.study.identify_slider import fit_slider
+from pellucid.joint.slider.three_steps import SLIDER_METHODS
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs

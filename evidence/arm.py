@@ -20,8 +20,8 @@ from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.arm.fit.fit_tree import fit_tree
-from pellucid.arm.fit.segments_out import heldout_errors
 from pellucid.arm.fit.tree_estimate import TreeEstimate
+from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
 from pellucid.arm.study.tree_excitation import tree_information
 from pellucid.controllers.instruments import Instruments

@@ -26,12 +26,11 @@ from scipy.special import log_ndtr
 
 from pellucid._processes import ordered_results
 from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, Estimand, certificate
+from pellucid.people.comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
 from pellucid.people.equivalence import Margin, Method
 from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
-from pellucid.people.group_sequential import looks
-from pellucid.people.mean_test import HIDDEN_SHARE, MIN_PEOPLE
-from pellucid.people.signed_rank import signed_rank
-from pellucid.people.transparent_studies import SimulatedStudies, are_transparent
+from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.survival import looks
 from pellucid.study.results import ResultRow
 
 from . import _certified_files, _doubted

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from benchmarks._size import sized
 
-from pellucid.people.cluster import cluster
+from pellucid.people.design_columns import cluster
 from pellucid.study.results import ResultRow
 from pellucid_lab.pointing.prediction import Prediction, predict_effects
 from pellucid_lab.pointing.rig import elbow_participants

@@ -38,14 +38,14 @@ from benchmarks._size import sized
 
 import pellucid as pl
 from pellucid._processes import ordered_results
-from pellucid.joint.fit.carried_friction import SteadyStates
+from pellucid.joint.fit.unknown_payload import SteadyStates
 from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from pellucid.joint.slider.markers import slider_geometry
 from pellucid.joint.slider.slider_motion import SliderMotion
 from pellucid.joint.slider.study.recorded_slider import slider_motions
 from pellucid.joint.slider.three_steps import STEP_PROTOCOLS
+from pellucid.models.estimates import Parameter
 from pellucid.models.friction_terms import is_friction
-from pellucid.models.parameter import Parameter
 from pellucid.models.slider_joint import SliderJointModel
 from pellucid.study.datasets.init import init
 from pellucid.study.results import ResultRow

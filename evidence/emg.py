@@ -25,27 +25,26 @@ from scipy import signal
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.condition_choice import ERROR_BAND_SHARE
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import FittedSession
+from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.live_torque import FAULTS, LiveTorque
 from pellucid.emg.estimators.raw_session import RawChannels
-from pellucid.emg.estimators.session_watch import SessionWatch
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.estimators.unrecorded import FILLING_METHODS
 from pellucid.emg.files.osim_paths import read_paths
 from pellucid.emg.signals.emg_chain import emg_chain
 from pellucid.emg.study.emg_torque.calibrate import CalibrationResult
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.estimator_cards import chain_sections, estimator_cards
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.estimator_folder import write_estimator_folder
 from pellucid.files.readers import read_columns
 from pellucid.study import Study
-from pellucid.study.c_sources import OUTPUT_FILE
 from pellucid.study.datasets import init
 from pellucid.study.datasets.fetch import DATA_VARIABLE
 from pellucid.study.datasets.fetch import path as data_set
+from pellucid.study.exporter import OUTPUT_FILE
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import activations, calibrate, check
 from pellucid.study.results import ResultRow

@@ -39,11 +39,10 @@ from pellucid.joint.study.aligned_motions import align_recordings
 from pellucid.joint.study.identify_joint import machine_of
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.numerics.motion import Filtering, Motion, motion_of
-from pellucid.numerics.protocols.reversals import reversals
+from pellucid.numerics.protocols.excitation import reversals
 from pellucid.numerics.regression import stack
 from pellucid.study.datasets.init import init
-from pellucid.study.effort import drive_model
-from pellucid.study.recorded_motions import motions_of
+from pellucid.study.recorded_motions import drive_model, motions_of
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
 from pellucid_lab.noise import draw_noise

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks._size import sized
 from scipy.signal import butter, csd, lfilter, welch
 
-from pellucid.numerics.protocols.random_phase_multisine import RandomPhaseMultisine, random_phase_multisine
+from pellucid.numerics.protocols.excitation import RandomPhaseMultisine, random_phase_multisine
 from pellucid.orthosis.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import bench_joint

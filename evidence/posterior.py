@@ -33,11 +33,9 @@ import pellucid as pl
 from pellucid._processes import ordered_results
 from pellucid.emg.fit.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 from pellucid.emg.models.muscle import Muscle
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.posterior.ensemble import drawn
-from pellucid.numerics.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
-from pellucid.numerics.posterior.posterior import DrawnParameter
-from pellucid.numerics.posterior.straight import LinearisedModel
+from pellucid.numerics.posterior.posterior import DrawnParameter, LinearisedModel, MarginalLikelihood, Noise, Prior
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import BenchRig

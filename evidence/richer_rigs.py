@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid_lab.knee.rig import knee_orthosis

@@ -23,8 +23,8 @@ from benchmarks._size import sized
 from pellucid._atomic import write_text_atomically
 from pellucid.models.joint import DEFAULT_FAMILIES
 from pellucid.numerics.protocols.excitation import multisine, point_to_point
-from pellucid.study.effort import drive_model
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.recorded_motions import drive_model
 from pellucid.study.results import ResultRow
 from pellucid.study.study import STUDY_FILE
 from pellucid_lab.bench.rig import BenchRig, bench_joint

@@ -28,14 +28,14 @@ from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.orthosis.imu.inertial import inertial
 from pellucid.orthosis.input_output import input_output
 from pellucid.orthosis.strap.coupled_impedance import fit_coupling
 from pellucid.orthosis.strap.identified_strap import identify_strap
-from pellucid.orthosis.strap.limb_imu import find_joint_axis, limb_angle_by_imu
+from pellucid.orthosis.strap.limb import find_joint_axis, limb_angle_by_imu
 from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
-from pellucid.orthosis.strap.strap_torque import Orthosis, StrappedSwing, from_orthosis
+from pellucid.orthosis.strap.strap_model import Orthosis, StrappedSwing, from_orthosis
 from pellucid.study.results import ResultRow
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial

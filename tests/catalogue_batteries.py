@@ -18,10 +18,9 @@ import numpy as np
 import pellucid
 from pellucid import _core
 from pellucid.controllers import control_law
-from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.control_law import LAWS, ControlLaw, fuzz, step_times
 from pellucid.controllers.export.c_folder import write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues
-from pellucid.controllers.law_fuzz import fuzz, step_times
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, find_family
 from pellucid.emg.estimators.features import Features
@@ -121,10 +120,10 @@ def supervisor_faults() -> list[str]:
 OTHER_SEARCHERS = {
     "another_clock": "pellucid.files.log",
     "dead": "pellucid.study.procedures.dead_effort",
-    "echoed": "pellucid.joint.study.wearer",
+    "echoed": "pellucid.joint.study.joint_case",
     "garbage": "pellucid.study.study",
     "saturated": "pellucid.files.log",
-    "worn": "pellucid.joint.study.wearer",
+    "worn": "pellucid.joint.study.joint_case",
 }
 """Modules that search for a kind of defect which is no stretch of one channel, so that `find_defects` cannot cut it."""
 

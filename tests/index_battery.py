@@ -14,7 +14,6 @@ import made_pointing
 import numpy as np
 
 from pellucid._errors import StudyError
-from pellucid.people.index_table import index_table
 from pellucid.people.indices import (
     INDICES,
     SHOWN_INDICES,
@@ -25,6 +24,7 @@ from pellucid.people.indices import (
     index_names,
     indices_along,
 )
+from pellucid.people.movement_indices import index_table
 from pellucid.people.study.assessment_table import AssessmentTable
 from pellucid.people.study.certified import end_points
 from pellucid.people.study.measured_study import MeasuredStudy, activities, measure

@@ -10,11 +10,11 @@ import numpy as np
 from pellucid import _core
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.supervised import body_of, body_resistance
-from pellucid.joint.study.findings.weak_parameter import find
+from pellucid.joint.study.joint_findings import report_weak_parameter
+from pellucid.models.estimates import Parameter
 from pellucid.models.fields import largest_friction
 from pellucid.models.friction_terms import CORE_FIELDS, FRICTION_FAMILIES, TERMS, TERMS_BY_NAME, is_friction
 from pellucid.models.joint import FAMILIES, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME, joint_model
-from pellucid.models.parameter import Parameter
 from pellucid.study.drawing.style import COLOURS
 from pellucid.study.pages.quantities import FAMILIES as WORDS_OF_FAMILIES
 from pellucid.study.pages.quantities import PARAMETER_LABELS
@@ -104,7 +104,7 @@ def _faults_of_term(term) -> list[str]:
         found.append("study.toml does not know its unit")
     if not term.weak_because or not term.advice.endswith("."):
         found.append("has no advice")
-    verdicts = list(find(_case_with(term.name)))
+    verdicts = list(report_weak_parameter(_case_with(term.name)))
     if [verdict.do for verdict in verdicts] != [term.advice] or "{" in verdicts[0].text:
         found.append("its advice cannot be reached")
     return found

@@ -15,8 +15,7 @@ from pathlib import Path
 import pellucid
 from pellucid.controllers.control_law import LAWS as LAW_KINDS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.controllers.export.c_folder import write_c_folder
-from pellucid.controllers.export.constants_file import numbers_in
+from pellucid.controllers.export.c_folder import numbers_in, write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.export.export import values_for
 from pellucid.controllers.instruments import Instruments

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.controllers.probe import PROBE_ANSWER_NAMES
+from pellucid.controllers.supervised import PROBE_ANSWER_NAMES
 from pellucid.models.anthropometry import forearm
 
 from .exports import ELBOW_DRIVE_LIMIT_NM, PARTICIPANT_HEIGHT_M, PARTICIPANT_MASS_KG, ExportedLaw

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid import _core
-from pellucid.controllers.probe import PROBE_ANSWER_NAMES, commissioned_answers
-from pellucid.controllers.supervised import SHAKING_SPEED_SHARE
+from pellucid.controllers.supervised import PROBE_ANSWER_NAMES, SHAKING_SPEED_SHARE, commissioned_answers
 from pellucid.controllers.supervised import commissioned_bounds as bounds_of_answer
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultKind
 

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from ._errors import PellucidError as PellucidError
     from .arm.fit.fit_robot import fit_robot as fit_robot
     from .arm.urdf import read_robot as read_robot
+    from .controllers.control_law import Limits
     from .controllers.controller import controller as controller
     from .controllers.controller import controllers as controllers
     from .controllers.export.export import export as export
     from .controllers.instruments import Instruments as Instruments
-    from .controllers.limits import Limits as Limits
     from .controllers.study.incident import incident as incident
     from .controllers.supervised import supervised as supervised
     from .emg.estimators.calibrate_muscles import calibrate_muscles as calibrate_muscles
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
     from .emg.models.muscle import Muscle as Muscle
     from .emg.signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
     from .emg.signals.envelope import envelope as envelope
+    from .emg.signals.envelope import maximal_envelope
     from .emg.signals.fatigue import median_frequency_trend as median_frequency_trend
-    from .emg.signals.maximal_envelope import maximal_envelope as maximal_envelope
-    from .emg.signals.stride_ensemble import stride_ensemble as stride_ensemble
+    from .emg.signals.repetitions import stride_ensemble
     from .files.raw_emg import RawEmg as RawEmg
     from .files.readers import read as read
     from .joint.fit.fit_joint import fit_joint as fit_joint
-    from .orthosis.imu.fit_hinge import fit_hinge as fit_hinge
-    from .orthosis.strap.fit_strap import fit_strap as fit_strap
+    from .orthosis.imu.hinge import fit_hinge
+    from .orthosis.strap.identified_strap import fit_strap
     from .orthosis.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
-    from .people.certify import certify as certify
+    from .people.certificate import certify
     from .people.comparison import compare_conditions as compare_conditions
     from .people.movement_indices import movement_indices as movement_indices
     from .people.power import power_curve as power_curve
@@ -68,14 +68,14 @@ if TYPE_CHECKING:
 _PUBLIC_SOURCES = {
     "PellucidError": ("_errors", "PellucidError"),
     "calibrate_muscles": ("emg.estimators.calibrate_muscles", "calibrate_muscles"),
-    "certify": ("people.certify", "certify"),
+    "certify": ("people.certificate", "certify"),
     "electromechanical_delay": ("emg.signals.electromechanical_delay", "electromechanical_delay"),
-    "fit_hinge": ("orthosis.imu.fit_hinge", "fit_hinge"),
-    "maximal_envelope": ("emg.signals.maximal_envelope", "maximal_envelope"),
+    "fit_hinge": ("orthosis.imu.hinge", "fit_hinge"),
+    "maximal_envelope": ("emg.signals.envelope", "maximal_envelope"),
     "median_frequency_trend": ("emg.signals.fatigue", "median_frequency_trend"),
-    "stride_ensemble": ("emg.signals.stride_ensemble", "stride_ensemble"),
+    "stride_ensemble": ("emg.signals.repetitions", "stride_ensemble"),
     "fit_robot": ("arm.fit.fit_robot", "fit_robot"),
-    "fit_strap": ("orthosis.strap.fit_strap", "fit_strap"),
+    "fit_strap": ("orthosis.strap.identified_strap", "fit_strap"),
     "open": ("study.procedures.registry", "open_study"),
     "assess": ("study.procedures.run", "assess"),
     "audit": ("study.procedures.audit", "audit"),
@@ -89,7 +89,7 @@ _PUBLIC_SOURCES = {
     "controller": ("controllers.controller", "controller"),
     "controllers": ("controllers.controller", "controllers"),
     "Instruments": ("controllers.instruments", "Instruments"),
-    "Limits": ("controllers.limits", "Limits"),
+    "Limits": ("controllers.control_law", "Limits"),
     "supervised": ("controllers.supervised", "supervised"),
     "compare": ("study.procedures.compare", "compare"),
     "incident": ("controllers.study.incident", "incident"),

@@ -18,7 +18,6 @@ from ._domains import missing_domain
 from ._errors import PellucidError, UnfitRecordingError
 from ._plugins import load_plugins
 from ._printed_command import printed_command
-from .study.command_group import CommandGroup, example
 from .study.procedures.command import (
     DEPLOY_GROUP,
     DESCRIBE_GROUP,
@@ -30,8 +29,10 @@ from .study.procedures.command import (
 )
 from .study.terminal import (
     MAX_ITEM_LINES_UNLESS_VERBOSE,
+    CommandGroup,
     Json,
     count_of,
+    example,
     is_verbose,
     make_console,
     print_items,
@@ -253,8 +254,8 @@ def identify(
 
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
     """Identify several studies in parallel, and print one table of all; exit with status 1 if one failed."""
-    from .people.cluster import cluster
-    from .study.procedures.several import identify_several, table_of
+    from .people.design_columns import cluster
+    from .study.procedures.run import identify_several, table_of
 
     with cluster(scheduler) as executor, show_progress() as tell:
         found = identify_several(
@@ -326,7 +327,7 @@ def assess(
     allow_outside: Outside = False,
 ) -> None:
     """Test whether conditions change how people move."""
-    from .people.cluster import cluster
+    from .people.design_columns import cluster
     from .study.procedures.run import run
 
     study = _opened(folder, out, allow_outside)
@@ -356,7 +357,7 @@ def plan(
     allow_outside: Outside = False,
 ) -> None:
     """Plan the number of people for a certificate."""
-    from .people.cluster import cluster
+    from .people.design_columns import cluster
     from .people.study.plan import pilot_changes
     from .people.study.plan import plan as run
 
@@ -403,7 +404,7 @@ def live(
     """Run the session with a person that study.toml plans."""
     out = make_console()
     if replay is not None:
-        from .live.session.replay_file import replay_file
+        from .live.session.recorded_trial import replay_file
         from .study.procedures.registry import open_study
 
         answer = replay_file(open_study(folder), replay)
@@ -702,8 +703,8 @@ def protocol(
         )  # fmt: skip
         return
     realisations = 7 if realisations is None else realisations
+    from .numerics.protocols.excitation import RandomPhaseMultisine
     from .numerics.protocols.protocol import protocol as run
-    from .numerics.protocols.random_phase_multisine import RandomPhaseMultisine
 
     motion, files = run(
         name, folder, rate=rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, centre=centre,

@@ -97,7 +97,7 @@ def init(
     """
     robot = None if files is not None else urdf
     if sum(given is not None for given in (dataset, rig, robot, files, session)) != 1:
-        from .live.session.new_session import SHIPPED_SESSIONS
+        from .live.session.run_session import SHIPPED_SESSIONS
 
         rigs = _rig_source()
         raise StudyError(
@@ -111,7 +111,7 @@ def init(
 
         return init_from_files(folder, files, check=_check_folder, answers=answers, ask=ask, urdf=urdf)
     if session is not None:
-        from .live.session.new_session import start_session_study
+        from .live.session.run_session import start_session_study
 
         return start_session_study(folder, session, Path(folder).absolute().name)
     if rig is not None:

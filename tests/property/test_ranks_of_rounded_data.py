@@ -10,10 +10,9 @@ from scipy import stats
 
 from pellucid.numerics.tied_ranks import tie_groups, tied_ranks, tied_signs
 from pellucid.people.assess_table import assess_table
-from pellucid.people.comparison import compare_conditions
+from pellucid.people.comparison import compare_conditions, rank_sums, signed_rank
 from pellucid.people.equivalence import Margin, equivalence
 from pellucid.people.friedman import friedman, nemenyi
-from pellucid.people.signed_rank import rank_sums, signed_rank
 
 TABLES = 1_500
 """Tables of which each p value is compared."""

@@ -14,9 +14,8 @@ from pellucid import _core
 from pellucid.joint.slider.coherent_body import fit_coherent
 from pellucid.joint.slider.study.identify_slider import directional_friction
 from pellucid.joint.slider.three_steps import three_steps
-from pellucid.models.directional_slider import DirectionalSliderModel
-from pellucid.models.energy import cycle_energy, net_energy
-from pellucid.models.slider_joint import SliderJointModel
+from pellucid.models.simulate import cycle_energy, net_energy
+from pellucid.models.slider_joint import DirectionalSliderModel, SliderJointModel
 from pellucid_lab.papers.able.elbow import able_elbow
 
 DRAWS = 60

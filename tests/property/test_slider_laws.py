@@ -14,9 +14,8 @@ from slider_motions import made_up
 from pellucid import _core
 from pellucid.joint.slider.coherent_body import fit_coherent
 from pellucid.joint.slider.three_steps import all_at_once, three_steps
-from pellucid.models.directional_slider import UNITS, DirectionalSliderModel, columns
 from pellucid.models.joint import GRAVITY, PARAMETER_INDEX
-from pellucid.models.slider_joint import SliderJointModel
+from pellucid.models.slider_joint import UNITS, DirectionalSliderModel, SliderJointModel, columns
 
 SLOW = ("constant_velocity",)
 RAIL = (0.10, 0.30)

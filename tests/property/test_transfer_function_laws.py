@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid.orthosis.input_output import InputOutput
-from pellucid.orthosis.transfer.transfer_function_fit import evaluate_transfer_function, fit_records
+from pellucid.orthosis.transfer.fit_transfer_function import evaluate_transfer_function, fit_records
 from pellucid.orthosis.transfer_function import TransferFunction
 
 

@@ -11,7 +11,7 @@ from sd_bounds import sd_bounds
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.models.joint import GRAVITY
-from pellucid.numerics.protocols.swept_sine import swept_sine
+from pellucid.numerics.protocols.excitation import swept_sine
 from pellucid.people.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.units import to_si_factor
 from pellucid_lab.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range

@@ -8,9 +8,9 @@ import pytest
 from pellucid.joint.slider.coherent_body import fit_coherent
 from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
 from pellucid.joint.slider.three_steps import all_at_once, three_steps
-from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
-from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid.models.simulate import cycle_energy
+from pellucid.numerics.protocols.excitation import REVERSALS_NAME
 from pellucid_lab.elbow.instruments import read_all
 from pellucid_lab.elbow.protocol import fitted_sliders, trials
 from pellucid_lab.elbow.rig import able_elbow

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.numerics.protocols.two_sines import two_sines
+from pellucid.numerics.protocols.excitation import two_sines
 from pellucid.numerics.searches.adam import adam
-from pellucid.orthosis.swing.leg_balance import bare_leg_torque
-from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings, published_form, swing
-from pellucid.orthosis.swing.swing_information import optimise_swing, swing_information
+from pellucid.orthosis.swing.loaded_swing import (
+    bare_leg_torque,
+    corrected_form,
+    fit_swings,
+    optimise_swing,
+    published_form,
+    swing,
+    swing_information,
+)
 from pellucid_lab.papers.hill.recomputed import (
     GRAVITY_M_S2,
     SUBJECT_KEYS,

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.orthosis.swing import swing_information
+from pellucid.orthosis.swing import loaded_swing as swing_information
 from pellucid.study.results import read_rows
 from pellucid_lab.papers.figure import VERDICT_WORDS
 from pellucid_lab.papers.hill import release_orders, sections, torque

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid.arm.fit.identify_tree import identify_tree
-from pellucid.arm.fit.tree_verdicts import parameter_verdict
+from pellucid.arm.fit.fit_tree import identify_tree
+from pellucid.arm.fit.tree_estimate import parameter_verdict
 from pellucid.arm.study.recorded_tree import recorded_tree
 from pellucid.study.datasets import init
 

@@ -8,8 +8,7 @@ import pytest
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.hill import fit_hill
 from pellucid.emg.estimators.torque_map import cross_validate_torque_maps
-from pellucid.emg.study.emg_torque.leg_extension_trials import leg_extension_trials
-from pellucid.emg.study.emg_torque.trial_sources import moment_trials
+from pellucid.emg.study.emg_torque.trial_sources import leg_extension_trials, moment_trials
 from pellucid.study import datasets
 
 CEINMS_SECONDS = {"knee": 208.0, "ankle": 97.0}

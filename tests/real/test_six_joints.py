@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.arm.fit.consistent_fit import make_consistent_estimate, solve_consistent
+from pellucid.arm.fit.consistent_inertias import least_eigenvalue, make_consistent_estimate, solve_consistent
 from pellucid.arm.fit.drive_gains import gains_from_desired
-from pellucid.arm.fit.fit_tree import make_tree_estimate
-from pellucid.arm.fit.identify_tree import plain_model
+from pellucid.arm.fit.fit_tree import make_tree_estimate, plain_model
 from pellucid.arm.fit.payload import identify_payload, with_drive_gains
-from pellucid.arm.fit.segments_out import heldout_errors
 from pellucid.arm.fit.tree_regression import collect_rows, fit_rows
-from pellucid.arm.pseudo_inertia import least_eigenvalue
+from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.study.recorded_tree import recorded_tree
 
 WIDTH = 0.02  # rad/s, of the smooth sign

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import FittedSession
-from pellucid.emg.estimators.session_watch import SessionWatch
+from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
 from pellucid.emg.estimators.torque_map import fit_torque_map
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.sessions import session_faults
 from pellucid.emg.study.emg_torque.together import calibrate_together
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.study import datasets
 from pellucid.study.procedures.registry import open_study

@@ -45,29 +45,24 @@ DOORS = {
     ("orthosis", "controllers.coupling"): "the law of a worn orthosis is designed for its coupling",
     ("orthosis", "controllers.export.controller_exporter"): "the law of a worn orthosis is exported",
     ("orthosis", "controllers.export.controller_values"): "the law of a worn orthosis is exported",
-    ("orthosis", "controllers.export.study_limits"): "the law of a worn orthosis keeps the study's limits",
-    ("orthosis", "controllers.limits"): "the law of a worn orthosis keeps the study's limits",
+    ("orthosis", "controllers.control_law"): "the law of a worn orthosis keeps the study's limits",
     ("orthosis", "controllers.study.rig_instruments"): "the law of a worn orthosis is supervised",
-    ("orthosis", "controllers.worn_design"): "the law of a worn orthosis is designed in one place",
+    ("orthosis", "controllers.worn"): "the law of a worn orthosis is designed in one place",
     ("orthosis", "emg.estimators.causal_map"): "coupling: the wearer's torque is mapped from raw EMG",
     ("orthosis", "emg.estimators.cross_validation"): "loaded swings: estimators of torque are scored",
     ("orthosis", "emg.estimators.families"): "loaded swings: estimators of torque are fitted",
     ("orthosis", "emg.estimators.hill"): "loaded swings: estimators of torque are fitted",
-    ("orthosis", "emg.estimators.muscle_source"): "loaded swings: muscles of the seated leg",
+    ("orthosis", "emg.estimators.torque_trial"): "loaded swings: muscles of the seated leg",
     ("orthosis", "emg.estimators.torque_map"): "loaded swings: estimators of torque are fitted",
-    ("orthosis", "emg.estimators.torque_trial"): "loaded swings are trials of torque",
     ("orthosis", "emg.models.muscle_geometry"): "loaded swings: muscles of the seated leg",
     ("orthosis", "emg.signals.emg_chain"): "EMG tells whether a limb is relaxed, and gives the wearer's torque",
     ("orthosis", "emg.signals.emg_quality"): "EMG tells whether a limb is relaxed",
-    ("orthosis", "emg.study.emg_torque.calibration_findings"): "loaded swings are an evaluation of calibrate",
-    ("orthosis", "emg.study.emg_torque.chosen"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.torque_findings"): "loaded swings are an evaluation of calibrate",
+    ("orthosis", "emg.study.emg_torque.evaluation"): "loaded swings are an evaluation of calibrate",
     ("orthosis", "emg.study.emg_torque.emg_torque_table"): "loaded swings are an evaluation of calibrate",
-    ("orthosis", "emg.study.emg_torque.evaluated"): "loaded swings are an evaluation of calibrate",
-    ("orthosis", "emg.study.emg_torque.muscle_findings"): "loaded swings are an evaluation of calibrate",
     ("orthosis", "emg.study.emg_torque.trial_sources"): "a strapped wearer's body is made of the same cards",
-    ("orthosis", "emg.study.emg_torque.worn_reference"): "loaded swings are an evaluation of calibrate",
-    ("orthosis", "emg.study.study_chain"): "loaded swings: the study's EMG chain",
-    ("orthosis", "joint.fit.actuator_residual"): "the actuator of an orthosis is a joint",
+    ("orthosis", "emg.study.muscle_channels"): "loaded swings: the study's EMG chain",
+    ("orthosis", "joint.fit.drive_delay"): "the actuator of an orthosis is a joint",
     ("orthosis", "joint.fit.discrepancy"): "intervals of a strap are enlarged as those of a joint",
 }
 """Modules of a domain that another domain may import, each with the reason.
@@ -134,9 +129,9 @@ def violations(root: Path = ROOT):
             continue
         for line, target in imports(path, root):
             if target[:1] == ("",):
-                plots = where.startswith(PAGE_ROOMS) or path.stem.endswith("figures")
+                plots = where.startswith(PAGE_ROOMS) or path.stem.endswith(("figures", "page"))
                 if target[1] in ("matplotlib", "pylab") and not plots:
-                    yield f"{where}:{line}: only {', '.join(PAGE_ROOMS)} and files of figures may import matplotlib"
+                    yield f"{where}:{line}: only {', '.join(PAGE_ROOMS)} and files of pages may import matplotlib"
             elif target and not is_allowed(layer, target):
                 yield f"{where}:{line}: {layer} may not import {'.'.join(target)}"
             elif where.startswith(ARRAYS_ONLY) and "study" in target[:2]:
@@ -176,7 +171,7 @@ def test_identifying_a_joint_does_not_load_all_of_statistics():
     paths += [ROOT / "numerics" / name for name in ("filters.py", "low_pass.py", "motion.py", "sampled.py")]
     loads = re.compile(r"\s*(from|import) scipy(\.| import )(stats|signal)\b")
     lines = [(path.name, line) for path in paths for line in path.read_text(encoding="utf-8").splitlines()]
-    assert {name for name, line in lines if loads.match(line)} == {"actuator_residual.py"}
+    assert {name for name, line in lines if loads.match(line)} == {"drive_delay.py"}
 
 
 def test_the_base_distribution_does_not_know_the_lab():
@@ -203,7 +198,7 @@ def test_only_the_layers_that_compute_reach_into_the_core():
         (
             "emg/a.py",
             "def f():\n    import matplotlib.pyplot",
-            "only study/pages, study/drawing and files of figures may import matplotlib",
+            "only study/pages, study/drawing and files of pages may import matplotlib",
         ),
         ("study/a.py", "from .. import _core", "study may not import _core"),
         ("study/a.py", "from ..joint.fit.fit_joint import fit_joint", "study may not import joint.fit.fit_joint"),

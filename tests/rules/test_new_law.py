@@ -120,7 +120,7 @@ from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import standstill_speed
 from pellucid.models.card import CardParameter
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 assert "gravity_share" in LAWS and "gravity_share" in controllers()
 test_laws.test_every_number_is_described("gravity_share")
 test_laws.test_python_answers_bit_by_bit_as_c("gravity_share", Path(sys.argv[3]))

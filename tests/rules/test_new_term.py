@@ -65,7 +65,7 @@ from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.study.drawing.style import colour
 from pellucid.models.friction_terms import FAMILIES_BY_NAME
 from pellucid.study.pages.quantities import parameter_label
-from pellucid.joint.study.findings.weak_parameter import advice
+from pellucid.joint.study.joint_case import advice
 t = np.arange(0.0, 30.0, 5e-3)
 parts = [(0.5, 0.13, 0.0), (0.3, 0.47, 1.0), (0.15, 1.1, 2.0)]
 q = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid.joint.fit.evaluation import Prediction
 from pellucid.joint.fit.friction_family import FamilyFit
 from pellucid.joint.fit.joint_estimate import JointEstimate
-from pellucid.joint.fit.replay import Simulation
+from pellucid.joint.fit.replay import Prediction, Simulation
 from pellucid.joint.study.joint_result import JointResult, Trace
+from pellucid.models.estimates import Parameter, Verdict, Whiteness
 from pellucid.models.joint import joint_model
-from pellucid.models.parameter import Parameter, Verdict, Whiteness
 from pellucid.numerics.motion import Filtering
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.study import Study

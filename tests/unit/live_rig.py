@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from pellucid.live.engine import LiveEngine
 from pellucid.live.session import run_session
-from pellucid.live.session.new_session import start_session_study
+from pellucid.live.session.run_session import start_session_study
 from pellucid_lab.live import virtual_knee
 
 PATIENCE_S = 60.0

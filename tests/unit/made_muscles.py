@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from pellucid.emg.estimators.muscle_source import MuscleSource
-from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.estimators.torque_trial import MuscleSource, TorqueTrial
 from pellucid.emg.fit.muscle_calibration import MuscleProblem
 from pellucid.emg.models.muscle_geometry import muscle_table
 

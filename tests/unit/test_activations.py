@@ -8,8 +8,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from pellucid._errors import PellucidError
-from pellucid.emg.estimators.assisted import minimise_bounded_quadratic
-from pellucid.emg.estimators.hill import fit_hill
+from pellucid.emg.estimators.hill import fit_hill, minimise_bounded_quadratic
 from pellucid.emg.estimators.unrecorded import (
     AssistanceWeights,
     EnvelopeFiller,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.people.amplitude_check import strays
+from pellucid.people.emg_index import strays
 
 LABELS = np.radians([12.0, 24.0, 36.0, 48.0, 60.0])
 

@@ -10,11 +10,11 @@ import pytest
 import pellucid as pl
 from pellucid.live.session.running_indices import RunningIndices
 from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS
+from pellucid.people.design_columns import MeasuredMovement, MovementDuration
 from pellucid.people.equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
-from pellucid.people.index_table import IndexTable
 from pellucid.people.indices import SHOWN_INDICES
-from pellucid.people.measured import MeasuredMovement, MovementDuration
 from pellucid.people.mixed_model import failed_model
+from pellucid.people.movement_indices import IndexTable
 from pellucid.people.movements import Movement, MovementRule
 from pellucid.people.study import assessment_page, certified
 from pellucid.people.study.assess import _assessed, _told
@@ -22,7 +22,7 @@ from pellucid.people.study.assessment_result import Assessed, AssessmentResult
 from pellucid.people.study.assessment_table import AssessmentTable
 from pellucid.people.study.assessment_tables import change_table, summary_table
 from pellucid.people.study.measured_study import MeasuredStudy
-from pellucid.people.study.session_order import SessionOrder
+from pellucid.people.study.pointing import SessionOrder
 from pellucid.study.procedures.print_result import print_to_text
 from pellucid.units import COORDINATES_BY_UNIT
 

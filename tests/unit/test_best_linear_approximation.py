@@ -5,9 +5,12 @@ import pytest
 from scipy.signal import lfilter
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.numerics.protocols.random_phase_multisine import random_phase_multisine
-from pellucid.orthosis.transfer.best_linear_approximation import best_linear_approximation, excited_lines
-from pellucid.orthosis.transfer.local_polynomial import local_response
+from pellucid.numerics.protocols.excitation import random_phase_multisine
+from pellucid.orthosis.transfer.best_linear_approximation import (
+    best_linear_approximation,
+    excited_lines,
+    local_response,
+)
 
 RATE = 200.0
 B, A = [0.05, 0.1], [1.0, -1.6, 0.75]

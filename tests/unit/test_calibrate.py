@@ -16,18 +16,22 @@ from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.features import compute_features
 from pellucid.emg.estimators.muscle_trials import count_warm_up_samples
 from pellucid.emg.estimators.torque_map import CrossValidated, fit_torque_map
-from pellucid.emg.estimators.torque_reference import MovedBody
+from pellucid.emg.estimators.torque_trial import MovedBody
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
-from pellucid.emg.study.emg_torque.chosen import recommend_by_fold, recommend_estimator
-from pellucid.emg.study.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
+from pellucid.emg.study.emg_torque.estimator_cards import predict_by_card
+from pellucid.emg.study.emg_torque.evaluation import (
+    EstimatorEvaluation,
+    TorqueTrace,
+    recommend_by_fold,
+    recommend_estimator,
+)
 from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
-from pellucid.emg.study.emg_torque.torque_card import predict_by_card
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials, moved_body, step_trials
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
+from pellucid.orthosis.strap.orthosis_alone import strapped_torque
 from pellucid.orthosis.strap.strap_model import StrapModel
-from pellucid.orthosis.strap.strapped_reference import strapped_torque
 from pellucid.study.pages.page import write_page
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.result import Result

@@ -5,10 +5,9 @@ import pytest
 
 from pellucid.emg.estimators.emg_worth import EmgWorth
 from pellucid.emg.study.emg_torque.calibrate import INVALID_BANDS_FINDING, CalibrationResult
-from pellucid.emg.study.emg_torque.calibration_figures import torque_trace
-from pellucid.emg.study.emg_torque.calibration_page import _answer, _worth_tile
-from pellucid.emg.study.emg_torque.worth_findings import RecordingWorth
-from pellucid.models.parameter import Verdict
+from pellucid.emg.study.emg_torque.calibration_page import _answer, _worth_tile, torque_trace
+from pellucid.emg.study.emg_torque.torque_findings import RecordingWorth
+from pellucid.models.estimates import Verdict
 
 GAIN = EmgWorth(0.25, 0.08, 0.43, 0.05, 12)
 

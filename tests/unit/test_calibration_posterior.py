@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from made_muscles import across, trial
 
-from pellucid.emg.estimators.hill_together import fit_together
+from pellucid.emg.estimators.hill import fit_together
 from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
 from pellucid.emg.fit import calibration_posterior as draws_of_muscles
 from pellucid.emg.fit.calibration_posterior import SHARED_QUANTITIES, calibration_posterior
 from pellucid.emg.fit.coupled_priors import Timing
 from pellucid.emg.fit.muscle_calibration import MuscleProblem, solve_calibration
-from pellucid.numerics.posterior import hamiltonian
-from pellucid.numerics.posterior.hamiltonian import drawn_by_gradients
-from pellucid.numerics.posterior.marginal_likelihood import Noise
+from pellucid.numerics.posterior import ensemble as hamiltonian
+from pellucid.numerics.posterior.ensemble import drawn_by_gradients
+from pellucid.numerics.posterior.posterior import Noise
 
 pytest.importorskip("emcee")
 

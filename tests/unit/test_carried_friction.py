@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.carried_friction import SteadyStates, carried_friction, draw_normal
+from pellucid.joint.fit.unknown_payload import SteadyStates, carried_friction, draw_normal
 from pellucid.models.friction_terms import is_friction
 
 NAMES = ("coulomb", "viscous", "load_friction")

@@ -10,8 +10,8 @@ from test_payload import GAINS, LOAD, arm, played
 from pellucid._errors import IdentificationError
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS
 from pellucid.arm.fit.payload import with_drive_gains as with_known_gains
-from pellucid.arm.study.carried_payloads import identify_payloads, with_gains
-from pellucid.arm.study.findings.payload import find
+from pellucid.arm.study.tree_findings import report_payload
+from pellucid.arm.study.tree_result import identify_payloads, with_gains
 from pellucid.study.study_file import PayloadSpec
 
 TRUE_MASS = float(LOAD[0])
@@ -77,7 +77,7 @@ def test_a_mass_that_set_the_gains_is_not_compared_with_what_was_stated():
     robot = arm(joints=2)
     found = masses([recorded(robot, "empty", 1), recorded(robot, "loaded", 2, stated=TRUE_MASS)])[0]
     assert np.isnan(found["loaded"].error)
-    (said,) = find(SimpleNamespace(payloads=tuple(found.values())))
+    (said,) = report_payload(SimpleNamespace(payloads=tuple(found.values())))
     assert said.kind == "note"
     assert "set the gains of the drives, so that it cannot test them" in said.text
     assert "comes out" not in said.text
@@ -94,7 +94,7 @@ def test_each_of_several_masses_that_set_the_gains_is_judged_by_the_others():
     # Each is weighed in the other's kilograms.
     assert found["wrong"].mass.value == pytest.approx(TRUE_MASS, rel=0.03)
     assert found["right"].mass.value == pytest.approx(1.2 * TRUE_MASS, rel=0.03)
-    texts = [said.text for said in find(SimpleNamespace(payloads=tuple(found.values())))]
+    texts = [said.text for said in report_payload(SimpleNamespace(payloads=tuple(found.values())))]
     assert all("by gains from the other payloads" in text for text in texts)
 
 

@@ -35,8 +35,8 @@ HALF_ADDED = {
         "frozen_encoder: no study searches for it",
     ),
     "a defect whose search is no longer called": (
-        "defects", "joint/study/wearer.py", "import echoed, worn\n", "import echoed\n",
-        "worn: pellucid.joint.study.wearer does not search for it",
+        "defects", "joint/study/joint_case.py", "import echoed, worn\n", "import echoed\n",
+        "worn: pellucid.joint.study.joint_case does not search for it",
     ),
 }  # fmt: skip
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.emg.estimators.channel_watch import MIN_WATCHED_SAMPLES, add_channel_watch
 from pellucid.emg.estimators.cross_validation import score
+from pellucid.emg.estimators.emg_session import MIN_WATCHED_SAMPLES, add_channel_watch
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import (

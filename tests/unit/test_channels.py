@@ -5,7 +5,7 @@ import pytest
 
 from pellucid._errors import RecordingError, StudyError
 from pellucid.joint.study.aligned_motions import aligned_motions
-from pellucid.joint.study.velocity_faults import velocity_faults
+from pellucid.joint.study.joint_faults import velocity_faults
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 from pellucid.study.rollover import find_rollover

@@ -16,7 +16,7 @@ from pellucid import cli
 from pellucid._errors import DatasetError
 from pellucid.files.fault import Fault
 from pellucid.joint.study.joint_result import complete_result
-from pellucid.models.parameter import Verdict
+from pellucid.models.estimates import Verdict
 from pellucid.study import terminal
 from pellucid.study.procedures.command import HELP_GROUPS
 from pellucid.study.procedures.print_result import print_result

@@ -5,9 +5,15 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.people.comparison import compare_conditions, holm, mean_interval
+from pellucid.people.comparison import (
+    compare_conditions,
+    holm,
+    mean_interval,
+    sign_distribution,
+    signed_rank,
+    smallest_p,
+)
 from pellucid.people.friedman import friedman, nemenyi
-from pellucid.people.signed_rank import sign_distribution, signed_rank, smallest_p
 
 
 @pytest.mark.parametrize("n", [4, 9, 20])

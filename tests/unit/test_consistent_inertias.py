@@ -6,20 +6,23 @@ from scipy.optimize import minimize
 
 from pellucid._errors import IdentificationError
 from pellucid.arm.fit.base_parameters import find_base_parameters
-from pellucid.arm.fit.consistent_fit import FROM_PRIOR_REASON, FullParametrisation, fit_consistent, solve_consistent
-from pellucid.arm.fit.consistent_inertias import solve_consistent_inertias
-from pellucid.arm.fit.friction_terms import PLAIN_TERMS
-from pellucid.arm.fit.inertia_prior import entropic_solver, fit_with_prior
-from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
-from pellucid.arm.pseudo_inertia import (
+from pellucid.arm.fit.consistent_inertias import (
+    FROM_PRIOR_REASON,
     MIN_EIGENVALUE,
+    FullParametrisation,
     bodies_from_pseudo_inertia,
     consistency,
+    fit_consistent,
     least_eigenvalue,
     pseudo_inertia,
     scaled_pseudo_inertia,
+    solve_consistent,
+    solve_consistent_inertias,
     triangle_matrix,
 )
+from pellucid.arm.fit.friction_terms import PLAIN_TERMS
+from pellucid.arm.fit.inertia_prior import entropic_solver, fit_with_prior
+from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot

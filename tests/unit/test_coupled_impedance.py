@@ -7,17 +7,21 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.models.parameter import Parameter
-from pellucid.orthosis.strap.coupled_impedance import align, decay_time, fit_coupling, mismatch, seen_mismatch
-from pellucid.orthosis.strap.published_coupling import (
+from pellucid.models.estimates import Parameter
+from pellucid.orthosis.strap.coupled_impedance import (
     PublishedCoupling,
+    align,
+    decay_time,
+    fit_coupling,
     fit_two_poles,
+    mismatch,
     published_mismatch,
+    seen_mismatch,
     solve_balance,
     torque_mismatch,
 )
-from pellucid.orthosis.strap.strap_torque import Orthosis, from_limb, from_orthosis
-from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
+from pellucid.orthosis.strap.strap_model import Orthosis, from_limb, from_orthosis
+from pellucid.orthosis.transfer.fit_transfer_function import fit_percent
 
 PAIR = Pair()
 

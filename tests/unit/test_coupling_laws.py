@@ -7,7 +7,7 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid.orthosis.strap.coupled_impedance import fit_coupling, mismatch
-from pellucid.orthosis.strap.strap_torque import Limb, Orthosis, from_orthosis
+from pellucid.orthosis.strap.strap_model import Limb, Orthosis, from_orthosis
 
 DRAWS = range(3)
 ORTHOSIS = Pair().orthosis

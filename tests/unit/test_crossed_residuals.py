@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.crossed_residuals import block_labels, rows_of_blocks, values_without_blocks
+from pellucid.joint.fit.friction_solver import block_labels, rows_of_blocks, values_without_blocks
 from pellucid.numerics.regression import Solution
 
 

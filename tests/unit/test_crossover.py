@@ -5,9 +5,8 @@ import pytest
 from scipy import stats
 
 from pellucid.people.certificate import PASS, Doubt, certificate, certificate_from_tests
-from pellucid.people.crossover import carry_over, is_balanced, period_effect
 from pellucid.people.equivalence import Margin
-from pellucid.people.learning import thirds
+from pellucid.people.mixed_model import carry_over, is_balanced, period_effect, thirds
 
 WIDE = Margin.either_way(1.0)
 WILLIAMS = ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))

@@ -14,8 +14,8 @@ import pytest
 
 from pellucid._errors import DatasetError
 from pellucid.study import datasets
-from pellucid.study.datasets import registry
-from pellucid.study.datasets.registry import Dataset
+from pellucid.study.datasets import fetch as registry
+from pellucid.study.datasets.fetch import Dataset
 from pellucid.study.procedures.registry import study_model
 from pellucid.study.study_file import parse_study_file
 

@@ -6,10 +6,10 @@ import shutil
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.excitation import measure_excitation
+from pellucid.joint.fit.fit_joint import measure_excitation
 from pellucid.joint.fit.friction_family import fit_family
 from pellucid.joint.fit.replay import Machine
-from pellucid.joint.study.findings import wrong_unit
+from pellucid.joint.study import joint_findings
 from pellucid.joint.study.joint_case import JointCase
 from pellucid.models.joint import joint_model
 from pellucid.numerics.motion import Filtering, motion_of
@@ -87,7 +87,8 @@ def test_degrees_declared_as_radians_are_named(sound, rng):
         model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
         data = stack([motion])
         fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False).fit
-        told = wrong_unit.find(JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, "symmetric"))
+        case = JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, "symmetric")
+        told = joint_findings.report_wrong_unit(case)
         assert [v.text.partition(":")[0] for v in told] == expected
 
 

@@ -6,8 +6,7 @@ import pytest
 from pellucid._errors import IdentificationError
 from pellucid.arm.fit.directional_sets import compare_directional, draw_closed_paths, fit_directional
 from pellucid.arm.fit.tree_regression import collect_rows
-from pellucid.arm.held_joints import hold_joints
-from pellucid.arm.tree_motion import TreeMotion
+from pellucid.arm.tree_motion import TreeMotion, hold_joints
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 

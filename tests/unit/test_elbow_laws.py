@@ -25,10 +25,8 @@ from pellucid.controllers.transparent_laws import (
 )
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
-from pellucid.models.directional_slider import DirectionalSliderModel
 from pellucid.models.joint import GRAVITY
-from pellucid.models.slider_card import SliderCard
-from pellucid.models.slider_joint import SliderJointModel
+from pellucid.models.slider_joint import DirectionalSliderModel, SliderCard, SliderJointModel
 
 UP = {"moment_slope": 0.55, "moment": 0.13, "cross_moment": 0.027, "coulomb": 0.3, "viscous": 0.06, "a0": 0.036,
       "a1": -0.01, "a2": 0.54}  # fmt: skip

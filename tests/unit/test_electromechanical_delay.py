@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pellucid.emg.study.emg_torque.muscle_findings import electromechanical_delay_verdict
+from pellucid.emg.study.emg_torque.torque_findings import electromechanical_delay_verdict
 
 
 def test_a_delay_of_people_is_a_note():

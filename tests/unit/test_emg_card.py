@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.causal_map import CausalMap
-from pellucid.orthosis.strap.strap_model import KELVIN_VOIGT
-from pellucid.orthosis.strap.strap_torque import Limb, Orthosis
-from pellucid.orthosis.study.coupling.emg_card import emg_card, emg_cards
+from pellucid.orthosis.strap.strap_model import KELVIN_VOIGT, Limb, Orthosis
+from pellucid.orthosis.study.coupling.cards import emg_card, emg_cards
 from pellucid_lab.knee.protocol import torque_trial
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.strap_options import without_strap_options

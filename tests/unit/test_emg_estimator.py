@@ -19,7 +19,7 @@ from pellucid.emg.models.emg_estimator import read_estimator_card, write_estimat
 from pellucid.emg.models.muscle_geometry import muscle_table
 from pellucid.emg.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
 from pellucid.emg.study.emg_torque import estimator_cards
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.estimator_folder import chosen_card, estimator_vector, write_estimator_folder
 
 COMPILERS = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")

@@ -7,8 +7,7 @@ import pytest
 from made_walking import MUSCLES, TOPS, changed, walking
 
 from pellucid._errors import IdentificationError
-from pellucid.emg.estimators.emg_session import FittedSession
-from pellucid.emg.estimators.session_watch import SessionWatch
+from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,7 @@ import pytest
 from pellucid import PellucidError
 from pellucid.emg.estimators.cross_validation import Score
 from pellucid.emg.estimators.emg_worth import EmgWorth, worth_on_recording, worth_over_trials
-from pellucid.emg.study.emg_torque.worth_findings import (
-    RecordingWorth,
-    find_worth,
-    is_answer_founded,
-    worth_sentence,
-)
+from pellucid.emg.study.emg_torque.torque_findings import RecordingWorth, find_worth, is_answer_founded, worth_sentence
 
 CYCLES = 12
 SAMPLES_PER_CYCLE = 110

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_pointing import minimum_jerk
 
-from pellucid.people.end_error import end_error, target_zero
+from pellucid.people.indices import end_error, target_zero
 from pellucid.people.movements import MovementRule, Stretch, kinematics, movements
 
 RULE = MovementRule(lowpass=20.0)

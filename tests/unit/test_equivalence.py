@@ -9,6 +9,7 @@ from scipy import stats
 
 from pellucid._errors import PellucidError
 from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, FAIL, PASS, certificate
+from pellucid.people.design_columns import MovementDuration
 from pellucid.people.equivalence import (
     METHODS,
     Margin,
@@ -18,10 +19,9 @@ from pellucid.people.equivalence import (
     share_bound,
 )
 from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
-from pellucid.people.group_sequential import looks
-from pellucid.people.lasting_bounds import lasting_bounds
-from pellucid.people.measured import MovementDuration
-from pellucid.people.transparent_studies import SimulatedStudies, are_transparent, are_within
+from pellucid.people.movement_indices import SimulatedStudies, are_transparent, are_within
+from pellucid.people.power import lasting_bounds
+from pellucid.people.survival import looks
 
 
 @pytest.fixture

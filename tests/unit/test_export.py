@@ -18,22 +18,18 @@ import pellucid
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.control_law import LAWS, ControlLaw, warn_of_unmeasured_drive
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.export.c_folder import check_on_host, write_c_folder
-from pellucid.controllers.export.constants_file import read_constants
-from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.c_folder import check_on_host, read_constants, write_c_folder
+from pellucid.controllers.export.controller_values import ControllerValues, joint_values
 from pellucid.controllers.export.export import warn_of_export
-from pellucid.controllers.export.joint_values import joint_values
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
-from pellucid.controllers.probe import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES
 from pellucid.controllers.residual_compensator import design
-from pellucid.controllers.supervised import SUPERVISOR_NAMES
-from pellucid.controllers.unmeasured_drive import warn_of_unmeasured_drive
+from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES
 from pellucid.models.card import CardParameter, ModelCard, write_card
-from pellucid.models.slider_card import SliderCard
-from pellucid.study.c_sources import core_headers, needed_headers
+from pellucid.models.slider_joint import SliderCard
+from pellucid.study.exporter import core_headers, needed_headers
 
 compiled = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"

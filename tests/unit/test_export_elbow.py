@@ -16,7 +16,7 @@ from pellucid.controllers.export.elbow_values import elbow_values, lowest_resona
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
-from pellucid.models.slider_card import SliderCard, read_slider_card
+from pellucid.models.slider_joint import SliderCard, read_slider_card
 from pellucid_lab.pointing.conditions import controller_builder
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants

@@ -9,11 +9,11 @@ from test_tree_laws import PERIOD, M, arm
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.controllers import tree_laws
-from pellucid.controllers.export import tree_values
+from pellucid.controllers.export import controller_values as tree_values
 from pellucid.controllers.export.c_folder import check_on_host
+from pellucid.controllers.export.controller_values import TreeValues, notes_of
 from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.export.tree_folder import SUPERVISOR_VARIANTS, tree_vector, write_tree_folder
-from pellucid.controllers.export.tree_values import TreeValues, notes_of
 from pellucid.controllers.instruments import Instruments
 from pellucid.models.tree_card import write_tree_card
 

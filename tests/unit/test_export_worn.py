@@ -7,12 +7,12 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.controllers import worn_design
+from pellucid.controllers import worn as worn_design
 from pellucid.controllers.control_law import LAWS
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
 from pellucid.orthosis.study import worn_values as module
-from pellucid.orthosis.study.coupling.actuator_card import PARAMETER_UNITS
+from pellucid.orthosis.study.coupling.cards import PARAMETER_UNITS
 from pellucid.orthosis.study.worn_values import worn_values
 
 STUDY = """

@@ -12,12 +12,11 @@ from test_tree_laws import PERIOD, M, arm
 
 from pellucid.controllers import tree_laws
 from pellucid.controllers.export import tree_folder
+from pellucid.controllers.export.controller_values import TreeValues, joint_values, notes_of
 from pellucid.controllers.export.elbow_values import elbow_values
-from pellucid.controllers.export.joint_values import joint_values
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
 from pellucid.controllers.export.tree_folder import SUPERVISOR_VARIANTS as TREE_VARIANTS
 from pellucid.controllers.export.tree_folder import write_tree_folder
-from pellucid.controllers.export.tree_values import TreeValues, notes_of
 
 pytestmark = pytest.mark.skipif(not all(map(shutil.which, ("cc", "c++"))), reason="cc or c++ is not installed")
 

@@ -16,7 +16,7 @@ import pellucid
 from pellucid.controllers.export.c_folder import write_c_folder
 from pellucid.controllers.export.export import values_for
 from pellucid.models.card import CardParameter, write_card
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 
 SEED = 20261119
 """Seed of the plants here: one on which thresholds may be chosen."""

@@ -7,7 +7,7 @@ from evidence import _exported_equal
 from evidence._exported_equal import compare_knee_laws, compare_supervisors
 
 from pellucid._errors import PellucidError
-from pellucid.controllers.export.constants_file import read_constants
+from pellucid.controllers.export.c_folder import read_constants
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.supervised import supervised
 from pellucid_lab.safety.worn_knee import LAWS as KNEE_LAWS

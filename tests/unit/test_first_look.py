@@ -5,8 +5,8 @@ import pytest
 from test_identify_transfer import HEAD
 
 from pellucid._errors import StudyError
+from pellucid.numerics.protocols.excitation import random_phase_multisine
 from pellucid.numerics.protocols.protocol import protocol
-from pellucid.numerics.protocols.random_phase_multisine import random_phase_multisine
 from pellucid.orthosis.study.transfer_function.first_look import first_looks
 from pellucid.orthosis.study.transfer_function.transfer_function_table import TransferFunctionTable
 from pellucid.orthosis.transfer.best_linear_approximation import BestLinearApproximation

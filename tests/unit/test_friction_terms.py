@@ -14,7 +14,7 @@ from pellucid._errors import IdentificationError, StudyError
 from pellucid.controllers.control_law import LAWS
 from pellucid.controllers.joint_compensation import carried, suggested_limits
 from pellucid.controllers.supervised import body_of, body_resistance
-from pellucid.joint.fit.carried_friction import SteadyStates
+from pellucid.joint.fit.unknown_payload import SteadyStates
 from pellucid.models.fields import largest_friction, model_fields
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.joint import NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.gravity_holds import (
     Hold,
     accuracy,

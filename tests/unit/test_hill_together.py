@@ -8,7 +8,7 @@ from made_muscles import across
 
 from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.hill_together import fit_together
+from pellucid.emg.estimators.hill import fit_together
 from pellucid.emg.fit.coupled_priors import (
     GROUP_STRENGTH_CORRELATION,
     MAX_TOTAL_DELAY_S,
@@ -17,7 +17,7 @@ from pellucid.emg.fit.coupled_priors import (
     Timing,
     coupled_priors,
 )
-from pellucid.emg.fit.muscle_information import count_bounds_reported_as_estimates, covariance, muscle_parameters
+from pellucid.emg.fit.muscle_posterior import count_bounds_reported_as_estimates, covariance, muscle_parameters
 
 TRUE = {
     "strength.gastrocnemius_medialis": 1.4,

@@ -5,8 +5,7 @@ import pytest
 from inertial_motion import turned_hinge
 
 from pellucid._errors import PellucidError
-from pellucid.orthosis.imu.hinge import find_hinge
-from pellucid.orthosis.imu.hinge_angle import hinge_angle
+from pellucid.orthosis.imu.hinge import find_hinge, hinge_angle
 from pellucid.orthosis.imu.inertial import Inertial
 
 

@@ -9,7 +9,7 @@ from pellucid._errors import IdentificationError
 from pellucid.files.recording import Channel
 from pellucid.orthosis.study.coupling.coupling_page import page
 from pellucid.orthosis.study.coupling.identify_coupling import faults, identify_coupling, identify_worn
-from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
+from pellucid.orthosis.transfer.fit_transfer_function import fit_percent
 from pellucid.study.pages.page import write_page
 from pellucid.study.study import Study
 from pellucid_lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial

@@ -6,7 +6,7 @@ from test_tree_laws import arm, with_joint_numbers
 
 from pellucid._errors import PellucidError
 from pellucid.controllers import tree_laws
-from pellucid.controllers.inertia_share import (
+from pellucid.controllers.controller import (
     INERTIA_SHARE_STEP,
     MIN_INERTIA_MARGIN,
     inertia_margin,

@@ -17,11 +17,9 @@ from pellucid.start.given_files import read_given
 from pellucid.start.inference.angle_units import find_angle_unit, find_unsigned_bits
 from pellucid.start.inference.assign_roles import TableHints, assign_roles
 from pellucid.start.inference.clocks import find_clock
-from pellucid.start.inference.derivatives import find_derivatives
-from pellucid.start.inference.emg_spectrum import is_raw_emg
-from pellucid.start.inference.flat_arrays import find_flat_shape
+from pellucid.start.inference.derivatives import find_derivatives, find_repeated_motion
+from pellucid.start.inference.emg_spectrum import find_flat_shape, is_raw_emg
 from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
-from pellucid.start.inference.repeated_motions import find_repeated_motion
 from pellucid.start.propose_study import propose_study
 from pellucid.start.questions import MAX_QUESTION_COUNT
 from pellucid.start.study_text import study_text

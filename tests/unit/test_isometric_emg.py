@@ -8,9 +8,9 @@ import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.emg.study.emg_torque.emg_faults import emg_faults
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.study.emg_torque.study_muscles import ignored_channel_verdicts
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
-from pellucid.emg.study.emg_torque.used_muscles import ignored_channel_verdicts
-from pellucid.emg.study.study_chain import find_notch, mains_verdicts, notch_frequencies, study_chain
+from pellucid.emg.study.muscle_channels import find_notch, mains_verdicts, notch_frequencies, study_chain
 from pellucid.models.parameter_card import read_parameter_card
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check

@@ -9,9 +9,10 @@ import pytest
 
 from pellucid.emg.estimators.joint_stiffness import STIFFNESS_KINDS, joint_stiffness
 from pellucid.emg.estimators.torque_map import fit_torque_map
-from pellucid.emg.study.emg_torque import estimator_cards, stiffness_findings
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
+from pellucid.emg.study.emg_torque import estimator_cards
+from pellucid.emg.study.emg_torque import torque_findings as stiffness_findings
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 
 
 @pytest.fixture(scope="module")

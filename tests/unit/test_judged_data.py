@@ -12,9 +12,9 @@ from test_onset import study as onset_study
 from test_synergies import study as synergies_study
 
 import pellucid as pl
-from pellucid.arm.fit.identify_tree import identify_tree
+from pellucid.arm.fit.fit_tree import identify_tree
 from pellucid.joint.study.aligned_motions import aligned_motions
-from pellucid.numerics.judged import JudgedDataInFitError
+from pellucid.numerics.motion import JudgedDataInFitError
 from pellucid.numerics.regression import stack
 from pellucid.study.procedures.registry import open_study
 

@@ -8,10 +8,11 @@ from importlib.metadata import version
 import numpy as np
 import pytest
 
-from pellucid.files import keepers_mark, kept_columns
-from pellucid.files.keepers_mark import SEAL_LENGTH, mark, seal
-from pellucid.models.parameter import Parameter, Verdict
-from pellucid.study import code_fingerprint
+from pellucid.files import kept_columns
+from pellucid.files import log as keepers_mark
+from pellucid.files.log import SEAL_LENGTH, mark, seal
+from pellucid.models.estimates import Parameter, Verdict
+from pellucid.study import kept as code_fingerprint
 from pellucid.study.kept import TREE_KEY, keep_result, read_kept
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.result import FigureTable, ParameterTable, Result
@@ -121,7 +122,7 @@ def packed(path, tree):
 
 @pytest.mark.parametrize(
     "kind",
-    ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.models.parameter:nothing", "subprocess:Popen", ""],
+    ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.models.estimates:nothing", "subprocess:Popen", ""],
 )
 def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
     tree = json.dumps({"made_from": "fresh", TREE_KEY: {"d": kind, "v": {"args": "echo"}}})
@@ -129,10 +130,10 @@ def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
 
 
 def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
-    verdict = {"d": "pellucid.models.parameter:Verdict", "v": {"kind": "good"}}
+    verdict = {"d": "pellucid.models.estimates:Verdict", "v": {"kind": "good"}}
     tree = json.dumps({"made_from": "fresh", TREE_KEY: verdict})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
-    whole = {"d": "pellucid.models.parameter:Verdict", "v": vars(Verdict("a", "b"))}
+    whole = {"d": "pellucid.models.estimates:Verdict", "v": vars(Verdict("a", "b"))}
     tree = json.dumps({"made_from": "fresh", TREE_KEY: whole})
     assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") == Verdict("a", "b")
 

@@ -10,7 +10,7 @@ import pytest
 
 import pellucid
 from pellucid._errors import RecordingError
-from pellucid.emg.estimators.torque_reference import MovedBody
+from pellucid.emg.estimators.torque_trial import MovedBody
 from pellucid.emg.study.emg_torque.trial_sources import step_trials
 from pellucid.study.procedures.registry import open_study
 from pellucid_lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.numerics.protocols.reversals import REVERSALS_NAME
+from pellucid.numerics.protocols.excitation import REVERSALS_NAME
 from pellucid.study.procedures.registry import open_study
 from pellucid_lab.knee.rig import NAMES as PLANT
 from pellucid_lab.known_rigs import load_rig, parse_rig, rig_names

@@ -10,7 +10,7 @@ import pytest
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.control_law import LAWS, ControlLaw, fuzz
 from pellucid.controllers.export.c_folder import write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.export.replay_vector import (
@@ -21,7 +21,6 @@ from pellucid.controllers.export.replay_vector import (
     SUPERVISOR_VARIANTS,
     replay_vector,
 )
-from pellucid.controllers.law_fuzz import fuzz
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.fields import model_fields
 from pellucid.models.simulate import substeps_for

@@ -25,10 +25,9 @@ from pellucid.controllers.supervised import body_of
 from pellucid.files.readers import xdf
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
-from pellucid.live.region import Region
 from pellucid.live.replay import read_session, replay_session
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
-from pellucid.live.shared_memory import remove_dead_regions
+from pellucid.live.shared_memory import Region, remove_dead_regions
 from pellucid.live.stream_ring import StreamRing
 from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
 from pellucid_lab.live import virtual_elbow, virtual_knee

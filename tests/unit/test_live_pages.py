@@ -16,10 +16,10 @@ import pytest
 from scripted_browser import NARROW_PX, PATIENCE_S, Players, browser, served
 from test_live_session import session_of
 
-from pellucid.live.region import Region
 from pellucid.live.session import run_session
-from pellucid.live.session.new_session import start_session_study
 from pellucid.live.session.page_server import sample_packet, shown_histogram
+from pellucid.live.session.run_session import start_session_study
+from pellucid.live.shared_memory import Region
 from pellucid.study.procedures.registry import open_study
 
 CONTROLS = {

@@ -9,9 +9,9 @@ import pyxdf
 from pellucid.files.readers import xdf
 from pellucid.live.clock_tracker import ClockTracker
 from pellucid.live.recorder import Recorder
-from pellucid.live.region import Region
 from pellucid.live.replay import read_session
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
+from pellucid.live.shared_memory import Region
 from pellucid.live.stream_ring import StreamRing
 
 SETTINGS = settings_text(EngineSetup((Condition("free", worn=False),), DeviceNumbers("virtual-elbow")))

@@ -9,7 +9,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.live import layout
 from pellucid.live.engine import engine_program
-from pellucid.live.region import Region
+from pellucid.live.shared_memory import Region
 
 
 @pytest.fixture

@@ -12,13 +12,12 @@ from pellucid._errors import StudyError
 from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.live.session import live_session
 from pellucid.live.session.live_session import ARMED_PHASES, OPERATOR_AWAY_S, SAVING_LIMIT_S, LiveSession, Phase
-from pellucid.live.session.new_session import SHIPPED_SESSIONS, start_session_study
 from pellucid.live.session.recorded_trial import study_with
-from pellucid.live.session.run_session import choose_participant
+from pellucid.live.session.run_session import SHIPPED_SESSIONS, choose_participant, start_session_study
 from pellucid.live.session.running_task import RunningHolding, Sensed
 from pellucid.live.session.trial_plan import PlannedTrial, balanced_orders, condition_order, plan_trials
+from pellucid.study.instruments_table import HoldingTask
 from pellucid.study.procedures.registry import open_study
-from pellucid.study.session_table import HoldingTask
 
 STEP_S = 0.05
 

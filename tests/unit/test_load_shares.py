@@ -12,11 +12,11 @@ from pellucid.joint.fit.drive_constant import estimate_drive_constant
 from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.fit.joint_estimate import make_estimate
 from pellucid.joint.fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
-from pellucid.joint.study.findings import load_friction_tied
-from pellucid.joint.study.findings.drive_constant import find as find_drive_constant
+from pellucid.joint.study import joint_findings
 from pellucid.joint.study.identify_joint import identify_joint
+from pellucid.joint.study.joint_findings import report_drive_constant
+from pellucid.models.estimates import Parameter
 from pellucid.models.joint import joint_model
-from pellucid.models.parameter import Parameter
 from pellucid.numerics.motion import Filtering, motion_of
 from pellucid.numerics.regression import stack
 
@@ -204,7 +204,7 @@ def test_a_known_load_is_never_said_to_be_lacking(why, payload, begins):
         shares=LoadShares(False, why),
         motions=(SimpleNamespace(payload=(payload, 0.2)),),
     )
-    (verdict,) = load_friction_tied.find(case)
+    (verdict,) = joint_findings.report_load_friction_tied(case)
     assert verdict.text.startswith(begins)
 
 
@@ -233,4 +233,4 @@ def test_a_wrong_constant_is_named_where_load_friction_cannot_explain_it():
     )
     for value, wrong in ((1.0, False), (1.0 / 1.2, False), (1.0 / 0.8, False), (0.7, True), (1.4, True), (2.0, True)):
         case.constant = Parameter("drive_constant", "N*m/A", value, 0.005)
-        assert bool(list(find_drive_constant(case))) is wrong, value
+        assert bool(list(report_drive_constant(case))) is wrong, value

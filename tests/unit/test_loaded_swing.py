@@ -8,17 +8,20 @@ from scipy.signal import butter, sosfiltfilt
 
 from pellucid._errors import IdentificationError
 from pellucid.models.joint import GRAVITY
-from pellucid.numerics.protocols.two_sines import two_sines
-from pellucid.orthosis.swing import swing_information as swing_information_module
-from pellucid.orthosis.swing.leg_balance import bare_leg_torque, leg_alone, worn_exoskeleton_torque
+from pellucid.numerics.protocols.excitation import two_sines
+from pellucid.orthosis.swing import loaded_swing as swing_information_module
 from pellucid.orthosis.swing.loaded_swing import (
     adam_swings,
+    bare_leg_torque,
     corrected_form,
     fit_swings,
+    leg_alone,
+    optimise_swing,
     published_form,
     swing,
+    swing_information,
+    worn_exoskeleton_torque,
 )
-from pellucid.orthosis.swing.swing_information import optimise_swing, swing_information
 
 FS = 200.0
 EMPTY = {"inertia": 0.05, "weight_moment": 0.30, "viscous": 0.05, "coulomb": 0.15, "offset": 0.1}

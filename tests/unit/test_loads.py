@@ -12,7 +12,7 @@ from pellucid.controllers.elbow_laws import position_control
 from pellucid.controllers.export.elbow_values import elbow_values
 from pellucid.controllers.supervised import body_of, supervised
 from pellucid.controllers.transparent_laws import expecting_load, transparent, with_load, with_rules, with_support
-from pellucid.joint.fit.lifted_load import Lift, estimate_load
+from pellucid.joint.fit.drive_constant import Lift, estimate_load
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY
 from pellucid_lab.pointing.people import draw_people

@@ -5,10 +5,9 @@ import pytest
 
 from pellucid.joint.fit.friction_solver import solve_family, solve_from_part
 from pellucid.models.joint import joint_model
-from pellucid.numerics import long_motion
+from pellucid.numerics import motion as long_motion
 from pellucid.numerics.filters import decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
-from pellucid.numerics.long_motion import pieces, thinned
-from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.motion import Filtering, motion_of, pieces, thinned
 from pellucid.numerics.regression import Stack, stack
 
 FS = 500.0

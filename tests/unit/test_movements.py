@@ -5,7 +5,7 @@ import pytest
 from made_pointing import minimum_jerk
 
 from pellucid._errors import RecordingError
-from pellucid.numerics.speed import moving_samples, tangential_speed
+from pellucid.numerics.motion import moving_samples, tangential_speed
 from pellucid.people.movements import (
     MovementRule,
     kinematics,

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pellucid.joint.slider.study import moving_slider_figures
+from pellucid.joint.slider.study import slider_page as moving_slider_figures
 from pellucid.orthosis.strap.wearer_coupling import EvaluatedSwing
-from pellucid.orthosis.study.coupling.coupling_figures import MISMATCH_MAGNIFICATION, mismatch_figure
+from pellucid.orthosis.study.coupling.coupling_page import MISMATCH_MAGNIFICATION, mismatch_figure
 from pellucid.people.study.assessment_figures import FRAME_COUNT, _moving_limbs, tones
 from pellucid.people.study.assessment_result import Profile
 from pellucid.study.drawing.drawing import draw

@@ -10,9 +10,8 @@ from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.hill import fit_hill
 from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from pellucid.emg.fit.muscle_calibration import MuscleProblem, solve_calibration
-from pellucid.emg.fit.muscle_freedom import CALIBRATION_STAGES
-from pellucid.emg.fit.muscle_information import (
+from pellucid.emg.fit.muscle_calibration import CALIBRATION_STAGES, MuscleProblem, solve_calibration
+from pellucid.emg.fit.muscle_posterior import (
     cost_profile,
     count_bounds_reported_as_estimates,
     covariance,

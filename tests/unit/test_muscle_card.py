@@ -9,7 +9,7 @@ from made_muscles import trial
 from pellucid._errors import PellucidError
 from pellucid.emg.estimators.hill import fit_hill
 from pellucid.emg.models.hill import HillModel
-from pellucid.emg.models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
+from pellucid.emg.models.muscle import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 
 

@@ -14,7 +14,7 @@ from pellucid.emg.files.osim import read_model
 from pellucid.emg.files.osim_paths import read_paths
 from pellucid.emg.files.osim_writer import write_osim
 from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
-from pellucid.emg.models.muscle_card import CARD_KIND, CalibratedMuscles
+from pellucid.emg.models.muscle import CARD_KIND, CalibratedMuscles
 from pellucid.models.parameter_card import ParameterCard
 
 LEG = Path(__file__).parents[1] / "data" / "osim" / "leg_4.osim"

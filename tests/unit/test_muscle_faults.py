@@ -9,7 +9,7 @@ from made_muscles import MUSCLES, trial
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.emg.estimators.hill import fit_hill
 from pellucid.emg.estimators.muscle_faults import refuse_unfit_trials
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings, find_applicable_estimators
 
 
 def changed(made, muscle, change):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.estimators.muscle_source import MuscleSource
+from pellucid.emg.estimators.torque_trial import MuscleSource
 from pellucid.emg.files.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
 from pellucid.emg.files.osim_paths import read_paths
 from pellucid.emg.models.muscle_polynomial import fit_muscle_polynomial

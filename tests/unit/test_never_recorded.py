@@ -7,8 +7,8 @@ import pytest
 from made_muscles import across
 
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.hill_together import fit_together
-from pellucid.emg.estimators.never_recorded import fit_unrecorded_muscles
+from pellucid.emg.estimators.hill import fit_together
+from pellucid.emg.estimators.unrecorded import fit_unrecorded_muscles
 from pellucid.emg.fit.coupled_priors import Timing
 
 QUICK = {"weights": (0.01,), "timings": (Timing(0.04),)}

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pellucid.joint.study.findings import odd_recording
+from pellucid.joint.study import joint_findings
 from pellucid.models.joint import GRAVITY
 
 
@@ -24,7 +24,7 @@ def prediction(rng, name, mass=0.0, distance=0.25):
 
 def told(predictions):
     fit = SimpleNamespace(headline=SimpleNamespace(predictions=predictions), model=SimpleNamespace(effort_unit="N*m"))
-    return list(odd_recording.find(SimpleNamespace(fit=fit, rotary=False)))
+    return list(joint_findings.report_odd_recording(SimpleNamespace(fit=fit, rotary=False)))
 
 
 def test_one_file_of_five_that_differs_is_named(rng):

@@ -11,7 +11,7 @@ import pytest
 import pellucid
 from pellucid.models.card import read_card
 from pellucid.models.parameter_card import read_parameter_card
-from pellucid.models.slider_card import read_slider_card
+from pellucid.models.slider_joint import read_slider_card
 from pellucid.study.results import read_rows
 from pellucid_lab.simulate import simulate
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from pellucid._errors import IdentificationError
 from pellucid.orthosis.input_output import InputOutput
 from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
-from pellucid.orthosis.study.coupling.coupling_figures import response_figure
+from pellucid.orthosis.study.coupling.coupling_page import response_figure
 from pellucid.orthosis.study.coupling.coupling_result import _headline, _verdicts
 from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum
 

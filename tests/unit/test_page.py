@@ -10,8 +10,8 @@ import pytest
 from pellucid.joint.slider.study import direction_figures as figures
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.drawing.style import COLOURS
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Page, Section, Tile, write_page
-from pellucid.study.pages.tables import Row, Table
 
 MODELS = ("without", "directional", "directional and load")
 RIGS = ("exact gears", "worn gears", "as on the bench", "no direction at all")

@@ -14,12 +14,11 @@ from pellucid.joint.fit.estimator_choice import EstimatorChoice
 from pellucid.joint.study import joint_page as module
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
-from pellucid.models.parameter import Verdict
+from pellucid.models.estimates import Verdict
 from pellucid.study.drawing.drawing import Drawing, draw
-from pellucid.study.pages.forest import Estimate, forest
+from pellucid.study.pages.forest import Estimate, Row, Table, forest
 from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, without_drawing, write_page
 from pellucid.study.pages.quantities import percent, typeset_sentence, value_and_half_interval
-from pellucid.study.pages.tables import Row, Table
 from pellucid.study.pages.values import Value, marked_up, plain_text
 from pellucid.study.procedures.run import _one_page
 from pellucid.study.procedures.study_page import study_page

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
+from pellucid.arm.fit.consistent_inertias import least_eigenvalue
 from pellucid.arm.fit.drive_gains import gains_from_desired, gains_from_payload
 from pellucid.arm.fit.fit_tree import UNDETERMINED_REASON
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS
 from pellucid.arm.fit.payload import identify_payload, with_drive_gains
-from pellucid.arm.pseudo_inertia import least_eigenvalue
 from pellucid.arm.tree_motion import TreeMotion
+from pellucid.models.estimates import Parameter
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
-from pellucid.models.parameter import Parameter
 from pellucid.models.robot import Robot
 
 GAINS = np.array([6.0, 9.0, 4.0])

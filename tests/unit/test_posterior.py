@@ -7,8 +7,7 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.numerics.posterior.ensemble import drawn, settled
-from pellucid.numerics.posterior.marginal_likelihood import MarginalLikelihood, Noise, Prior
-from pellucid.numerics.posterior.posterior import posterior_of
+from pellucid.numerics.posterior.posterior import MarginalLikelihood, Noise, Prior, posterior_of
 from pellucid.numerics.uncertainty import sandwich_covariance
 
 WIDE = 1e6

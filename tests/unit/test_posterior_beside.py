@@ -8,7 +8,7 @@ import pytest
 
 import pellucid as pl
 from pellucid._errors import PellucidError
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.posterior.posterior import DrawnParameter, Posterior
 from pellucid.study.procedures.posterior_beside import (
     ComparedPosterior,

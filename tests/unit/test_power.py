@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.people.cluster import cluster
+from pellucid.people.design_columns import cluster
 from pellucid.people.power import participants_for_effects, participants_needed, power_curve
 
 
@@ -120,7 +120,7 @@ def test_a_dask_cluster_gives_what_one_machine_gives():
 
 def test_a_scheduler_that_nobody_answers_for_is_refused(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pellucid.people.cluster.SCHEDULER_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("pellucid.people.design_columns.SCHEDULER_TIMEOUT_S", 0.5)
     with (
         pytest.raises(PellucidError, match=r"found no answer at tcp://127\.0\.0\.1:9"),
         cluster("tcp://127.0.0.1:9"),

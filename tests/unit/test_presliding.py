@@ -14,8 +14,8 @@ from pellucid.joint.fit.replay import Machine, simulate_recording
 from pellucid.models.card import read_card, write_card
 from pellucid.models.joint import NAMES, joint_model
 from pellucid.numerics.motion import Filtering, motion_of
+from pellucid.numerics.protocols.excitation import reversals
 from pellucid.numerics.protocols.protocol import protocol
-from pellucid.numerics.protocols.reversals import reversals
 from pellucid.numerics.regression import stack
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.study import write_study

@@ -7,10 +7,9 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from pellucid.models.parameter import Parameter, Verdict
-from pellucid.study.procedures.combined_result import CombinedResult
+from pellucid.models.estimates import Parameter, Verdict
 from pellucid.study.procedures.print_result import MAX_SCREEN_LINES, print_result
-from pellucid.study.procedures.result import FigureTable, ParameterTable, Result
+from pellucid.study.procedures.result import CombinedResult, FigureTable, ParameterTable, Result
 
 CELLS = ("0.474±0.031*", "−1.25e−05", "<0.001", "16.2 to 27.5")
 

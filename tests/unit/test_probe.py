@@ -9,7 +9,7 @@ import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.probe import (
+from pellucid.controllers.supervised import (
     MAX_PROBE_SHARE,
     MAX_UNHEARD_S,
     PROBE_ACCELERATION,

@@ -8,7 +8,7 @@ from evidence._foreign_joint import ForeignJoint
 from evidence._foreign_plants import record_plant
 from evidence.coverage import Elbow, bench_identified, bench_rows, drawn_benches, elbow_rows, exact_errors, identified
 
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid_lab.elbow.rig import able_elbow
 
 NAMES = ("inertia", "gravity", "load_motoring", "load_generating")

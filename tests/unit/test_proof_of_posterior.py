@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from evidence.posterior import calibration_rows, coverage_rows, muscle, ranks
 
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.posterior.posterior import DrawnParameter
 
 pytestmark = pytest.mark.slow

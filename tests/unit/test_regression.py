@@ -7,10 +7,9 @@ import pytest
 from motions import TRUTH, motion_of, vector_of
 
 from pellucid._errors import IdentificationError
-from pellucid.joint.fit.consistency import enforce_pseudo_inertia, least_inertia
 from pellucid.joint.fit.drive_constant import estimate_drive_constant
-from pellucid.joint.fit.friction_solver import solve_family
-from pellucid.joint.fit.reweighting import solve_robust, solve_weighted
+from pellucid.joint.fit.friction_solver import solve_family, solve_robust, solve_weighted
+from pellucid.joint.fit.recording_agreement import enforce_pseudo_inertia, least_inertia
 from pellucid.joint.study.drive_sign import require_sign
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.numerics.motion import Filtering

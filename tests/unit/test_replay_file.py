@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.files.xdf_writer import XdfWriter
-from pellucid.live.replay_columns import RAW_COLUMNS, raw_values
-from pellucid.live.session.replay_file import replay_file
+from pellucid.live.replay import RAW_COLUMNS, raw_values
+from pellucid.live.session.recorded_trial import replay_file
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.study.procedures.registry import open_study
 

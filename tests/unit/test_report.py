@@ -10,9 +10,9 @@ import pytest
 
 from pellucid.joint.study import joint_figures as figures
 from pellucid.joint.study.series import busiest, join_stretches, running_median
+from pellucid.models.estimates import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.models.parameter import Parameter
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.drawing.line_points import broken, outline
 from pellucid.study.drawing.style import COLOURS, css_variables

@@ -8,8 +8,8 @@ from pellucid.files.defects.magnitude import find_implausible
 from pellucid.files.defects.worn import find_worn
 from pellucid.files.recording import Channel
 from pellucid.joint.fit.friction_drift import find_friction_drift
+from pellucid.joint.study.joint_faults import velocity_faults
 from pellucid.joint.study.static_postures import posture_page
-from pellucid.joint.study.velocity_faults import velocity_faults
 from pellucid.study import inspect
 from pellucid.units import parse_quantity
 

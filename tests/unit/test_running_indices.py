@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from pellucid.live.session.running_indices import SHOWN_INDEX_NAMES, RunningIndices
-from pellucid.live.session.torque_estimate import TorqueEstimator
-from pellucid.people.index_table import IndexTable
+from pellucid.live.session.running_task import TorqueEstimator
 from pellucid.people.indices import INDICES
+from pellucid.people.movement_indices import IndexTable
 from pellucid.people.study.primary_change import change_of_table
 from pellucid.study.pages.quantities import cell_text, number, typeset_quantities, without_negative_zero
 from pellucid.study.procedures.run import assess

@@ -10,7 +10,7 @@ from pellucid.emg.models.muscle_geometry import muscle_table
 from pellucid.models.joint import GRAVITY
 from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import identify_swings
 from pellucid.orthosis.study.loaded_swing.loaded_swing_page import _panels
-from pellucid.orthosis.swing import swing_information
+from pellucid.orthosis.swing import loaded_swing as swing_information
 from pellucid_lab.known_rigs import rig_text
 from pellucid_lab.seated.muscles import torque_at_rest
 from pellucid_lab.seated.protocol import seated_trials

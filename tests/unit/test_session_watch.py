@@ -5,8 +5,7 @@ import pytest
 from made_walking import FS, changed, walking
 
 from pellucid._errors import RecordingError
-from pellucid.emg.estimators.emg_session import MIN_WATCH_S, FittedSession
-from pellucid.emg.estimators.session_watch import SessionWatch
+from pellucid.emg.estimators.emg_session import MIN_WATCH_S, FittedSession, SessionWatch
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pellucid.cli import app
-from pellucid.study.procedures.several import Outcome, identify_several, table_of
+from pellucid.study.procedures.run import Outcome, identify_several, table_of
 from pellucid.study.results import read_rows
 from pellucid.study.terminal import _print_first_line, remaining_text, share_text
 from pellucid_lab.bench.rig import bench_joint

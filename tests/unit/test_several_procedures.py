@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
-from pellucid.models.parameter import Parameter, Verdict
+from pellucid.models.estimates import Parameter, Verdict
 from pellucid.models.parameter_card import ParameterCard
 from pellucid.study import read_rows
 from pellucid.study.pages.page import Page, Section

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import pellucid
 from pellucid import cli
 from pellucid._errors import PellucidError, StudyError
-from pellucid.models.slider_card import read_slider_card
+from pellucid.models.slider_joint import read_slider_card
 from pellucid.study.procedures.run import check
 from pellucid.study.results import read_rows
 from pellucid_lab.elbow import protocol as elbow_protocol

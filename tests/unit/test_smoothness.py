@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from pellucid._errors import RecordingError
-from pellucid.people.smoothness import log_dimensionless_jerk, spectral_arc_length
+from pellucid.people.indices import log_dimensionless_jerk, spectral_arc_length
 
 
 def speed(duration, fs=1000.0, parts=((0.0, 1.0, 1.0),)):

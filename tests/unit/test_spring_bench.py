@@ -8,8 +8,8 @@ import pytest
 
 import pellucid as pl
 from pellucid.joint.fit.discrepancy import Discrepancy
-from pellucid.joint.study.findings import wide_interval
-from pellucid.models.parameter import Parameter
+from pellucid.joint.study import joint_findings
+from pellucid.models.estimates import Parameter
 
 STIFFNESS, GAIN = 30.0, 2.0  # N*m/rad; of the study's drive [N*m/A]
 NO_GRAVITY = ("[processing]", '[model]\ngravity = "none"\n\n[processing]')
@@ -43,7 +43,7 @@ def test_a_rough_inertia_of_a_locked_spring_is_said_to_be_rough():
         parameters = (replace(rough, statistical_error=statistical), sharp)
         estimate = SimpleNamespace(parameters=parameters, discrepancy=spring_moves_it)
         case = SimpleNamespace(level=0.95, fit=SimpleNamespace(headline=SimpleNamespace(estimate=estimate)))
-        (verdict,) = wide_interval.find(case)
+        (verdict,) = joint_findings.report_wide_interval(case)
         assert verdict.kind == "warning"
         assert verdict.text == f"Known roughly only: inertia to ± 47 % (4.7 ± 2.2 kg·m²; {why})."
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.controllers.export.joint_values import joint_values
+from pellucid.controllers.export.controller_values import joint_values
 from pellucid.models.card import read_card, write_card
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow, require_own_page, write_rows

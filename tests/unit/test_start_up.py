@@ -12,7 +12,7 @@ from pellucid.controllers.instruments import Instruments
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
 from pellucid.models.joint import PARAMETER_FIELDS
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 
 SCALES = ((1.0, 1.0, 1.0), (0.8, 0.8, 0.8), (1.25, 1.25, 1.25), (0.8, 1.25, 1.25), (1.25, 0.8, 0.8))
 """Factors of inertia, gravity and friction by which a robot may differ from its card."""

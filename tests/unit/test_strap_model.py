@@ -7,13 +7,19 @@ import pytest
 from scipy.signal import lfilter
 from two_bodies import FS
 
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.orthosis.strap.coupled_impedance import CouplingFit, Instrument
 from pellucid.orthosis.strap.identified_strap import MODEL_TEST_LEVEL, PRIOR_IMU_GAIN, identify_strap
-from pellucid.orthosis.strap.strap_discrepancy import strap_discrepancy
+from pellucid.orthosis.strap.strap_choice import strap_discrepancy
 from pellucid.orthosis.strap.strap_fit import StrapRecord, fit_strap_model
-from pellucid.orthosis.strap.strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
-from pellucid.orthosis.strap.strap_torque import StrappedSwing, StrapTorque
+from pellucid.orthosis.strap.strap_model import (
+    FULL_MODEL,
+    KELVIN_VOIGT,
+    STRAP_FEATURES,
+    StrapModel,
+    StrappedSwing,
+    StrapTorque,
+)
 
 TRUE = {
     "stiffness": 20.0, "damping": 0.6, "hardening": 40.0, "slack": 0.03, "relaxing_stiffness": 8.0,

@@ -8,8 +8,8 @@ from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
 from pellucid.orthosis.strap.coupled_impedance import fit_coupling
+from pellucid.orthosis.strap.strap_model import from_orthosis
 from pellucid.orthosis.strap.strap_posterior import strap_posterior
-from pellucid.orthosis.strap.strap_torque import from_orthosis
 from pellucid.orthosis.strap.wearer_coupling import identify_wearer
 
 pytestmark = pytest.mark.slow

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from two_bodies import Pair, swing
 
-from pellucid.emg.estimators.torque_reference import MovedBody, human_torque
-from pellucid.orthosis.strap.strap_model import KELVIN_VOIGT, StrapModel
-from pellucid.orthosis.strap.strap_torque import Limb, Orthosis
-from pellucid.orthosis.strap.strapped_reference import strapped_torque
+from pellucid.emg.estimators.torque_trial import MovedBody, human_torque
+from pellucid.orthosis.strap.orthosis_alone import strapped_torque
+from pellucid.orthosis.strap.strap_model import KELVIN_VOIGT, Limb, Orthosis, StrapModel
 
 FS, LOWPASS = 500.0, 6.0
 ORTHOSIS, LIMB = Orthosis(0.05, 0.01, 1.6), Limb(0.3, 8.0, 0.15, zero=0.05)

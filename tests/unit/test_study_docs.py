@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from pellucid.controllers.study.rig_instruments import rig_instruments
-from pellucid.study import instruments_table, session_table, study_file
+from pellucid.study import instruments_table, study_file
+from pellucid.study import instruments_table as session_table
 from pellucid.study.procedures.registry import ALL_PROCEDURES, open_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"

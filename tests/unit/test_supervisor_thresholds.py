@@ -10,15 +10,13 @@ from test_tree_laws import arm, with_joint_numbers
 from pellucid._errors import PellucidError
 from pellucid.controllers import joint_compensation, tree_laws
 from pellucid.controllers import supervised as rules
-from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.control_law import LAWS, ControlLaw, Limits
 from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.limits import Limits
-from pellucid.controllers.probe import PROBE_ANSWER_NAMES
-from pellucid.controllers.supervised import StartUpWave, body_of, start_up_wave, supervised
+from pellucid.controllers.supervised import PROBE_ANSWER_NAMES, StartUpWave, body_of, start_up_wave, supervised
 from pellucid.controllers.worn import watched_worn
 from pellucid.models.anthropometry import Segment
 from pellucid.models.card import CardParameter, ModelCard
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 from pellucid.models.tree_card import COLUMNS, JointRange
 
 EFFORT, SPEED, INERTIA, PERIOD = 5.0, 10.0, 0.05, 1e-3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.numerics.protocols.swept_sine import swept_sine
+from pellucid.numerics.protocols.excitation import swept_sine
 
 PRINTED = {"amplitude": 0.5, "start": 1.0, "growth": 3.0}
 

@@ -9,10 +9,9 @@ from made_muscles import across
 
 from pellucid.emg.estimators.hill import fit_hill
 from pellucid.emg.fit.calibration_posterior import calibration_posterior
-from pellucid.emg.models.muscle_card import calibrated_muscles
+from pellucid.emg.models.muscle import calibrated_muscles
 from pellucid.emg.study.emg_torque import together
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings
-from pellucid.emg.study.emg_torque.muscle_figures import departures, joints_together
+from pellucid.emg.study.emg_torque.calibration_page import departures, joints_together
 from pellucid.emg.study.emg_torque.together import FIT_WORDS, calibrate_together
 from pellucid.emg.study.emg_torque.together_findings import (
     together_cards,
@@ -21,7 +20,8 @@ from pellucid.emg.study.emg_torque.together_findings import (
     together_tables,
     together_verdicts,
 )
-from pellucid.numerics.posterior import hamiltonian
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
+from pellucid.numerics.posterior import ensemble as hamiltonian
 
 TRUE = {"strength.gastrocnemius_medialis": 1.4, "strength.soleus": 1.3, "delay": 0.02, "time_constant": 0.02}
 

@@ -11,8 +11,7 @@ from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds,
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.families.family import Family
 from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
-from pellucid.emg.estimators.ridge import Ridge
-from pellucid.emg.estimators.smoothing import smooth, smoothing_delay
+from pellucid.emg.estimators.neural_network import Ridge
 from pellucid.emg.estimators.torque_map import (
     FOLD_GAP_S,
     MapJob,
@@ -20,8 +19,8 @@ from pellucid.emg.estimators.torque_map import (
     fit_torque_map,
     fit_torque_maps,
 )
-from pellucid.emg.estimators.torque_reference import MovedBody, human_torque
-from pellucid.emg.estimators.torque_trial import TorqueTrial
+from pellucid.emg.estimators.torque_regressor import smooth, smoothing_delay
+from pellucid.emg.estimators.torque_trial import MovedBody, TorqueTrial, human_torque
 
 FS = 100.0
 

@@ -14,8 +14,7 @@ from test_calibrate import leg
 import pellucid as pl
 from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.hill import fit_hill
-from pellucid.emg.estimators.neural_network import NeuralNetwork
-from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.estimators.neural_network import NeuralNetwork, Ridge
 
 
 @pytest.mark.parametrize(

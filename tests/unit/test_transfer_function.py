@@ -8,18 +8,18 @@ from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.files.recording import Channel, Recording
+from pellucid.models.filtered_dynamics import march
 from pellucid.models.joint import joint_model
-from pellucid.models.linear_recursion import march
 from pellucid.models.simulate import LoopSetting, simulate
 from pellucid.orthosis.input_output import InputOutput, input_output
 from pellucid.orthosis.pendulum import NAMES, pendulum_drive, simulate_pendulum
-from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
-from pellucid.orthosis.transfer.transfer_function_fit import (
+from pellucid.orthosis.transfer.fit_transfer_function import (
     coefficient_units,
     evaluate_transfer_function,
     fit_percent,
     fit_records,
 )
+from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
 from pellucid.orthosis.transfer_function import TransferFunction
 
 SYSTEMS = [

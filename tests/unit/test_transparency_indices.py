@@ -67,7 +67,7 @@ def test_only_what_the_paper_tests_is_attributed_to_it():
 
 
 def test_smoothness_is_that_of_an_assessment(free):
-    from pellucid.people.smoothness import smoothness
+    from pellucid.people.indices import smoothness
 
     seen = see(free)
     reversed_motion = replace(seen.motion, velocity=0.5 * seen.motion.velocity)

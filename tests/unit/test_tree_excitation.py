@@ -5,8 +5,16 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.arm.protocols.capsules import BASE_LINK, Capsule, Capsules, capsules_along_links, segment_distance
-from pellucid.arm.protocols.tree_fourier import information_cost, optimised_tree_fourier, random_tree_fourier
+from pellucid.arm.protocols.tree_fourier import (
+    BASE_LINK,
+    Capsule,
+    Capsules,
+    capsules_along_links,
+    information_cost,
+    optimised_tree_fourier,
+    random_tree_fourier,
+    segment_distance,
+)
 from pellucid.arm.study.tree_excitation import tree_protocol
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.numerics.protocols.step_by_step import step_by_step

@@ -8,8 +8,8 @@ import pytest
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.controllers import tree_laws
+from pellucid.controllers.control_law import Limits
 from pellucid.controllers.instruments import Instruments
-from pellucid.controllers.limits import Limits
 from pellucid.controllers.tree_stability import LinearShares, TreeCoupling, gravity_slope, linear_law
 from pellucid.models.anthropometry import Segment
 from pellucid.models.tree_card import COLUMNS, JointRange, TreeCard

@@ -10,9 +10,9 @@ import pytest
 from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 
 import pellucid as pl
-from pellucid.arm.study.findings import held_by_a_bound, sign_in_doubt
+from pellucid.arm.study import tree_findings
 from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.models.tree_card import read_tree_card
 from pellucid.study.procedures.compare import compare
 
@@ -175,13 +175,14 @@ def test_stand_ins_for_bodies_are_no_rival(tmp_path):
 
 
 def test_a_sign_in_doubt_is_told(found):
-    assert list(sign_in_doubt.find(found)) == []
-    (told,) = sign_in_doubt.find(replace(found, doubts=("1.02 times as much, expected less: try the other sign",)))
+    assert list(tree_findings.report_sign_in_doubt(found)) == []
+    doubted = replace(found, doubts=("1.02 times as much, expected less: try the other sign",))
+    (told,) = tree_findings.report_sign_in_doubt(doubted)
     assert told.text == "A sign may be wrong: 1.02 times as much, expected less: try the other sign."
 
 
 def test_what_a_bound_holds_is_named_after_its_joint():
     held = Parameter("joint_1.coulomb", "N*m", 0.0, 0.1, at_bound=True)
     case = SimpleNamespace(best=SimpleNamespace(parameters={held.name: held}))
-    (told,) = held_by_a_bound.find(case)
+    (told,) = tree_findings.report_held_by_a_bound(case)
     assert told.text.startswith("A physical bound holds coulomb of joint 1: there is none to see")

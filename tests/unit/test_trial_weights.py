@@ -10,11 +10,15 @@ from pellucid.emg.estimators.condition_choice import ConditionTestErrors, choose
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.features import Features
 from pellucid.emg.estimators.muscle_trials import make_muscle_samples
-from pellucid.emg.estimators.ridge import Ridge
+from pellucid.emg.estimators.neural_network import Ridge
 from pellucid.emg.estimators.torque_map import fit_torque_map
-from pellucid.emg.estimators.torque_regressor import TorqueRegressor
+from pellucid.emg.estimators.torque_regressor import (
+    ERROR_FLOOR_SHARE,
+    TorqueRegressor,
+    find_row_weights,
+    find_trial_weights,
+)
 from pellucid.emg.estimators.tree_ensembles import BoostedTrees
-from pellucid.emg.estimators.trial_weights import ERROR_FLOOR_SHARE, find_row_weights, find_trial_weights
 
 
 def test_weights_follow_the_noise_model_and_have_a_mean_of_one():

@@ -14,7 +14,7 @@ from pellucid._errors import PellucidError
 from pellucid.controllers.export.export import values_for
 from pellucid.models.card import read_card
 from pellucid.models.parameter_card import read_parameter_card
-from pellucid.models.slider_card import read_slider_card
+from pellucid.models.slider_joint import read_slider_card
 from pellucid.study.procedures.registry import open_study
 
 OLD = Path(__file__).parents[1] / "data" / "5239fe4" / "commands"

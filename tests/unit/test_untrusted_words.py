@@ -15,7 +15,7 @@ from pellucid._errors import PellucidError, RecordingError
 from pellucid._given import csv_cell, visible_text
 from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants
 from pellucid.files import Channel, write_csv
-from pellucid.people.study.paper_tables import csv_text, latex
+from pellucid.people.study.paper import csv_text, latex
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.page import Page, Section, write_page
 from pellucid.study.procedures.result import FigureTable

@@ -9,7 +9,7 @@ import pytest
 import pellucid
 from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
 from pellucid.arm.urdf import read_urdf
-from pellucid.models.welded import roll_pitch_yaw
+from pellucid.models.kinematic_tree import roll_pitch_yaw
 
 BRANCHED = """<?xml version="1.0"?>
 <robot name="two_arms">

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from made_muscles import trial
 
-from pellucid.emg.estimators.useful_repairs import apply_useful_repairs
+from pellucid.emg.estimators.cross_validation import apply_useful_repairs
 
 FITTED = trial("fitted", seconds=4.0, seed=1)
 NAMES = list(FITTED.envelopes)

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pellucid.arm.study.findings import heldout_worse
+from pellucid.arm.study import tree_findings
 from pellucid.joint.fit.family_choice import choose_family
-from pellucid.joint.study.findings import family_choice, prediction
-from pellucid.models.parameter import Parameter
+from pellucid.joint.study import joint_findings
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.block_test import MIN_IMPROVEMENT
 
 
@@ -30,14 +30,14 @@ def predicted(error, count=4000):
 
 @pytest.mark.parametrize(("error", "kind"), [(5.0, "good"), (19.0, "good"), (21.0, "warning"), (44.0, "warning")])
 def test_a_joint_is_good_up_to_an_error_of_20_percent(error, kind):
-    assert [v.kind for v in prediction.find(predicted(error))] == [kind]
+    assert [v.kind for v in joint_findings.report_prediction(predicted(error))] == [kind]
 
 
 @pytest.mark.parametrize(("error", "kinds"), [(5.0, ["good"]), (44.0, ["warning"])])
 def test_a_joint_of_a_robot_is_good_up_to_an_error_of_20_percent(error, kinds):
     errors = SimpleNamespace(each=(4.0, error), mean=error)
     case = SimpleNamespace(judged="heldout", names=("a", "b"), errors_of=lambda model, judged: errors)
-    assert [v.kind for v in heldout_worse.find(case)] == kinds
+    assert [v.kind for v in tree_findings.report_heldout_worse(case)] == kinds
 
 
 def chosen(rich, plain, values, errors, *, throughout=False):
@@ -86,7 +86,7 @@ def chosen(rich, plain, values, errors, *, throughout=False):
 )
 def test_a_family_wins_only_by_what_the_recordings_show(rich, plain, values, errors, kind):
     case = chosen(rich, plain, values, errors)
-    (told,) = family_choice.find(case)
+    (told,) = joint_findings.report_family_choice(case)
     assert told.kind == kind
     assert case.best == ("rich" if kind == "good" else "plain")
     assert ("every simpler family is worse" in told.text) == (kind == "good")
@@ -103,7 +103,7 @@ def test_a_family_wins_only_by_what_the_recordings_show(rich, plain, values, err
 )
 def test_a_family_that_predicts_better_throughout_is_used_and_its_term_is_told_as_not_identified(rich, plain, values):
     case = chosen(rich, plain, values, [0.1] * len(rich), throughout=True)
-    (told,) = family_choice.find(case)
+    (told,) = joint_findings.report_family_choice(case)
     assert case.best == "rich"
     assert told.kind == "note"
     assert "10 % better" in told.text
@@ -135,8 +135,8 @@ def test_families_are_chosen_by_the_simulated_position_where_it_is_given():
 def test_a_family_that_is_better_on_held_out_recordings_only_is_told_and_not_used():
     case = predicted(10.0)
     case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=8.0)
-    better, usual = prediction.find(case)
+    better, usual = joint_findings.report_prediction(case)
     assert (better.kind, usual.kind) == ("note", "good")
     assert "may not choose" in better.text
     case.fits["stribeck"] = SimpleNamespace(heldout_effort_error=9.9)
-    assert [v.kind for v in prediction.find(case)] == ["good"]
+    assert [v.kind for v in joint_findings.report_prediction(case)] == ["good"]

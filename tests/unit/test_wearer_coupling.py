@@ -7,10 +7,9 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.orthosis.strap.strap_model import CORE_NAMES
-from pellucid.orthosis.strap.strap_slip import find_slip
+from pellucid.orthosis.strap.strap_model import CORE_NAMES, find_slip
 from pellucid.orthosis.strap.wearer_coupling import coupling_verdicts, identify_wearer
-from pellucid.orthosis.transfer.transfer_function_fit import fit_percent
+from pellucid.orthosis.transfer.fit_transfer_function import fit_percent
 
 PAIR = Pair()
 

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 import pellucid
 import pellucid_lab
 from pellucid._errors import PellucidError
-from pellucid.study import ResultRow, lock, read_rows, write_rows
+from pellucid.study import ResultRow, read_rows, write_rows
+from pellucid.study import kept as lock
 from pellucid.study.drawing.drawing import Drawing
 from pellucid.study.pages.page import Page, Section, write_page
 
@@ -67,12 +68,12 @@ def test_a_full_disk_leaves_figures_and_pages_as_they_were(tmp_path, full_disk, 
 
 def test_nothing_is_written_but_whole():
     """Only `_atomic.py` opens a file for writing; what goes into a scratch folder is nobody's result."""
-    scratch = {"_atomic.py": 1, "study/c_sources.py": 1, "study/datasets/init.py": 1,
+    scratch = {"_atomic.py": 1, "study/exporter.py": 1, "study/datasets/init.py": 1,
                "pellucid_lab/ranking/foreign_cost.py": 1}  # fmt: skip
     # A live session's log is appended to while its process runs; its region and rings are memory that
     # processes share, of a fixed size and written in place. None is read as a result. A recording is appended to, and
     # readable whenever its writer ends.
-    live = {"live/engine.py": 1, "live/region.py": 1, "live/shared_memory.py": 1, "files/xdf_writer.py": 2}
+    live = {"live/engine.py": 1, "live/shared_memory.py": 2, "files/xdf_writer.py": 2}
     found = {}
     for path in sorted([*SOURCES.rglob("*.py"), *LAB_SOURCES.rglob("*.py")]):
         text = re.sub(r"^\s*(>>>|\.\.\.) .*$", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -140,7 +141,7 @@ def test_a_lock_that_is_a_link_is_refused_and_its_target_stays(tmp_path, there):
 
 HOLDER = """
 import sys, time
-from pellucid.study.lock import hold_lock
+from pellucid.study.kept import hold_lock
 with hold_lock(sys.argv[1]):
     print(1, flush=True)
     time.sleep(60)

@@ -5,14 +5,14 @@ import pytest
 from made_emg import FS, raw_emg
 
 from pellucid._errors import RecordingError
-from pellucid.emg.study.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
 from pellucid.emg.study.emg_torque.study_faults import trial_refusals
+from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings, find_applicable_estimators
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.muscle_channels import relative_envelopes
 from pellucid.emg.study.onset.find_onsets import find_onsets
 from pellucid.emg.study.onset.onset_table import OnsetTable
 from pellucid.people.study.assessment_table import AssessmentTable
-from pellucid.people.study.recorded_activity import activity
+from pellucid.people.study.pointing import activity
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check
 

@@ -10,8 +10,8 @@ import pyxdf
 from pellucid._errors import PellucidError
 from pellucid.files.readers import xdf
 from pellucid.files.xdf_writer import XdfWriter, chunks, scan_xdf, seal_xdf
-from pellucid.live import unfinished_files
-from pellucid.live.unfinished_files import seal_unfinished
+from pellucid.live import recorder as unfinished_files
+from pellucid.live.recorder import seal_unfinished
 
 
 def write(path, seal=True):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.orthosis.strap.strap_torque import Limb, Orthosis, StrappedSwing
+from pellucid.orthosis.strap.strap_model import Limb, Orthosis, StrappedSwing
 
 FS = 500.0
 

@@ -11,11 +11,11 @@ from typing import Annotated
 import typer
 
 from pellucid._printed_command import printed_command
-from pellucid.study.command_group import example
 from pellucid.study.procedures.command import DEPLOY_GROUP, LEARN_GROUP, PEOPLE_GROUP
 from pellucid.study.terminal import (
     Json,
     count_of,
+    example,
     is_verbose,
     make_console,
     print_items,
@@ -81,7 +81,7 @@ def predict(
     json: Json = False,
 ) -> None:
     """Predict an experiment with drawn people and robots."""
-    from pellucid.people.cluster import cluster
+    from pellucid.people.design_columns import cluster
     from pellucid.study.procedures.print_result import print_result
 
     from .predict import PREDICTION_FILE

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pellucid.numerics.protocols.random_phase_multisine import MULTISINE_NAME, random_phase_multisine
+from pellucid.numerics.protocols.excitation import MULTISINE_NAME, random_phase_multisine
 
 from .rig import Taken
 from .shared_tables import MultisineTable

@@ -20,7 +20,7 @@ from pellucid._atomic import write_text_atomically
 from pellucid._given import read_given
 from pellucid.files.optical import AXES, OpticalRecording
 from pellucid.files.recording import Channel, Recording
-from pellucid.study.lock import hold_lock
+from pellucid.study.kept import hold_lock
 from pellucid.study.procedures.registry import open_study, study_model
 from pellucid.study.study import STUDY_FILE, Study
 from pellucid.study.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units

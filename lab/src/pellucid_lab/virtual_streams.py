@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from pellucid.live.intake import streaming_layer
-from pellucid.live.region import Region
-from pellucid.live.session_process import SessionProcess
+from pellucid.live.setup import SessionProcess
+from pellucid.live.shared_memory import Region
 
 from .emg_synthesis import motor_unit_noise
 

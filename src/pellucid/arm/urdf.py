@@ -15,9 +15,8 @@ import numpy as np
 
 from .._errors import IdentificationError, RecordingError
 from ..files.readers._xml import read_xml
-from ..models.kinematic_tree import GRAVITY, Link, Tree, TreeJoint
+from ..models.kinematic_tree import GRAVITY, Link, Pose, Tree, TreeJoint, hold_joint, weld_fixed_joints
 from ..models.robot import Robot
-from ..models.welded import Pose, hold_joint, weld_fixed_joints
 
 if TYPE_CHECKING:
     from ..models.kinematic_tree import Vector

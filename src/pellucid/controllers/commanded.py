@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .control_law import LAWS, ControlLaw, gate_values
-from .limits import Limits
+from .control_law import LAWS, ControlLaw, Limits, gate_values
 from .supervised import SupervisedLaw
 
 LAW_KIND = "joint"
@@ -39,7 +38,7 @@ class CommandedLaw:
     Examples
     --------
     >>> import pellucid as pl
-    >>> from pellucid.controllers.limits import Limits
+    >>> from pellucid.controllers.control_law import Limits
     >>> law = CommandedLaw(pl.supervised(commanded_law(Limits(effort=5.0), 0.002), start_up=False))
     >>> efforts = [law.step(0.002 * i, 0.5 + 1e-4 * i, 1.0) for i in range(100)]
     >>> efforts[-1], law.fault

@@ -264,3 +264,94 @@ def gate_values(limits, period: float) -> dict[str, float]:
         "max_repeats": 2.0,
         "period": period,
     }
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the safety gate of a control law lets through, and what an EMG torque may be.
+
+    Attributes
+    ----------
+    effort, rate : float
+        Of the command [N m], [N m/s]; N and N/s where a joint is prismatic.
+    velocity : float
+        Of the joint; beyond is a fault [rad/s].
+    position : tuple of float
+        The stops [rad].
+    stop_margin : float
+        Over which the effort into a stop falls to 0 [rad].
+    emg_torque : float
+        Largest believable muscle torque [N m].
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> pl.Limits(effort=5.0, velocity=10.0).rate
+    300.0
+    """
+
+    effort: float = 10.0
+    rate: float = 300.0
+    velocity: float = 15.0
+    position: tuple[float, float] = (-0.6, 2.2)
+    stop_margin: float = 0.1
+    emg_torque: float = 40.0
+
+
+@dataclass(frozen=True)
+class Fuzzed:
+    """What came out of a law that was given NaN, infinities, jumps, frozen and repeated samples, and clock jumps."""
+
+    cycles: int
+    unsafe: int  # Commands outside the limits of torque or rate, or that grew after a fault
+    faults: int  # How often the gate shut
+    slowest: int  # Most cycles from a fault to a safe output; the fault's own is the first
+    moving: int  # Cycles with a torque: a law that gives none is safe and useless
+
+
+def fuzz(law: ControlLaw, cycles: int, *, seed: int = 1, single: bool = False) -> Fuzzed:
+    """Give a law nonsense."""
+    return Fuzzed(cycles, *_core.fuzz_law(law.kind, law.parameters, cycles, seed, single))
+
+
+def step_times(law: ControlLaw, cycles: int = 200_000, *, single: bool = False) -> np.ndarray:
+    """How long single steps of a law take here. Gives (cycles,) [s]."""
+    return 1e-9 * _core.time_law(law.kind, law.parameters, cycles, single)
+
+
+@dataclass(frozen=True)
+class UnmeasuredFault:
+    """How one fault of a drive without a measurement ended."""
+
+    words: str  # what the drive does
+    found: int  # number of runs in which the supervisor found it
+    runs: int  # number of runs
+    energy: float  # excess work on the limb in the worst run [J]
+
+
+# Fifteen laws, as `pellucid export` wrote them, worn on twenty foreign plants (`evidence._exported`, seed
+# 20290601), without a measurement of the drive. Runs lasted ten seconds after the onset of the fault.
+UNMEASURED_FAULTS = (
+    UnmeasuredFault("its polarity is reversed", 80, 300, 14.6),
+    UnmeasuredFault("it gives three times the effort", 63, 300, 34.6),
+    UnmeasuredFault("it is stuck at an effort", 91, 300, 27.8),
+    UnmeasuredFault("it gives no effort", 60, 300, 5.9),
+)
+"""Faults of a drive that does not measure its effort, as they ended on virtual wearers."""
+
+MEASURED_FAULTS_FOUND_S = 1.61
+"""Time in which all of these were found with a measurement of the drive [s]."""
+
+MEASURED_FAULTS_ENERGY_J = 0.07
+"""Largest excess work on the limb of all of these with a measurement of the drive [J]."""
+
+
+def warn_of_unmeasured_drive() -> str:
+    """Return one sentence that says which faults are then not found, and what they cost."""
+    faults = "; ".join(f"{f.words}: found in {f.found} of {f.runs}, up to {f.energy:g} J" for f in UNMEASURED_FAULTS)
+    return (
+        "The drive measures nothing that the supervisor could compare with its command. On virtual wearers many faults "
+        f"of such a drive were not found ({faults}). With a measurement all were found within "
+        f"{1e3 * MEASURED_FAULTS_FOUND_S:g} ms, {MEASURED_FAULTS_ENERGY_J:g} J at most: state it in "
+        "[rig.instruments.drive_sensor] and export again."
+    )

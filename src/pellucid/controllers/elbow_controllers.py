@@ -15,7 +15,7 @@ from typing import Any
 
 from .._errors import PellucidError
 from ..models.anthropometry import Segment, point_mass
-from ..models.slider_card import SliderCard
+from ..models.slider_joint import SliderCard
 from .control_law import ControlLaw
 from .elbow_laws import full_compensation, partial_compensation, position_control
 from .transparent_laws import (

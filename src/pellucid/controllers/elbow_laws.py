@@ -15,11 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from .._errors import PellucidError
-from ..models.directional_slider import FRICTION_TERMS, GRAVITY_TERMS, INERTIA_TERMS, DirectionalSliderModel
 from ..models.joint import GRAVITY
-from ..models.slider_card import SliderCard
-from .control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
-from .limits import Limits
+from ..models.slider_joint import FRICTION_TERMS, GRAVITY_TERMS, INERTIA_TERMS, DirectionalSliderModel, SliderCard
+from .control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, Limits, gate_values
 
 PUBLISHED_PERIOD_S = 1e-3
 """Period of the control panel for which the laws are published."""

@@ -11,10 +11,8 @@ from ..models.card import Card, CardParameter, ModelCard
 from ..models.fields import largest_friction
 from ..models.friction_terms import is_friction
 from ..models.joint import NAMES, SYMBOLS_BY_NAME
-from ..models.slider_card import SliderCard
-from ..models.slider_joint import SliderJointModel
-from .control_law import JOINT_LAW, ControlLaw, gate_values
-from .limits import Limits
+from ..models.slider_joint import SliderCard, SliderJointModel
+from .control_law import JOINT_LAW, ControlLaw, Limits, gate_values
 
 WIDTH_SHARE = 0.02
 """Width of the smooth sign of velocity in compensated friction, as a share of the largest recorded speed [1]."""

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .._errors import PellucidError
-from .control_law import WORN_LAW, ControlLaw, gate_values
+from .control_law import WORN_LAW, ControlLaw, Limits, gate_values
 from .coupling import Coupling, friction_slope
-from .limits import Limits
 from .stability import LinearSystem, Margins, bears, margins, swings
 
 SWING_STEP_COUNT = 5

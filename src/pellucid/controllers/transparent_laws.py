@@ -18,12 +18,10 @@ from .._errors import PellucidError
 from ..models.anthropometry import Segment
 from ..models.fields import largest_friction
 from ..models.joint import NAMES
-from ..models.slider_card import SliderCard
-from ..models.slider_joint import SliderJointModel
-from .control_law import LAWS, RULES_LAW, TRANSPARENT_LAW, ControlLaw, gate_values
+from ..models.slider_joint import SliderCard, SliderJointModel
+from .control_law import LAWS, RULES_LAW, TRANSPARENT_LAW, ControlLaw, Limits, gate_values
 from .elbow_laws import ELBOW_LIMITS, PUBLISHED_PERIOD_S
 from .joint_compensation import carried
-from .limits import Limits
 
 
 def transparent(

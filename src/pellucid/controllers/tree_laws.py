@@ -20,11 +20,10 @@ from .._errors import PellucidError
 from ..models.anthropometry import Segment
 from ..models.fields import largest_friction, model_fields
 from ..models.tree_card import COLUMNS, TreeCard
-from .control_law import gate_values
-from .inertia_share import require_inertia_margin, supported_inertia_share
+from .control_law import Limits, gate_values
+from .controller import require_inertia_margin, supported_inertia_share
 from .instruments import Instruments
 from .joint_compensation import DEFAULT_PERIOD_S, EFFORT_RISE_S, WIDTH_SHARE
-from .limits import Limits
 from .supervised import (
     DRIVE_DELAY_FORGET,
     DRIVE_DELAY_RATE_SHARE,

@@ -10,8 +10,8 @@ PROCEDURE_FOLDERS = (
     "study.synergies",
 )
 ARRAY_FUNCTIONS = {
-    "onset": "signals.onset:onset",
+    "onset": "signals.emg_onset:onset",
     "cocontraction": "envelope_cocontraction:cocontraction",
-    "synergies": "estimators.envelope_synergies:synergies",
+    "synergies": "estimators.synergies:synergies",
 }
 EXPORTER_CLASSES = ("study.estimator_folder:EstimatorExporter", "study.subject:MusclesExporter")

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from .._atomic import atomically
-from .keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
+from .log import SEAL_LENGTH, is_sealed, seal, sealed_size
 from .readers import Columns, read_columns
 from .readers.read import needs_process
 

@@ -10,8 +10,7 @@ import numpy as np
 from .cut import Cut
 from .defects.garbage import KIND as GARBAGE_KIND
 from .delay import SHIFTED_KIND
-from .empty_ends import EMPTY_END_KIND
-from .recording import Recording, channels_within
+from .recording import EMPTY_END_KIND, Recording, channels_within
 
 UNBROKEN_KINDS = (SHIFTED_KIND, GARBAGE_KIND, EMPTY_END_KIND)
 """Kinds of cuts that break no recording: they lie at its ends, or hold no sample of what is left."""

@@ -25,19 +25,19 @@ from ..controllers.supervisor_faults import FAULT_NAMES
 from . import layout
 from .clock_tracker import ClockState
 from .intake import NAMES_WORD
-from .region import Event, Region
-from .session_process import SESSION_VARIABLE
-from .setup import EngineSetup, Task, settings_text
+from .recorder import NOTE_ENDING
+from .setup import SESSION_VARIABLE, EngineSetup, Task, settings_text
 from .shared_memory import (
     PRIVATE_MODE,
     PRIVATE_UMASK,
     SHARED_MEMORY_FOLDER,
+    Event,
+    Region,
     make_region_file,
     remove_dead_regions,
     remove_region,
 )
 from .stream_ring import StreamRing
-from .unfinished_files import NOTE_ENDING
 
 ENGINE_NAME = "bin/pellucid-engine"
 """Place of the engine's program beside the compiled core."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from .._errors import PellucidError, install_command
 from .clock_tracker import ClockTracker
-from .session_process import SessionProcess
+from .setup import SessionProcess
 from .stream_ring import StreamRing, ask_for_niceness
 
 NAMES_WORD = "--names"

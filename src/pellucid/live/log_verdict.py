@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
-from ..controllers.control_law import JOINT_LAW, ControlLaw
+from ..controllers.control_law import JOINT_LAW, ControlLaw, Limits
 from ..controllers.instruments import Instruments
-from ..controllers.limits import Limits
 from ..controllers.supervised import SupervisedLaw, body_of, supervised
 from ..controllers.supervisor_faults import NO_FAULT
 from . import layout

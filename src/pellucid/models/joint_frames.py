@@ -21,8 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .kinematic_tree import Vector, rotation
-from .welded import IDENTITY_POSE, Pose, compose_poses, roll_pitch_yaw
+from .kinematic_tree import IDENTITY_POSE, Pose, Vector, compose_poses, roll_pitch_yaw, rotation
 
 Z_AXIS: Vector = (0.0, 0.0, 1.0)
 """Axis of every joint that a row of Denavit and Hartenberg describes."""

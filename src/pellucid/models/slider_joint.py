@@ -16,12 +16,89 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
-from .directional_slider import VELOCITY_WIDTH
-from .filtered_dynamics import BODY_TERMS, SlidingMotion, filtered_effort, filtered_jacobian, filtered_rows
+from .._errors import PellucidError
+from .card import CARD_FORMAT, Card, CardParameter, read_table
+from .filtered_dynamics import BODY_TERMS, SlidingMotion, filtered_effort, filtered_jacobian, filtered_rows, regressor
 from .joint import GRAVITY, NAMES, PARAMETER_INDEX, SYMBOLS_BY_NAME
+
+UNITS: Mapping[str, str] = {
+    "moment_slope": "kg",
+    "moment": "kg*m",
+    "cross_moment": "kg*m",
+    "coulomb": "N*m",
+    "viscous": "N*m*s/rad",
+    "a0": "kg*m^2",
+    "a1": "kg*m",
+    "a2": "kg",
+}
+"""Parameters of one set, in the order of every array, and their units."""
+
+GRAVITY_TERMS = slice(0, 3)
+"""Places of the gravity parameters in a set."""
+
+FRICTION_TERMS = slice(3, 5)
+"""Places of the friction parameters in a set."""
+
+INERTIA_TERMS = slice(5, 8)
+"""Places of the inertia parameters in a set."""
+
+VELOCITY_WIDTH = 0.01  # rad/s: of the smooth sign, a twentieth of the slowest commanded velocity
+
+
+def selection(slider: float) -> np.ndarray:
+    """Matrix, (13, 8), with core vector = selection @ one set, the carriage at `slider` [m]."""
+    one = {
+        "moment_slope": {"gravity_sine": GRAVITY * slider},
+        "moment": {"gravity_sine": GRAVITY},
+        "cross_moment": {"gravity_cosine": GRAVITY},
+        "coulomb": {"coulomb_positive": 1.0, "coulomb_negative": 1.0},
+        "viscous": {"viscous_positive": 1.0, "viscous_negative": 1.0},
+        "a0": {"inertia": 1.0},
+        "a1": {"inertia": slider},
+        "a2": {"inertia": slider**2},
+    }
+    matrix = np.zeros((len(NAMES), len(UNITS)))
+    for column, name in enumerate(UNITS):
+        for target, gain in one[name].items():
+            matrix[PARAMETER_INDEX[target], column] = gain
+    return matrix
+
+
+def columns(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
+    """Torque per unit of each parameter, (n, 8), SI, along `position`, `velocity` and `acceleration`, (n,), with the
+    carriage at `slider` [m]."""
+    chosen = selection(slider)
+    terms = tuple(np.flatnonzero(chosen.any(axis=1)).tolist())
+    return regressor(position, velocity, acceleration, terms, VELOCITY_WIDTH) @ chosen[list(terms)]
+
+
+@dataclass(frozen=True)
+class DirectionalSliderModel:
+    """Two sets of parameters, or twice the same."""
+
+    up: np.ndarray  # up, down: (8,) While the velocity is positive (lifts) and negative; SI, in the order of `UNITS`
+    down: np.ndarray
+
+    def torque(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
+        """Torque at the joint, shape (n,) [N*m]; it jumps where the velocity changes sign. `position`, `velocity`,
+        `acceleration` (n,) [rad], [rad/s], [rad/s^2]; `slider` [m]; gives (n,)."""
+        terms = columns(position, velocity, acceleration, slider)
+        return np.where(velocity > 0.0, terms @ self.up, terms @ self.down)
+
+    def gravity(self, direction: str, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """The set's gravity torque. `slider`, `position` [m], [rad]; gives [N*m]."""
+        s1, s0, c = (self.up if direction == "up" else self.down)[GRAVITY_TERMS]
+        return GRAVITY * ((s1 * slider + s0) * np.sin(position) + c * np.cos(position))
+
+    def inertia(self, direction: str, slider: np.ndarray) -> np.ndarray:
+        """The set's J(x) [kg*m^2] at x [m]; `direction` is "up" or "down"."""
+        a0, a1, a2 = (self.up if direction == "up" else self.down)[INERTIA_TERMS]
+        return a0 + a1 * slider + a2 * slider**2
+
 
 BODY_UNITS = {
     "inertia": "kg*m^2",
@@ -188,3 +265,65 @@ def _column(name: str, slider: float) -> np.ndarray:
         for target in SYMBOLS_BY_NAME[name].targets:
             column[PARAMETER_INDEX[target]] = 1.0
     return column
+
+
+SET_SIZE = 8  # parameters of one direction
+
+
+@dataclass(frozen=True)
+class SliderCard(Card):
+    """An identified joint with a carriage: what `Card` says, and these.
+
+    `family` is the method that identified it; `method` says it in words.
+    """
+
+    rail: tuple[float, float]  # Ends of the rail, from the axis [m]: beyond them the model is a guess
+    drive: Mapping[str, float]  # `gain`, torque at the joint per ampere [N*m/A]
+    heldout_error: float | None  # Mean absolute current error over the trials held out [A]
+    residual_sd: float  # [N*m]
+    processing: str
+    confidence: float  # confidence level of the intervals
+    notes: tuple[str, ...]
+    checksums: Mapping[str, str]  # SHA-256 of the files it came from, by recording
+    pellucid: str  # Version that wrote it
+    joint: str = "joint"  # What study.toml calls it
+    # Way from rest over which friction builds up before it slips [rad]; None where no recording showed it
+    presliding_travel: CardParameter | None = None
+    kind: str = field(default="slider")
+    format: int = field(default=CARD_FORMAT)
+
+    def stated_numbers(self) -> dict[str, float]:
+        """See `Card.stated_numbers`."""
+        return {**self.known, **self.drive}
+
+    def model(self) -> DirectionalSliderModel | SliderJointModel:
+        """The model whose free parameters the card's are; a directional one holds its values itself."""
+        if self.family in FRICTION_FAMILIES:
+            return SliderJointModel(self.family, dict(self.known))
+        return DirectionalSliderModel(up=self.values[:SET_SIZE], down=self.values[-SET_SIZE:])
+
+
+def read_slider_card(path: Path) -> SliderCard:
+    """Read a card."""
+    table = read_table(path)
+    if table.get("kind") != "slider":
+        raise PellucidError(f"{path}: not the model card of a joint with a carriage")
+    card = SliderCard.from_table(table, path)
+    found = len(card.parameters)
+    try:
+        low, high = card.rail
+        if not 0.0 <= low < high <= 10.0:
+            raise ValueError(f"rail: found {low:g} m to {high:g} m, expected two places on a segment")
+        if card.presliding_travel is not None and not 0.0 <= card.presliding_travel.value <= 0.1:
+            found_travel = card.presliding_travel.value
+            raise ValueError(f"presliding_travel: found {found_travel:g} rad, expected 0 to 0.1")
+        # A directional model has a set of parameters for each direction.
+        model = card.model() if card.family in FRICTION_FAMILIES else None
+        names = model.names if isinstance(model, SliderJointModel) else None
+        if names is None and found not in (SET_SIZE, 2 * SET_SIZE):
+            raise ValueError(f"found {found} parameters, expected {SET_SIZE} or {2 * SET_SIZE}")
+        if names is not None and tuple(p.name for p in card.parameters) != tuple(names):
+            raise ValueError(f"found {found} parameters, expected {', '.join(names)}")
+    except ValueError as error:
+        raise PellucidError(f"{path}: not a card that can be used: {error}") from None
+    return card

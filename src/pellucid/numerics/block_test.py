@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .correlation_length import correlation_length
+from .uncertainty import correlation_length
 
 SIGNIFICANCE_LEVEL = 0.05
 """Significance level of the one-sided tests of all candidates together."""

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from .._errors import RecordingError
-from .correlation_length import correlation_length
+from .uncertainty import correlation_length
 
 MIN_SHARED_SAMPLES = 20
 """Two records are aligned only if they overlap by at least this many samples."""

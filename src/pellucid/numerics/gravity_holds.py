@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from .._errors import IdentificationError
-from ..models.parameter import Parameter
+from ..models.estimates import Parameter
 from .filters import runs, zero_phase_lowpass
 
 MAX_HOLD_SPEED = 0.02

@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from .._errors import RecordingError
-from .filters import central_difference, decimate, zero_phase_lowpass
-from .judged import JudgedData
+from .._errors import PellucidError, RecordingError
+from .filters import central_difference, decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
+
+
+class JudgedData:
+    """Mark of held-out data: recordings, and motions and records made of them."""
+
+    __slots__ = ()
+
+
+class JudgedDataInFitError(PellucidError, TypeError):
+    """Held-out data were given to a function that fits, scales or chooses. It is an error in the program."""
+
+
+def require_fitted(parts: Iterable[object], what: str) -> None:
+    """Raise a `JudgedDataInFitError` if any of `parts` is held out; `what` names the function that was called."""
+    held = [part for part in parts if isinstance(part, JudgedData)]
+    if held:
+        names = ", ".join(dict.fromkeys(str(getattr(part, "recording", getattr(part, "name", "?"))) for part in held))
+        raise JudgedDataInFitError(f"{what}: found held-out data ({names}), expected fitted recordings only")
+
 
 SLOW_SHARE = 0.02
 
@@ -197,3 +217,64 @@ def motion_of(
 def shortest(filtering: Filtering) -> int:
     """Samples below which a stretch leaves nothing to regress on."""
     return max(2 * filtering.trim + 30 * filtering.decimate, 60)
+
+
+MIN_LONG_SAMPLES = 60_000
+"""Longer stretches are processed in pieces."""
+
+PIECE_SAMPLES = 1 << 17
+"""Approximate number of samples of a piece: few enough for the processor's cache, many compared with its borders."""
+
+MIN_SAMPLES_PER_PERIOD = 4.0
+"""Thinning leaves at least this many samples per period of the low-pass's cut-off."""
+
+MOST_ROWS = 2_000_000
+"""Rows of a regression that a stretch gives at most."""
+
+
+def thinned(filtering: Filtering, fs: float, samples: int) -> Filtering:
+    """The `filtering` of `samples` at `fs` [Hz] with as much thinning as its low-pass allows, and few enough rows."""
+    most = 1 if filtering.lowpass is None else max(1, int(fs / (MIN_SAMPLES_PER_PERIOD * filtering.lowpass)))
+    thin = max(k for k in range(1, most + 1) if filtering.decimate == 1 or filtering.decimate % k == 0)
+    decimate = max(filtering.decimate, thin)
+    fewer = -(-samples // (decimate * MOST_ROWS))
+    return replace(filtering, thin=thin * fewer, decimate=decimate * fewer)
+
+
+def pieces(
+    time: np.ndarray,
+    position: np.ndarray,
+    command: np.ndarray,
+    filtering: Filtering,
+    *,
+    fs: float,
+    velocity: np.ndarray | None = None,
+    **more,
+) -> Iterator[Motion]:
+    """A stretch as motions whose inner samples follow each other; `time`, `position`, `command`, a recorded `velocity`
+    (n,) [s], [rad or m], in the drive's unit; `fs` [Hz]. What else `motion_of` takes goes to it."""
+    f = thinned(filtering, fs, len(time))
+    margin = -(-decimation_memory(f.decimate // f.thin) * f.thin // f.decimate)
+    settled = 0 if f.lowpass is None else lowpass_memory(f.order, f.lowpass, fs)
+    border = f.trim + f.decimate * (margin + max(0, -(-(settled - f.trim) // f.decimate)))
+    rows = (len(time) - 2 * border) // f.decimate
+    count = max(1, round(rows * f.decimate / max(PIECE_SAMPLES, 20 * border)))
+    edges = [border + f.decimate * (i * rows // count) for i in range(count + 1)]
+    own = replace(f, trim=border, margin=margin)
+    for first, last in pairwise(edges):
+        part = slice(first - border, last + border)
+        recorded = None if velocity is None else velocity[part]
+        made = motion_of(time[part], position[part], command[part], own, fs=fs, velocity=recorded, **more)
+        yield replace(made, raw_position=None, command=None)
+
+
+def tangential_speed(velocity: np.ndarray) -> np.ndarray:
+    """Return the norm of a `velocity`, shape (n,) of one coordinate or (n, d) of a point; shape (n,), same unit."""
+    velocity = np.asarray(velocity, float)
+    return np.abs(velocity) if velocity.ndim == 1 else np.linalg.norm(velocity, axis=1)
+
+
+def moving_samples(speed: np.ndarray, threshold: float) -> tuple[int, int]:
+    """Return the first and the last sample of a `speed` (n,), not all 0, above the share `threshold` of its largest."""
+    above = np.flatnonzero(speed > threshold * np.max(speed))
+    return int(above[0]), int(above[-1])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .correlation_length import correlation_length
+from .uncertainty import correlation_length
 
 GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2]."""

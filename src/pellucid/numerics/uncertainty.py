@@ -38,8 +38,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..models.parameter import Whiteness
-from .column_norms import column_norms
+from ..models.estimates import Whiteness
+from .regression import column_norms
 
 BLOCK_CORRELATION_TIMES = 10
 """Length of a block in correlation times."""
@@ -284,3 +284,16 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     positive = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
     share = float(1.0 / (1.0 + 2.0 * positive.sum()))
     return Whiteness(float(rho[0]), statistic, float(chdtrc(lags, statistic)), lags, share)
+
+
+def correlation_length(misfit: np.ndarray) -> float:
+    """Samples that share one independent value: the integrated autocorrelation up to its first zero. `misfit` (n,)."""
+    misfit = np.asarray(misfit, float).reshape(len(misfit), -1)
+    n = len(misfit)
+    padded = 1 << (2 * n - 1).bit_length()  # a power of two is transformed fastest
+    spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(axis=0), padded, axis=0)) ** 2
+    correlation = np.fft.irfft(spectrum.sum(axis=1))[:n]
+    if correlation[0] <= 0.0:
+        return 1.0
+    end = int(np.argmax(correlation <= 0.0)) or n
+    return float(np.clip(1.0 + 2.0 * np.sum(correlation[1:end]) / correlation[0], 1.0, np.sqrt(n)))

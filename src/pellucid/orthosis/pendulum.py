@@ -19,8 +19,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import IdentificationError
-from ..models.filtered_dynamics import regressor
-from ..models.linear_recursion import march
+from ..models.filtered_dynamics import march, regressor
 from .transfer_function import INPUT_HOLDS, time_steps
 
 NAMES = ("inertia", "damping", "coulomb", "gravity", "stiffness", "offset")

@@ -18,30 +18,28 @@ from .._tabular import columns_of, data_frame, html_table, text_table
 from .certificate import (
     CANNOT_SAY,
     ESTIMAND_METHODS,
+    LOST_MOVEMENTS_DOUBT,
+    LOST_PEOPLE_DOUBT,
     Certificate,
     Doubt,
     Estimand,
-    certificate_from_tests,
-    require_people,
-)
-from .certify import margin_of
-from .comparison import ConditionComparison, compare_conditions
-from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
-from .doubts import (
-    LOST_MOVEMENTS_DOUBT,
-    LOST_PEOPLE_DOUBT,
     LostCounts,
     carry_over_doubt,
+    certificate_from_tests,
     doubts_of_loss,
     doubts_of_lost_people,
     learning_doubt,
+    margin_of,
     period_doubt,
+    require_people,
     too_many_lost,
     undecided_reason,
 )
+from .comparison import ConditionComparison, compare_conditions
+from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
 from .equivalence import UNDECIDED, equivalence
-from .index_table import shared_cells
-from .learning import Thirds, thirds
+from .mixed_model import Thirds, thirds
+from .movement_indices import shared_cells
 
 DEFAULT_MAX_LEFT_OUT = 0.10
 """Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""

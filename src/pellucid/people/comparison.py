@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -25,9 +26,178 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
-from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_signs
+from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_ranks, tied_signs
 from .friedman import FriedmanTest, friedman, nemenyi
-from .signed_rank import signed_rank
+
+REFERENCE_STUDY_COUNT = 100_000
+"""Number of simulated studies behind each reference distribution."""
+
+REFERENCE_SEED = 29
+"""Seed of the reference distributions."""
+
+MAX_REFERENCE_PEOPLE = 200
+"""The distributions of this many people serve for more, too: they come closer to the normal one."""
+
+LOGNORMAL_SIGMA = 1.0
+"""Standard deviation of the logarithm of the skewed reference shape."""
+
+HIDDEN_SHARE = 0.2
+"""Share of people who may form a group that lies far from the others."""
+
+HIDDEN_DISTANCE_SD = 13.0
+"""Distance of that group, in standard deviations of the others. If it lies farther, the level is exceeded with fewer
+than 14 people, to `HIDDEN_SHARE`'s limit of 6.9 % with 12: every study that sees none of the group errs."""
+
+MIN_PEOPLE = 12
+"""Fewest people with whom a mean is claimed to lie within a margin: a fifth of people hides from 6.9 % of studies."""
+
+
+def student_statistics(differences: np.ndarray, value: float | np.ndarray = 0.0) -> np.ndarray:
+    """Return Student's statistic of the mean of `differences` (..., n) above a `value`; shape (...).
+
+    Differences that are all equal give an infinite statistic, with the sign of their distance from the value.
+    """
+    n = differences.shape[-1]
+    gap = differences.mean(axis=-1) - value
+    error = np.std(differences, axis=-1, ddof=1) / np.sqrt(n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = gap / error
+    return np.where(error > 0.0, ratio, np.where(gap > 0.0, np.inf, -np.inf))
+
+
+def skewed_p(statistic: np.ndarray | float, people: int) -> np.ndarray:
+    """Return the p value of Student's `statistic` of a number of `people`, for the least favourable skew."""
+    normal, lognormal, _ = _reference_statistics(min(people, MAX_REFERENCE_PEOPLE))
+    return np.maximum(_tail_share(normal, statistic), _tail_share(lognormal, statistic))
+
+
+def hidden_fifth_p(statistic: np.ndarray | float, people: int) -> np.ndarray:
+    """Return the p value of the `statistic` if a fifth of people lies far away; 1 with too few people for a claim."""
+    if people < MIN_PEOPLE:
+        return np.ones_like(np.asarray(statistic, float))
+    return _tail_share(_reference_statistics(min(people, MAX_REFERENCE_PEOPLE))[2], statistic)
+
+
+def critical_statistic(people: int, alpha: float) -> float:
+    """Return the smallest statistic whose `skewed_p` is at most `alpha`."""
+    own = _reference_statistics(min(people, MAX_REFERENCE_PEOPLE))[:2]
+    allowed = int(np.floor(alpha * (REFERENCE_STUDY_COUNT + 1.0) - 1.0 + 1e-9))
+    return max(float(np.nextafter(each[-1 - allowed], np.inf)) for each in own) if allowed >= 0 else np.inf
+
+
+def mean_p_values(lower: np.ndarray, upper: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the p values of "the mean lies within" and "the mean lies beyond" a margin from `low` to `high`.
+
+    `lower` and `upper`, (..., n), are bounds of the differences, or twice the differences themselves; p have shape
+    (...).
+    """
+    n = lower.shape[-1]
+    above_low, below_high = _statistics(lower, low), _statistics(-upper, -high)
+    worse = np.minimum(above_low, below_high)
+    within = np.maximum(skewed_p(worse, n), hidden_fifth_p(worse, n))
+    beyond = np.maximum(_statistics(lower, high), _statistics(-upper, -low))
+    return within, skewed_p(beyond, n)
+
+
+def _statistics(differences: np.ndarray, value: float) -> np.ndarray:
+    """Return Student's statistics above a `value`; infinite for an infinite value, -infinite with unknown bounds."""
+    if np.isinf(value):
+        return np.full(differences.shape[:-1], np.inf if value < 0.0 else -np.inf)
+    known = np.isfinite(differences).all(axis=-1)
+    filled = np.where(known[..., None], differences, 0.0)
+    return np.where(known, student_statistics(filled, value), -np.inf)
+
+
+def _tail_share(reference: np.ndarray, statistic: np.ndarray | float) -> np.ndarray:
+    """Return the share of simulated statistics, sorted, at or above a `statistic`, which counts as one of them."""
+    above = len(reference) - np.searchsorted(reference, statistic, side="left")
+    return (1.0 + above) / (len(reference) + 1.0)
+
+
+@lru_cache(maxsize=64)
+def _reference_statistics(people: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return sorted statistics of normal and lognormal studies and of those with a far fifth, about their true means.
+
+    The statistics are those of a mean that lies too high because of a tail downwards.
+    """
+    rng = np.random.default_rng([REFERENCE_SEED, people])
+    found: tuple[list[np.ndarray], ...] = ([], [], [])
+    part = max(1, min(REFERENCE_STUDY_COUNT, 2_000_000 // people))
+    for first in range(0, REFERENCE_STUDY_COUNT, part):
+        z = rng.standard_normal((min(part, REFERENCE_STUDY_COUNT - first), people))
+        far = HIDDEN_DISTANCE_SD * (rng.uniform(size=z.shape) < HIDDEN_SHARE)
+        found[0].append(student_statistics(z))
+        found[1].append(student_statistics(-np.exp(LOGNORMAL_SIGMA * z), -float(np.exp(0.5 * LOGNORMAL_SIGMA**2))))
+        found[2].append(student_statistics(z - far, -HIDDEN_SHARE * HIDDEN_DISTANCE_SD))
+    normal, lognormal, hidden = (np.sort(np.concatenate(each)) for each in found)
+    return normal, lognormal, hidden
+
+
+@dataclass(frozen=True)
+class SignedRankTest:
+    """The outcome of a signed-rank test."""
+
+    statistic: float  # W+
+    p_value: float  # exact two-sided p value
+    rank_biserial: float  # matched rank-biserial correlation, -1 to 1
+    pairs: int  # number of pairs that differ
+
+
+def signed_rank(differences: np.ndarray, scale: float | None = None) -> SignedRankTest:
+    """Return the signed-rank test of paired `differences`, (n,), against 0.
+
+    `scale` is the size of the values that they are differences of; by default that of the largest difference.
+    """
+    d = np.asarray(differences, float)
+    if d.ndim != 1 or not len(d) or not np.isfinite(d).all():
+        raise PellucidError(f"signed ranks: found differences of shape {d.shape}, expected (n,) finite numbers")
+    signs = tied_signs(d, scale)
+    d = d[signs != 0.0]
+    if not len(d):
+        return SignedRankTest(0.0, 1.0, 0.0, 0)
+    ranks = tied_ranks(np.abs(d), scale)
+    above = float(ranks[d > 0.0].sum())
+    total = float(ranks.sum())
+    chance = sign_distribution(np.rint(2.0 * ranks).astype(int))
+    # Sums are counted in half ranks, so that ties are integers.
+    far = np.abs(np.arange(len(chance)) - total) >= abs(2.0 * above - total) - 1e-9
+    return SignedRankTest(above, float(min(1.0, chance[far].sum())), (2.0 * above - total) / total, len(d))
+
+
+def sign_distribution(weights: np.ndarray) -> np.ndarray:
+    """Return the probability of every sum of `weights` if each is included with probability 1/2.
+
+    `weights` are integers above 0; the result has shape (sum of weights + 1,).
+    """
+    chance = np.zeros(int(np.sum(weights)) + 1)
+    chance[0] = 1.0
+    for weight in weights:
+        moved = np.zeros_like(chance)
+        moved[weight:] = chance[: len(chance) - weight]
+        chance = 0.5 * (chance + moved)
+    return chance
+
+
+def rank_sums(differences: np.ndarray) -> np.ndarray:
+    """Return W+ of each row of differences, (k, n), shape (k,); a difference of 0 counts half its rank.
+
+    With the 0s counted so, rows are judged by the distribution of n differences: no evidence comes from a 0.
+    """
+    return np.sum(tied_ranks(np.abs(differences)) * (0.5 + 0.5 * tied_signs(differences)), axis=1)
+
+
+def two_sided_p(above: np.ndarray, pairs: int) -> np.ndarray:
+    """Return the exact two-sided p of each W+ (k,), of a number of `pairs` without ties; a W+ between two counts as the
+    less extreme one."""
+    chance = np.cumsum(sign_distribution(np.arange(1, pairs + 1)))
+    below = np.minimum(above, pairs * (pairs + 1) / 2 - above)
+    return np.minimum(2.0 * chance[np.ceil(below - 1e-9).astype(int)], 1.0)
+
+
+def smallest_p(pairs: int) -> float:
+    """Return the smallest p value that a number of `pairs` can give: all differ to one side."""
+    return min(1.0, 2.0 ** (1 - pairs))
+
 
 BOOTSTRAP_RESAMPLES = 10_000
 """Number of bootstrap resamples of an interval."""

@@ -7,13 +7,17 @@ participant, are set by a design, not measured (`is_designed`).
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
-from .amplitude_check import MAX_AMPLITUDE_COUNT
+from .._errors import PellucidError, missing_package
+from .emg_index import MAX_AMPLITUDE_COUNT
+from .movements import Movement
 
 
 class DesignRole(Enum):
@@ -144,3 +148,57 @@ def columns_with_role(roles: Mapping[str, DesignRole], role: DesignRole) -> list
 def too_many_levels(levels: Sequence[object]) -> bool:
     """Return whether a factor has so many levels that no movements are alike by it: they were drawn at random."""
     return len(levels) > MAX_AMPLITUDE_COUNT
+
+
+SCHEDULER_TIMEOUT_S = 30
+"""A scheduler must answer within this time. Otherwise the address is reported as wrong."""
+
+
+@contextmanager
+def cluster(address: str | None) -> Iterator[Any]:
+    """Yield the workers of a Dask scheduler as a `concurrent.futures` executor; None without an address."""
+    if not address:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise missing_package("scheduler", "distributed", "distributed") from None
+    try:
+        client = Client(address, timeout=SCHEDULER_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise PellucidError(f"scheduler: found no answer at {address} ({error}), expected a Dask scheduler") from None
+    with client:
+        yield client.get_executor()
+
+
+DIRECTION_UP = "up"
+"""Direction of increasing angle, which is 0 where the segment hangs."""
+
+DIRECTION_DOWN = "down"
+"""Direction of decreasing angle."""
+
+
+@dataclass(frozen=True)
+class MeasuredMovement:
+    """One movement and its indices."""
+
+    participant: str
+    condition: str
+    recording: str
+    movement: Movement
+    # Cell of similar movements: labelled amplitude [deg, or mm for a position], None if there is none or too many, and
+    # direction
+    cell: tuple[float | None, str]
+    values: Mapping[str, float]  # values by index, in SI; NaN if a value could not be computed
+
+
+@dataclass(frozen=True)
+class MovementDuration:
+    """How long one movement was seen, and whether it had settled by then; includes movements without indices."""
+
+    participant: str
+    condition: str
+    cell: tuple[float | None, str]  # cell as in `MeasuredMovement`
+    seconds: float  # time seen; infinite if the person never set out or turned round
+    settled: bool

@@ -43,8 +43,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
-from .mean_test import critical_statistic, mean_p_values
-from .signed_rank import sign_distribution
+from .comparison import critical_statistic, mean_p_values, sign_distribution
 
 Method = Literal["skew_robust", "signed_rank", "t", "bootstrap"]
 METHODS = ("skew_robust", "signed_rank", "t", "bootstrap")

@@ -17,6 +17,7 @@ import numpy as np
 from .._errors import PellucidError
 from .certificate import Estimand, require_people
 from .equivalence import Margin, Method
+from .movement_indices import SimulatedStudies, are_transparent
 from .power import (
     SEARCH_DRAWS_PER_STUDY,
     InlineExecutor,
@@ -26,7 +27,6 @@ from .power import (
     run_parts,
     simulated_power,
 )
-from .transparent_studies import SimulatedStudies, are_transparent
 
 LEVEL_SPREAD_RATIO = 5.0
 """People's levels in the control condition are drawn with this multiple of the standard deviation of their changes."""

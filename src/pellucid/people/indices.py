@@ -7,13 +7,17 @@ that is made of a movement's angle is complete with its one entry.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache
 
+import numpy as np
+
+from .._errors import RecordingError
+from ..numerics.motion import tangential_speed
 from ..units import COORDINATES_BY_UNIT, Coordinate
-from .measured import DIRECTION_DOWN, DIRECTION_UP
+from .design_columns import DIRECTION_DOWN, DIRECTION_UP
 from .movements import Kinematics, Movement
 from .survival import Survival
 
@@ -255,3 +259,115 @@ def _indices_along(unit: str) -> Mapping[str, Index]:
         return replace(index, words=said[0], short=said[1], unit=unit, along=along.unit)
 
     return {name: of(index) for name, index in INDICES.items()}
+
+
+SPECTRUM_OVERSAMPLING_POWER = 4
+"""The spectrum is sampled 2 to this power times finer than the movement's own length gives (zero padding)."""
+
+MIN_SPEED_VARIATION = 1e-9
+"""A speed that varies by less than this share of its largest is constant: rounding reaches 1e-13 of it."""
+
+
+def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
+    """Return SPARC and LDLJ of a movement, as ``sparc`` and ``ldlj``."""
+    velocity = motion.velocity[movement.first : movement.last + 1]
+    return {
+        "sparc": spectral_arc_length(velocity, motion.fs),
+        "ldlj": log_dimensionless_jerk(velocity, motion.fs),
+    }
+
+
+def spectral_arc_length(velocity: np.ndarray, fs: float, *, highest: float = 10.0, least: float = 0.05) -> float:
+    """Return the SPARC of the speed of one movement.
+
+    `velocity` (n,), or (n, d) of a point; `fs` [Hz]; `highest` frequency [Hz]; `least` spectrum [1].
+    """
+    _, speed = _checked(velocity)
+    n = 2 ** (int(np.ceil(np.log2(len(speed)))) + SPECTRUM_OVERSAMPLING_POWER)
+    spectrum = np.abs(np.fft.rfft(speed, n))
+    frequency = np.fft.rfftfreq(n, 1.0 / fs)
+    spectrum = (spectrum / spectrum[0])[frequency <= highest]
+    last = np.flatnonzero(spectrum >= least)[-1]
+    spectrum, width = spectrum[: last + 1], max(int(last), 1)
+    return -float(np.sum(np.hypot(1.0 / width, np.diff(spectrum))))
+
+
+def log_dimensionless_jerk(velocity: np.ndarray, fs: float) -> float:
+    """Return the LDLJ of one movement. `velocity` (n,), or (n, d) of a point; `fs` [Hz]."""
+    velocity, speed = _checked(velocity)
+    duration = (len(speed) - 1) / fs
+    jerk = np.diff(velocity, 2, axis=0) * fs**2
+    # The integral covers the samples that have a second difference: one sample at either end is missing.
+    power = float(np.sum(jerk**2)) / fs
+    if power == 0.0:
+        raise RecordingError("smoothness: found a velocity without jerk, expected a movement")
+    return -float(np.log(duration**3 / np.max(speed) ** 2 * power))
+
+
+def _checked(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a movement's velocity and speed; refuse what is no movement."""
+    velocity = np.asarray(velocity, float)
+    if velocity.ndim not in (1, 2) or len(velocity) < 4 or not np.isfinite(velocity).all() or not velocity.any():
+        raise RecordingError(
+            f"smoothness: found a velocity of shape {velocity.shape}, expected at least 4 numbers, not all of them 0"
+        )
+    speed = tangential_speed(velocity)
+    if np.ptp(speed) <= MIN_SPEED_VARIATION * np.max(speed):
+        raise RecordingError(
+            f"smoothness: found a constant speed of {np.max(speed):.3g}, expected one that rises and falls"
+        )
+    return velocity, speed
+
+
+def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
+    """Return the angle at which a target at 0 lies [rad], from the ends of one participant's control movements.
+
+    It is the mean of the medians of both directions; 0 if a direction has no movement to a target.
+    """
+    ends: dict[int, list[float]] = {1: [], -1: []}
+    for motion, movement in made:
+        if movement.goal is not None:
+            ends[movement.direction].append(float(motion.angle[movement.last]) - movement.goal)
+    if not all(ends.values()):
+        return 0.0
+    return float(np.mean([np.median(own) for own in ends.values()]))
+
+
+def end_error(motion: Kinematics, movement: Movement, zero: float) -> dict[str, float]:
+    """Return the signed and the absolute error of a `movement`'s end, ``end_error`` and ``end_absolute`` [rad].
+
+    `motion` holds the angle, and a target at 0 lies at `zero`. The result is empty if the target is not known.
+    """
+    if movement.goal is not None:
+        error = movement.direction * (float(motion.angle[movement.last]) - movement.goal - zero)
+    elif movement.amplitude is not None:
+        error = movement.reach - movement.amplitude
+    else:
+        return {}
+    return {"end_error": error, "end_absolute": abs(error)}
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """Torque and work between robot and person over one movement."""
+
+    rms: float  # RMS of the torque [N m]
+    peak: float  # largest absolute torque [N m]
+    resisted: float  # work of the person against the robot [J]
+    assisted: float  # work of the robot on the person [J]
+
+
+def interaction(torque: np.ndarray, velocity: np.ndarray, fs: float) -> Interaction:
+    """Return the interaction over one movement. `torque` (n,) [N m]; `velocity` (n,) [rad/s]; `fs` [Hz]."""
+    torque, velocity = np.asarray(torque, float), np.asarray(velocity, float)
+    if torque.shape != velocity.shape or torque.ndim != 1 or not len(torque) or not np.isfinite(torque).all():
+        raise RecordingError(
+            f"interaction: found torque {torque.shape} and velocity {velocity.shape}, expected as many numbers of both"
+        )
+    power = torque * velocity
+    return Interaction(
+        rms=float(np.sqrt(np.mean(torque**2))),
+        peak=float(np.max(np.abs(torque))),
+        resisted=float(-np.sum(np.minimum(power, 0.0)) / fs),
+        assisted=float(np.sum(np.maximum(power, 0.0)) / fs),
+    )

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..units import COORDINATES_BY_UNIT, Coordinate
-from .index_table import cell_means
+from .design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement
 from .indices import MEAN_VELOCITY, MOVEMENT_DURATION
-from .measured import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement
+from .movement_indices import cell_means
 
 
 @dataclass(frozen=True)

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from .._errors import RecordingError
-from .movements import (
-    MovementRule,
-    kinematics,
-    movements,
-    rest_stretches,
-    target_stretches,
-)
-from .smoothness import smoothness
+from ..numerics.tied_ranks import TIE_TOLERANCE
+from ..units import COORDINATES_BY_UNIT
+from .certificate import ESTIMAND_METHODS, Estimand
+from .comparison import mean_p_values, rank_sums, two_sided_p
+from .design_columns import MeasuredMovement, MovementDuration
+from .equivalence import FAR_MARGIN_COUNT, Margin, Method, critical_rank_sum, share_bound
+from .indices import Index, indices_along, smoothness
+from .mixed_model import carry_over_of_studies, is_balanced, without_period
+from .movements import MovementRule, kinematics, movements, rest_stretches, target_stretches
+from .survival import survival
 
 UNITS = {
     "start": "s", "duration": "s", "direction": "1", "travel": "rad", "peak_velocity": "rad/s",
@@ -153,3 +156,206 @@ def movement_indices(
         {name: np.array([row[name] for row in rows], float) for name in UNITS},
         dict(Counter(each.kind for each in without)),
     )
+
+
+@dataclass(frozen=True)
+class SimulatedStudies:
+    """Values of k simulated studies of n people and m end points.
+
+    Attributes
+    ----------
+    changes : ndarray, shape (k, n, m)
+        People's changes from control, in the unit of the margins.
+    later : ndarray, shape (n,), optional
+        Number of periods by which the condition came after control; without it, orders are not stated.
+    levels : ndarray, shape (k, n, m), optional
+        People's values in the control condition, for carry-over; needs `later`.
+    drifts, late : ndarray, shape (k, n, m), optional
+        Change of the last third of movements less that of the first, and that of the last third less that of all.
+    """
+
+    changes: np.ndarray
+    later: np.ndarray | None = None
+    levels: np.ndarray | None = None
+    drifts: np.ndarray | None = None
+    late: np.ndarray | None = None
+
+
+def are_transparent(
+    studies: SimulatedStudies,
+    margins: Sequence[Margin],
+    *,
+    alpha: float = 0.05,
+    estimand: Estimand = "mean",
+    people: float | None = None,
+    method: Method | None = None,
+) -> np.ndarray:
+    """Return whether each study is certified as transparent, shape (k,): what `certificate` says of its values."""
+    used: Method = ESTIMAND_METHODS[estimand] if method is None else method
+    said = np.ones(len(studies.changes), bool)
+    for j, margin in enumerate(margins):
+        d = studies.changes[:, :, j]
+        excess = margin.excess(d, d)
+        said &= are_within(d, margin, alpha, used) & (excess <= FAR_MARGIN_COUNT).all(axis=1)
+        if people is not None:
+            said &= np.sum(excess <= 1.0 + TIE_TOLERANCE, axis=1) >= _needed_count(people, d.shape[1], alpha)
+        said &= ~_is_contradicted(studies, j, margin, alpha, used)
+    return said
+
+
+def are_within(differences: np.ndarray, margin: Margin, alpha: float, method: Method) -> np.ndarray:
+    """Return whether each row of differences, (k, n), tests within a margin at level `alpha`; shape (k,)."""
+    n = differences.shape[1]
+    if method == "skew_robust":
+        return mean_p_values(differences, differences, margin.low, margin.high)[0] <= alpha
+    said = np.ones(len(differences), bool)
+    for inner in (differences - margin.low, margin.high - differences):
+        if np.isfinite(inner).all():
+            if method == "t":
+                error = np.std(inner, axis=1, ddof=1) / np.sqrt(n)
+                said &= inner.mean(axis=1) >= stats.t.isf(alpha, n - 1) * error
+            else:
+                needed = critical_rank_sum(n, alpha)
+                said &= needed is not None and rank_sums(inner) >= needed
+    return said
+
+
+def _is_contradicted(studies: SimulatedStudies, j: int, margin: Margin, alpha: float, method: Method) -> np.ndarray:
+    """Return whether a doubt takes the claim about one end point from each study, shape (k,)."""
+    d, level = studies.changes[:, :, j], alpha / studies.changes.shape[2]
+    taken = np.zeros(len(d), bool)
+    later = studies.later
+    if later is not None and d.shape[1] >= 4 and np.ptp(later) > 0.0:
+        if not is_balanced(later):
+            taken |= ~are_within(without_period(d, later)[1], margin, alpha, method)
+        first = later < 0.0
+        if studies.levels is not None and min(first.sum(), (~first).sum()) >= 2:
+            control = studies.levels[:, :, j]
+            p, change, error = carry_over_of_studies(control, control + d, first)
+            reach = stats.t.isf(alpha, d.shape[1] - 2) * error
+            taken |= (p <= level) & ~((change - reach >= margin.low) & (change + reach <= margin.high))
+    if studies.drifts is not None and studies.late is not None:
+        drifting = _has_trend(studies.drifts[:, :, j], level)
+        taken |= drifting & ~are_within(d + studies.late[:, :, j], margin, alpha, method)
+    return taken
+
+
+def _has_trend(drifts: np.ndarray, alpha: float) -> np.ndarray:
+    """Return whether the exact two-sided p of signed ranks of each row of drifts, (k, n), is at most `alpha`."""
+    return two_sided_p(rank_sums(drifts), drifts.shape[1]) <= alpha
+
+
+def _needed_count(share: float, people: int, alpha: float) -> int:
+    """Return the fewest people within of a number of `people` whose lower confidence bound reaches a `share`."""
+    return next((k for k in range(people + 1) if share_bound(k, people, alpha) >= share), people + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class IndexTable:
+    """Values of one index by participant and condition.
+
+    A table holds the name of its index, not the index, so that a kept result restores data and no functions.
+    """
+
+    name: str  # name of the index in the catalogue
+    along: str  # unit of the coordinate of movement, "rad" or "m"
+    participants: tuple[str, ...]  # participants with a value in all of `conditions`
+    conditions: tuple[str, ...]
+    values: np.ndarray  # (n, k)
+
+    @property
+    def index(self) -> Index:
+        """Entry of the catalogue for this coordinate."""
+        return indices_along(COORDINATES_BY_UNIT[self.along])[self.name]
+
+    def column(self, condition: str) -> np.ndarray:
+        """Return the values in one condition, shape (n,)."""
+        return self.values[:, self.conditions.index(condition)]
+
+
+def cell_means(
+    movements: Sequence[MeasuredMovement], of: str, direction: str = "", *, spread: bool = False
+) -> dict[tuple, float]:
+    """Return the mean value `of` similar movements by (participant, condition, cell), in one `direction` or both ("").
+
+    With `spread` the result holds their standard deviations (n - 1), without cells of a single movement.
+    """
+    sums: dict[tuple, list[float]] = {}
+    for m in movements:
+        value = m.values.get(of, np.nan)
+        if np.isfinite(value) and direction in ("", m.cell[1]):
+            sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
+    if spread:
+        return {key: float(np.std(each, ddof=1)) for key, each in sums.items() if len(each) > 1}
+    return {key: float(np.mean(each)) for key, each in sums.items()}
+
+
+def shared_cells(
+    means: Mapping[tuple, float], participants: Sequence[str], conditions: Sequence[str]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return each participant's values of the cells that they have in every condition, by participant and condition.
+
+    `means` are the values by (participant, condition, cell); who has no cell in all `conditions` is not in the result.
+    """
+    cells: dict[tuple[str, str], set] = {}
+    for person, condition, cell in means:
+        cells.setdefault((person, condition), set()).add(cell)
+    found = {}
+    for person in participants:
+        shared = set.intersection(*(cells.get((person, c), set()) for c in conditions))
+        if shared:
+            ordered = sorted(shared, key=str)
+            found[person] = {c: np.array([means[person, c, cell] for cell in ordered]) for c in conditions}
+    return found
+
+
+def lasting_cells(lasted: Sequence[MovementDuration], index: Index) -> dict[tuple, float]:
+    """Return the value of a lasting `index` from how long similar movements lasted, by (participant, condition, cell).
+
+    A median that was not reached is replaced by the longest time seen. The result is empty if the index needs movements
+    that never settled and there are none.
+    """
+    cells: dict[tuple, list[MovementDuration]] = {}
+    for each in lasted:
+        cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
+    if index.of_curve is None or (index.needs_unsettled and all(each.settled for each in lasted)):
+        return {}
+    found = {}
+    for key, own in cells.items():
+        curve = survival(np.array([each.seconds for each in own]), np.array([each.settled for each in own]))
+        found[key] = index.of_curve(curve)
+    return found
+
+
+def index_table(
+    movements: Sequence[MeasuredMovement],
+    index: Index,
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    control: str,
+    lasted: Sequence[MovementDuration] = (),
+) -> IndexTable | None:
+    """Return the values of `index` of the `participants` who have it under all `conditions`; None if nobody has.
+
+    An index over `control` has no column for control, nor has one that needs a robot. `movements` holds all movements,
+    and `lasted` how long each was seen.
+    """
+    if index.lasting:
+        means = lasting_cells(lasted, index)
+    else:
+        means = cell_means(movements, index.of, index.direction, spread=index.spread)
+    recorded = [c for c in conditions if any(key[1] == c for key in means)]
+    # Without a robot there is no interaction: a condition in which nobody has a value is no column.
+    if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):
+        return None
+    rows, people = [], []
+    for person, value in shared_cells(means, participants, recorded).items():
+        if index.over_control:
+            rows.append([float(np.mean(value[c] / value[control] - 1.0)) for c in recorded if c != control])
+        else:
+            rows.append([float(np.mean(value[c])) for c in recorded])
+        people.append(person)
+    if not rows:
+        return None
+    shown = tuple(c for c in recorded if not (index.over_control and c == control))
+    return IndexTable(index.name, index.along, tuple(people), shown, np.array(rows))

@@ -31,7 +31,7 @@ import numpy as np
 from .._errors import RecordingError
 from ..numerics.even_times import even_times
 from ..numerics.filters import central_difference, runs, zero_phase_lowpass
-from ..numerics.speed import moving_samples, tangential_speed
+from ..numerics.motion import moving_samples, tangential_speed
 from ..units import COORDINATES_BY_UNIT
 
 MIN_MOVEMENT_SAMPLES = 8

@@ -16,7 +16,7 @@ from ..files.name_evidence import read_name, words_of
 from ..files.personal_fields import PersonalField
 from ..files.readers import read_columns
 from ..files.readers._comma import TWO_READINGS
-from .inference.flat_arrays import FlatShape, common_rows, find_flat_shape
+from .inference.emg_spectrum import FlatShape, common_rows, find_flat_shape
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""

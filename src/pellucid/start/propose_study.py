@@ -22,14 +22,11 @@ from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import USUAL_COUNTS
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.clocks import UNIT_SECONDS
-from .inference.commands import find_resting_limit
-from .inference.derivatives import MIN_CORRELATION_WITHOUT_UNITS, UNIT_RATIOS
+from .inference.derivatives import MIN_CORRELATION_WITHOUT_UNITS, UNIT_RATIOS, RepeatedMotion, find_repeated_motion
 from .inference.emg_spectrum import swings_fast
-from .inference.locked_spring import LockedSpring, spring_of_tables, with_locked_spring
-from .inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
+from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
+from .inference.motion_efforts import FULL_TURNS, find_resting_limit, motion_samples, weigh_turns
 from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
-from .inference.repeated_motions import RepeatedMotion, find_repeated_motion
-from .inference.static_postures import find_postures
 from .questions import Question, select_questions
 
 DEFAULT_RATE_HZ = 100.0

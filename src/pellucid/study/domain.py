@@ -1,3 +1,3 @@
 """Studies: what this room offers to those below it, as `_domains.py` describes."""
 
-PARAMETER_DRAWINGS = ("pages.parameter_figures:parameters",)
+PARAMETER_DRAWINGS = ("pages.forest:parameters",)

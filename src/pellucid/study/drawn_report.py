@@ -15,8 +15,8 @@ from pathlib import Path
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_inside
-from .code_fingerprint import code_fingerprint
-from .study_place import StudyPlace, checksum
+from .kept import code_fingerprint
+from .study import StudyPlace, checksum
 
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import subprocess
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import ClassVar
 
+import numpy as np
+
+from .._atomic import remove_leftovers, write_text_atomically
 from .._domains import offered
 from .._errors import PellucidError
 from .study import Study
@@ -82,3 +90,87 @@ def find_exporter(request: ExportRequest, kind: type[Exporter] = Exporter) -> Ex
         raise PellucidError(f'export: found to = "{request.to}", expected {names}')
     exporter.require_options(request)
     return exporter
+
+
+HEADER_FOLDER = "include/pellucid"
+"""Folder of the core's headers in the exported folder."""
+
+
+OUTPUT_FILE = "test/vector_outputs.h"
+"""File with this machine's outputs for the test vector."""
+
+
+COMPILER_PROGRAMS = ("make", "cc", "c++")
+"""Programs that are needed to play the test vector."""
+
+
+MAX_FLOAT_LITERAL = "3.40282347e+38f"
+"""Literal of the largest float, which stands for the absence of a limit."""
+
+
+def core_headers() -> Path:
+    """Return the folder of the core's headers: beside the sources in a checkout, inside an installed package."""
+    package = Path(__file__).parents[1]
+    for folder in (package / "include", package.parents[1] / "include"):
+        if (folder / "pellucid" / "math.hpp").is_file():
+            return folder
+    raise PellucidError(
+        f"{package}: found no headers of the core, expected include/pellucid: run make demo again in the clone"
+    )
+
+
+def needed_headers(header: str) -> list[str]:
+    """Return the names of a header of the core and of all headers that it includes."""
+    folder, found, waiting = core_headers() / "pellucid", set(), [header]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += re.findall(r'#include "([^"]+)"', (folder / name).read_text(encoding="utf-8"))
+    return sorted(found)
+
+
+def header_files(names: Iterable[str]) -> dict[str, str]:
+    """Return the texts of headers of the core by their paths in an exported folder."""
+    folder = core_headers() / "pellucid"
+    return {f"{HEADER_FOLDER}/{name}": (folder / name).read_text(encoding="utf-8") for name in names}
+
+
+def refuse_other_makefile(out: Path) -> None:
+    """Raise a PellucidError if the folder has a makefile that make would prefer to the controller's own."""
+    obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
+    if obeyed:
+        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
+
+
+def write_files(files: Mapping[str, str], out: Path) -> Path:
+    """Write a controller's files, and remove the outputs of an earlier one."""
+    remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
+    (out / OUTPUT_FILE).unlink(missing_ok=True)
+    for name, text in files.items():
+        write_text_atomically(out / name, text)
+    return out
+
+
+def record_outputs(files: Mapping[str, str], out: Path) -> list[str]:
+    """Return the lines that this machine prints for the test vector; none without a compiler."""
+    if not all(map(shutil.which, COMPILER_PROGRAMS)):
+        return []
+    # Only the files that were just rendered are compiled, whatever else is in the folder.
+    with TemporaryDirectory() as scratch:
+        for name, text in files.items():
+            path = Path(scratch) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        run = subprocess.run(["make", "-s", "record"], cwd=scratch, capture_output=True, text=True)
+    if run.returncode:
+        raise PellucidError(f"{out}: found that it does not compile:\n{run.stderr.strip()}")
+    return run.stdout.splitlines()
+
+
+def float_literal(x: float) -> str:
+    """Return a C literal that is read back as the same float."""
+    single = np.float32(x)
+    if np.isinf(single):
+        return MAX_FLOAT_LITERAL if x > 0 else f"-{MAX_FLOAT_LITERAL}"
+    return f"{np.format_float_scientific(single, unique=True, trim='0')}f"

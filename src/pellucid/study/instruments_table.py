@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from .study_fields import StudyTable, quantity
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from .study_fields import DERIVED_PREFIX, ShownText, StudyTable, Word, quantity
 
 if TYPE_CHECKING:
     ErrorShare = float
@@ -140,3 +142,269 @@ def _completed(own: SomeTable, common: StudyTable) -> SomeTable:
         elif isinstance(there, StudyTable) and isinstance(here, StudyTable):
             taken[key] = _completed(here, there)
     return own.model_copy(update=taken)
+
+
+if TYPE_CHECKING:
+    # A type checker sees the numbers that the quantities become, SI.
+    Angle = float
+    PositiveAngle = float
+    PositiveFrequency = float
+    PositiveTime = float
+    Time = float
+    Torque = float
+    PositiveTorque = float
+    TorqueSize = float
+    PositiveTorqueRate = float
+else:
+    Angle = quantity("rad")
+    PositiveAngle = quantity("rad", gt=0)
+    PositiveFrequency = quantity("Hz", gt=0)
+    PositiveTime = quantity("s", gt=0)
+    Time = quantity("s", ge=0)
+    Torque = quantity("N*m")
+    PositiveTorque = quantity("N*m", gt=0)
+    TorqueSize = quantity("N*m", ge=0)
+    PositiveTorqueRate = quantity("N*m/s", gt=0)
+
+RUN_FOLDER = ".live"
+"""Folder of a study for the files of a session that runs."""
+
+MAX_TEXT_PARAGRAPHS = 40
+"""Largest number of paragraphs of a consent or an instruction."""
+
+
+def _each_once(values: tuple) -> tuple:
+    if not values or len(set(values)) < len(values):
+        raise ValueError(f"found {list(values)}, expected at least one, each once")
+    return values
+
+
+Paragraphs = Annotated[tuple[Annotated[str, Field(max_length=2000)], ...], Field(max_length=MAX_TEXT_PARAGRAPHS)]
+"""A text for the person, one string for each paragraph."""
+
+
+class SessionTask(StudyTable):
+    """One kind of trial: one entry of ``[[session.tasks]]``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the task, which is part of the names of its recordings.
+    trials : int
+        Number of trials in each condition.
+    conditions : tuple of str
+        Conditions in which the task is done; empty: all.
+    instructions : tuple of str
+        Paragraphs that the participant's page shows before the first trial of the task.
+    use : str
+        ``"fit"`` or ``"validate"``, as in ``[[recordings]]``. Of several trials in a condition ``"last"`` holds out
+        the last one.
+    protocol : str
+        Protocol of the recordings, which procedures know them by.
+    """
+
+    name: Word
+    trials: int = Field(1, ge=1, le=1000)
+    conditions: tuple[Word, ...] = ()
+    instructions: Paragraphs = ()
+    use: Literal["fit", "validate", "last"] = "fit"
+
+
+class PointingTask(SessionTask):
+    """The pointer goes to a target and stays on it; then the next target appears.
+
+    Attributes
+    ----------
+    start : float
+        Angle to which every second movement returns [rad].
+    amplitudes : tuple of float
+        Distances of the other targets from there [rad].
+    repetitions : int
+        Number of movements to each of them in one trial. Each is followed by the movement back.
+    hold : float
+        Time for which the pointer must stay on a target [s].
+    tolerance : float
+        Largest distance from the target that counts as on it [rad].
+    longest : float
+        Time after which the next target appears anyway [s].
+    """
+
+    kind: Literal["pointing"]
+    protocol: Word = "pointing"
+    start: Angle
+    amplitudes: Annotated[tuple[Angle, ...], AfterValidator(_each_once)]
+    repetitions: int = Field(1, ge=1, le=1000)
+    hold: PositiveTime = 2.0
+    tolerance: PositiveAngle = 0.045
+    longest: PositiveTime = 20.0
+
+
+class TrackingTask(SessionTask):
+    """The pointer follows a target that moves as a sine.
+
+    Attributes
+    ----------
+    centre, amplitude : float
+        Of the target's angle [rad].
+    frequency : float
+        [Hz]
+    duration : float
+        [s]
+    """
+
+    kind: Literal["tracking"]
+    protocol: Word = "tracking"
+    centre: Angle
+    amplitude: PositiveAngle
+    frequency: PositiveFrequency
+    duration: PositiveTime
+
+
+class HoldingTask(SessionTask):
+    """An angle is held against the robot's torque, one angle a trial.
+
+    Attributes
+    ----------
+    angles : tuple of float
+        Angles that are held [rad]; each has its own trials.
+    torques : tuple of float
+        Torques that the robot adds one after another [N*m]. The operator's slider may change each.
+    duration : float
+        Time of each torque [s].
+    ramp : float
+        Part of that time in which the torque goes over into the next one [s].
+    tolerance : float
+        Largest distance from the angle that counts as held [rad].
+    """
+
+    kind: Literal["holding"]
+    protocol: Word = "held_angle"
+    angles: Annotated[tuple[Angle, ...], AfterValidator(_each_once)]
+    torques: Annotated[tuple[Torque, ...], Field(min_length=1)] = (0.0,)
+    duration: PositiveTime = 5.0
+    ramp: Time = 2.0
+    tolerance: PositiveAngle = 0.09
+
+
+class ContractionTask(SessionTask):
+    """Muscles are contracted to a level of their EMG, and relaxed again.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Levels one after another, as shares of a maximal contraction; 1 asks for the maximal one.
+    direction : str
+        ``"flexion"`` or ``"extension"``: which way the person pulls.
+    muscles : tuple of str
+        Muscles whose mean EMG level is shown.
+    duration, rest : float
+        Time of each contraction, and of the rest after it [s].
+    tolerance : float
+        Largest distance from the level that counts as on it [1].
+    """
+
+    kind: Literal["contraction"]
+    protocol: Word = "mvc"
+    levels: Annotated[tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1)] = (1.0,)
+    direction: Literal["flexion", "extension"]
+    muscles: Annotated[tuple[Word, ...], AfterValidator(_each_once)]
+    duration: PositiveTime = 3.0
+    rest: PositiveTime = 2.0
+    tolerance: float = Field(0.1, gt=0, le=0.5)
+
+
+def _tag(table: Any) -> str:
+    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
+    return f"{DERIVED_PREFIX}{kind}"
+
+
+AnyTask = Annotated[
+    Annotated[PointingTask, Tag(DERIVED_PREFIX + "pointing")]
+    | Annotated[TrackingTask, Tag(DERIVED_PREFIX + "tracking")]
+    | Annotated[HoldingTask, Tag(DERIVED_PREFIX + "holding")]
+    | Annotated[ContractionTask, Tag(DERIVED_PREFIX + "contraction")],
+    Discriminator(
+        _tag,
+        custom_error_type="task_kind",
+        custom_error_message='kind: expected "pointing", "tracking", "holding" or "contraction"',
+    ),
+]
+"""One entry of ``[[session.tasks]]``; its `kind` says which."""
+
+
+class SessionLimits(StudyTable):
+    """What the law may do in a session: ``[session.limits]``. What is left out is as in ``[rig.limits]``.
+
+    Attributes
+    ----------
+    effort : float or None
+        Largest torque of law and slider together [N*m].
+    slider : float
+        Largest torque that the operator's slider asks for [N*m].
+    slider_rate : float
+        Largest rate at which the slider's torque changes [N*m/s].
+    """
+
+    effort: PositiveTorque | None = None
+    slider: TorqueSize = 10.0
+    slider_rate: PositiveTorqueRate = 5.0
+
+
+class SessionTable(StudyTable):
+    """A live session: ``[session]``.
+
+    Attributes
+    ----------
+    device : str
+        The machine, such as ``"virtual-elbow"``.
+    conditions : dict of str to str
+        ``[session.conditions]``: the law of each condition, ``"not worn"`` where the robot is not worn.
+    pointer : str
+        Channel of the device that the participant's page shows: ``"position"`` is the robot's encoder.
+    order : str
+        ``"balanced"``: over participants, each condition stands equally often at each place and after each other one;
+        ``"random"``: drawn for each participant; ``"given"``: as ``[session.conditions]`` lists them.
+    seed : int
+        Seed of every random draw of the plan.
+    pause : float
+        Rest between trials [s]. The participant's page counts it down.
+    pause_every : int
+        Number of trials between two rests.
+    streams : tuple of str
+        Names of the streams that are recorded beside the robot's own. A trial starts only while each is heard, and
+        one in which a stream fell silent should be repeated. Empty: every stream of the device's types, none needed.
+    consent, instructions : tuple of str
+        Paragraphs for the participant. Without a consent none is asked for.
+    limits : SessionLimits
+    tasks : tuple of SessionTask
+        Kinds of trials, in the order in which they are done.
+    """
+
+    device: Word
+    conditions: dict[Word, ShownText] = Field(default_factory=lambda: {"worn": "zero_torque"})
+    pointer: Word = "position"
+    order: Literal["balanced", "random", "given"] = "balanced"
+    seed: int = Field(1, ge=0)
+    pause: Time = 0.0
+    pause_every: int = Field(1, ge=1)
+    streams: tuple[Word, ...] = ()
+    consent: Paragraphs = ()
+    instructions: Paragraphs = ()
+    limits: SessionLimits = SessionLimits()
+    tasks: Annotated[tuple[AnyTask, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _names_fit_together(self) -> SessionTable:
+        names = [task.name for task in self.tasks]
+        if len(set(names)) < len(names):
+            raise ValueError(f"found the tasks {', '.join(names)}, expected each name once")
+        if not self.conditions:
+            raise ValueError("[session.conditions] found no condition, expected at least one")
+        for task in self.tasks:
+            unknown = [name for name in task.conditions if name not in self.conditions]
+            if unknown:
+                raise ValueError(
+                    f'[[session.tasks]] {task.name}: found the condition "{unknown[0]}", expected some of '
+                    f"{', '.join(self.conditions)}"
+                )
+        return self

@@ -8,11 +8,17 @@ NumPy can read in spite of it. The seal is read first, because it states the siz
 from __future__ import annotations
 
 import json
+import os
+import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
-from hashlib import blake2b
+from functools import cache
+from hashlib import blake2b, sha256
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distribution, requires
+from importlib.util import find_spec
 from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import Any
@@ -20,8 +26,87 @@ from typing import Any
 import numpy as np
 
 from .._atomic import write_bytes_atomically
-from ..files.keepers_mark import SEAL_LENGTH, is_sealed, seal, sealed_size
-from .code_fingerprint import PACKAGE_NAME
+from .._errors import PellucidError
+from ..files.log import SEAL_LENGTH, is_sealed, seal, sealed_size
+
+MAX_WAIT_S = 60.0
+"""A command waits at most this long for another one that writes the same results [s]."""
+
+
+@contextmanager
+def hold_lock(path: str | os.PathLike, patience: float | None = None) -> Iterator[None]:
+    """Hold the lock of `path`; raise a PellucidError after `patience` [s]. The lock of a dead process is released."""
+    from filelock import FileLock, Timeout  # imported here, since most commands do not write
+
+    path, patience = Path(path), MAX_WAIT_S if patience is None else patience
+    path.parent.mkdir(parents=True, exist_ok=True)
+    place = path.with_name(f".{path.name}.lock")
+    # The lock file is opened for writing. Through a symbolic link this would empty the link's target.
+    if place.is_symlink() or (place.exists() and not place.is_file()):
+        found = "a symbolic link" if place.is_symlink() else "no regular file"
+        raise PellucidError(f"{place}: found {found}, expected the lock file of {path.name} or nothing; remove it")
+    lock = FileLock(place, patience, poll_interval=0.02)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise PellucidError(
+            f"{path}: found it being written by another command for {patience:g} s, expected to have it by "
+            "then; wait for that command, or stop it, and run this one again"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+PACKAGE_NAME = __name__.partition(".")[0]
+"""Name of this package, and of its distribution."""
+
+
+@cache
+def code_fingerprint() -> str:
+    """Return the SHA-256 of all code that computes, because other code may find other results.
+
+    It covers the package's sources, its compiled core, and the versions of the libraries that it requires.
+    """
+    digest = sha256(installed_version(PACKAGE_NAME).encode())
+    folder = _source_file(PACKAGE_NAME).parent
+    sources = sorted(os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
+    for source in (*(name for name in sources if name.endswith(".py")), _source_file(f"{PACKAGE_NAME}._core")):
+        with open(source, "rb") as file:  # a Path for each of a thousand files takes as long as reading them
+            digest.update(file.read())
+    digest.update(json.dumps(library_versions()).encode())
+    return digest.hexdigest()
+
+
+def _source_file(module: str) -> Path:
+    """Return a module's file, without loading it."""
+    found = find_spec(module)
+    if found is None or found.origin is None:
+        raise ImportError(f"found no file of the module {module}, expected one: Pellucid is not installed as a whole")
+    return Path(found.origin)
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of the libraries that the package computes with, by name; of optional ones if installed."""
+    found = {}
+    for requirement in requires(PACKAGE_NAME) or ():
+        name = re.match(r"[\w.-]+", requirement)[0]
+        if name != PACKAGE_NAME and not re.search(r"extra == ['\"](test|benchmark)['\"]", requirement):
+            with suppress(PackageNotFoundError):
+                found[name] = installed_version(name)
+    return found
+
+
+def installed_version(name: str) -> str:
+    """Return the version of an installed distribution, from the one line of its metadata that says it.
+
+    `importlib.metadata.version` parses all of the metadata, forty times as a report is asked for again.
+    """
+    of = distribution(name)
+    line = re.search(r"^Version: (.+)$", of.read_text("METADATA") or "", re.MULTILINE)
+    return line[1].strip() if line else of.version
+
 
 TREE_KEY = "tree"
 """Key of the result in the stored JSON, and name of the JSON in the archive."""

@@ -14,7 +14,7 @@ from typing import Any
 from .._atomic import write_text_atomically
 from .._errors import PellucidError, RecordingError
 from .._given import read_given
-from .lock import hold_lock
+from .kept import hold_lock
 
 DATA_SPLITS = ("fitted", "heldout", "simulated")
 """Kinds of data that a figure may be computed on."""

@@ -19,22 +19,60 @@ from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
 from ..files.defects.garbage import find_garbage
 from ..files.delay import shift_channels, undo_lags
-from ..files.empty_ends import trim_missing_ends, within_streams
 from ..files.joined_stream import initial_offset, join_stream
 from ..files.optical import OpticalRecording
 from ..files.pieces import pieces_between_cuts
-from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording
+from ..files.recording import MAXIMAL_PROTOCOL, Channel, Payload, Recording, trim_missing_ends, within_streams
 from ..units import contradicts_unit
 from .drive_channel import command_channel
 from .find_defects import find_cuts, regressed_joints
 from .optical_columns import read_optical
 from .results import ResultRow, read_rows
-from .study_place import StudyPlace, checksum
 
 if TYPE_CHECKING:
     from ..files.readers import Columns
     from .study_fields import Table
     from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
+
+@dataclass(frozen=True)
+class StudyPlace:
+    """The folder of a study, and where commands write.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the study.
+    out : Path or None
+        Folder for everything that is written, instead of the study's own, which may be read-only.
+    allow_outside : bool
+        Whether files outside the study's folder may be read, if study.toml names them or a link leads there.
+    """
+
+    folder: Path
+    out: Path | None = None
+    allow_outside: bool = False
+
+    @property
+    def made(self) -> Path:
+        """Folder for everything that commands write."""
+        return self.folder if self.out is None else self.out
+
+    @property
+    def report_dir(self) -> Path:
+        """Folder of the report."""
+        return self.place("report")
+
+    def place(self, name: str) -> Path:
+        """Return the path `name` in the folder `made`; raise a PellucidError if a link leads out of the study."""
+        path = self.made / name
+        return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
+
+
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
 
 STUDY_FILE = "study.toml"
 """Name of the file that describes a study."""
@@ -195,7 +233,7 @@ class Study:
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
         """Return the SHA-256 of study.toml, of all recordings' files, of `more` files and of Pellucid's own code."""
-        from .code_fingerprint import code_fingerprint
+        from .kept import code_fingerprint
 
         digests = {}
         for path in (self.folder / STUDY_FILE, *self.files()):

@@ -27,8 +27,7 @@ from .._given import parse_toml, read_given
 from ..files.recording import MAXIMAL_PROTOCOL
 from ..models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME
 from ..units import parse_quantity, si_text, to_si_factor
-from .instruments_table import InstrumentsTable
-from .session_table import SessionTable
+from .instruments_table import InstrumentsTable, SessionTable
 from .study_fields import (
     DERIVED_PREFIX,
     NAME_PATTERN,

@@ -8,8 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from pellucid.arm.fit.fit_tree import make_tree_estimate
-from pellucid.arm.fit.identify_tree import fit_best_model
+from pellucid.arm.fit.fit_tree import fit_best_model, make_tree_estimate
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_regression import collect_rows
 from pellucid.arm.tree_motion import TreeMotion, tree_motion_of

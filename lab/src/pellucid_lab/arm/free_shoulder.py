@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.controllers.control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, gate_values
-from pellucid.controllers.limits import Limits
+from pellucid.controllers.control_law import DIRECTIONAL_LAW, POSITION_PREDICTION_LAW, ControlLaw, Limits, gate_values
 
 from .human_motion import HumanMotion
 from .protocol import gains_of

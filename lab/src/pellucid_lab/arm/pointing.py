@@ -21,7 +21,7 @@ import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.numerics.filters import zero_phase_lowpass
-from pellucid.numerics.speed import moving_samples, tangential_speed
+from pellucid.numerics.motion import moving_samples, tangential_speed
 from pellucid.people.movements import MovementRule
 
 from .bodies import built_tree

@@ -11,9 +11,7 @@ import numpy as np
 from pellucid import _core
 from pellucid.models.joint import NAMES
 from pellucid.models.simulate import substeps_for
-from pellucid.numerics.protocols.excitation import multisine, point_to_point
-from pellucid.numerics.protocols.random_phase_multisine import MULTISINE_NAME
-from pellucid.numerics.protocols.reversals import reversals
+from pellucid.numerics.protocols.excitation import MULTISINE_NAME, multisine, point_to_point, reversals
 
 from ..multisine import multisine_references, multisine_study
 from ..noise import draw_noise

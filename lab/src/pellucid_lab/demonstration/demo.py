@@ -21,15 +21,15 @@ from pellucid.controllers.export.c_folder import check_on_host
 from pellucid.controllers.export.elbow_values import lowest_resonance
 from pellucid.controllers.export.export import export
 from pellucid.controllers.export.microcontroller import measure, missing_tools, save_measured
-from pellucid.joint.slider.slider_fit import SliderFit
+from pellucid.joint.slider.three_steps import SliderFit
 from pellucid.joint.study.joint_result import JointResult
-from pellucid.models.slider_card import SliderCard, read_slider_card
+from pellucid.models.slider_joint import SliderCard, read_slider_card
 from pellucid.people.study.assessment_result import AssessmentResult
-from pellucid.study.datasets.registry import names, shipped
+from pellucid.study.datasets.fetch import names, shipped
+from pellucid.study.instruments_table import RUN_FOLDER
 from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.run import assess, identify
 from pellucid.study.results import ResultRow, read_rows, write_rows
-from pellucid.study.session_table import RUN_FOLDER
 from pellucid.study.study import RESULTS_FILE, STUDY_FILE, Study
 
 from ..elbow.protocol import ElbowTrial, trials

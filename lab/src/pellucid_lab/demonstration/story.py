@@ -18,8 +18,9 @@ from pellucid.people.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_
 from pellucid.people.study import assessment_figures
 from pellucid.people.study.assessment_page import change_value, known_changes
 from pellucid.people.study.assessment_result import AssessmentResult
-from pellucid.study.datasets.registry import info
+from pellucid.study.datasets.fetch import info
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Answer, Page, Section, Tile, write_page
 from pellucid.study.pages.quantities import (
     number,
@@ -29,7 +30,6 @@ from pellucid.study.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from pellucid.study.pages.tables import Row, Table
 from pellucid.study.pages.values import Value
 
 from .coverage import RICHER_PLANTS

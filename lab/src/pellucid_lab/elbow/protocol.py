@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from pellucid.numerics.protocols.excitation import REVERSALS_NAME, swept_sine
 from pellucid.numerics.protocols.fourier import optimised_fourier, play
-from pellucid.numerics.protocols.reversals import REVERSALS_NAME
-from pellucid.numerics.protocols.swept_sine import swept_sine
 
 from ..rig import Trial
 from .machine import ElbowMachine

@@ -14,8 +14,8 @@ import numpy as np
 from pellucid._errors import IdentificationError
 from pellucid.controllers.coupling import Coupling
 from pellucid.emg.estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
-from pellucid.joint.fit.actuator_residual import actuator_residual
-from pellucid.orthosis.study.coupling.actuator_card import REQUIRED_CHANNELS
+from pellucid.joint.fit.drive_delay import actuator_residual
+from pellucid.orthosis.study.coupling.cards import REQUIRED_CHANNELS
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
 from pellucid.orthosis.study.coupling.strapped_trials import strapped_emg_trial
 

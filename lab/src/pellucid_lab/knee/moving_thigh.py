@@ -25,7 +25,7 @@ from pellucid.controllers.coupling import Coupling
 from pellucid.models.anthropometry import shank_length, winter
 from pellucid.models.joint import GRAVITY
 from pellucid.numerics.filters import zero_phase_lowpass
-from pellucid.study.datasets.walking import RecordedGait, recorded_gait
+from pellucid.study.datasets.motions import RecordedGait, recorded_gait
 
 from .gait import FADE_IN_S, GAIT_LOWPASS_HZ, generate_walking
 from .machine import KneeMachine

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pellucid.numerics.protocols.random_phase_multisine import MULTISINE_NAME
+from pellucid.numerics.protocols.excitation import MULTISINE_NAME
 
 from ..multisine import multisine_references, multisine_study
 from ..recorded_table import MAIN_STREAM, Column, StoredTable, emg_columns, store_emg

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 from pellucid._errors import StudyError
 from pellucid.controllers.residual_compensator import ResidualDesign
-from pellucid.controllers.worn import WornCompensator
-from pellucid.controllers.worn_design import design_worn_law
+from pellucid.controllers.worn import WornCompensator, design_worn_law
 from pellucid.emg.estimators.causal_map import EmgSettings
 
 from ..knee.chosen_constants import chosen, design_reproduced_law

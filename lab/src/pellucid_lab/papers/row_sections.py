@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import MINUS_SIGN, typeset_quantities, unit_text
-from pellucid.study.pages.tables import Row, Table
 
 from .figure import Reproduced
 

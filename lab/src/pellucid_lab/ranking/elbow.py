@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from pellucid._processes import job_part, tell_job_share
-from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.control_law import ControlLaw, step_times
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER
-from pellucid.controllers.law_fuzz import step_times
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.controllers.transparent_laws import sensitivity_amplification

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.study.study_place import checksum
+from pellucid.study.study import checksum
 
 from . import foreign_worker
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.page import Section
-from pellucid.study.pages.tables import Row, number_table
 from pellucid.study.results import ResultRow
 
 from .index_figures import agreement_map

@@ -10,7 +10,7 @@ import numpy as np
 
 from pellucid._processes import job_part
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.controllers.worn_design import design_worn_law, other_straps
+from pellucid.controllers.worn import design_worn_law, other_straps
 
 from ..knee.chosen_constants import ChosenConstants, chosen
 from ..knee.gait import walking

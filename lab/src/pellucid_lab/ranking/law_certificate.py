@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
+from pellucid.people.comparison import MIN_PEOPLE
 from pellucid.people.equivalence import Margin
-from pellucid.people.mean_test import MIN_PEOPLE
 
 from .tried import ControllerTrial
 

@@ -7,10 +7,9 @@ from math import isfinite
 from pathlib import Path
 
 from pellucid.study.drawing.drawing import Drawing, draw
-from pellucid.study.pages.forest import Estimate, forest
+from pellucid.study.pages.forest import Estimate, Row, Table, forest
 from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, write_page
 from pellucid.study.pages.quantities import cell_text, number
-from pellucid.study.pages.tables import Row, Table
 from pellucid.study.pages.values import Value
 from pellucid.study.procedures.result_tables import FigureTable
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.people.mean_test import MIN_PEOPLE
+from pellucid.people.comparison import MIN_PEOPLE
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, Table, number_table
 from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
-from pellucid.study.pages.tables import Row, Table, number_table
 
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words

@@ -16,10 +16,10 @@ import numpy as np
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.numerics.speed import tangential_speed
+from pellucid.numerics.motion import tangential_speed
 from pellucid.numerics.tied_ranks import tied_ranks
+from pellucid.people.indices import smoothness
 from pellucid.people.movements import Kinematics, Movement, MovementRule, movements
-from pellucid.people.smoothness import smoothness
 
 from ..pointing.session import PointingSession, true_motion
 from ..pointing.session_indices import EMG_LEAD_S

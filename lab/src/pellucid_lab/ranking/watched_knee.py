@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pellucid.controllers.commanded import CommandedLaw, commanded_law
-from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.control_law import ControlLaw, Limits
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.limits import Limits
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.controllers.worn import watched_worn

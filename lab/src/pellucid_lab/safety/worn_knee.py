@@ -19,8 +19,7 @@ from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import ResidualDesign
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.controllers.worn import watched_worn
-from pellucid.controllers.worn_design import design_worn_law
+from pellucid.controllers.worn import design_worn_law, watched_worn
 
 from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig

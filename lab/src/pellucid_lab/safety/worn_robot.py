@@ -16,7 +16,7 @@ from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.joint_compensation import compensation, rest_friction
 from pellucid.controllers.supervised import SupervisedLaw, body_of, supervised
 from pellucid.models.simulate import substeps_for
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderCard
 
 from ..drive_reading import EXACT_READING, DriveReading
 from ..pointing.people import Person

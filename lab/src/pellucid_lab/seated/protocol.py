@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from pellucid.models.anthropometry import shank_length, winter
+from pellucid.numerics.protocols.excitation import two_sines
 from pellucid.numerics.protocols.fourier import FourierSeries, play
-from pellucid.numerics.protocols.two_sines import two_sines
-from pellucid.orthosis.swing.swing_information import optimise_swing
+from pellucid.orthosis.swing.loaded_swing import optimise_swing
 
 from ..rig import Trial
 from .machine import SeatedMachine

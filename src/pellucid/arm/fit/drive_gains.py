@@ -25,12 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...models.robot import Robot
 from ...numerics.uncertainty import student_to_normal_ratio
 from ..tree_motion import TreeMotion
-from .carried_load import LoadedRows, collect_loaded_rows
 from .friction_terms import plain_families, smooth_sign
+from .payload import LoadedRows, collect_loaded_rows
 from .tree_regression import TreeModel, compute_loads, determined_parameters, fit_rows, linearise_rows
 
 MAX_STEPS = 30

@@ -12,7 +12,7 @@ from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ...numerics.motion import Filtering
 from ..tree_motion import TreeMotion, tree_motion_of
-from .identify_tree import identify_tree
+from .fit_tree import identify_tree
 from .tree_estimate import TreeEstimate
 from .tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS
 

@@ -27,25 +27,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..pseudo_inertia import (
+from .consistent_inertias import (
+    BODY_PARAMETER_COUNT,
     EIGENVALUE_TOLERANCE,
     MIN_EIGENVALUE,
     SCALING_LENGTH_M,
-    bodies_from_pseudo_inertia,
-    least_eigenvalue,
-    pseudo_inertia,
-    scaled_pseudo_inertia,
-    triangle_matrix,
-)
-from .consistent_fit import (
+    ConsistentFit,
     ConsistentSolution,
     FullParametrisation,
     Solver,
+    SplitObjective,
+    bodies_from_pseudo_inertia,
+    least_eigenvalue,
     make_consistent_estimate,
     nearest_bodies_solver,
+    pseudo_inertia,
+    scaled_pseudo_inertia,
     solve_consistent,
+    triangle_matrix,
 )
-from .consistent_inertias import BODY_PARAMETER_COUNT, ConsistentFit, SplitObjective
 from .tree_estimate import TreeEstimate
 from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution, fit_rows
 

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from ... import _core
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from .tree_estimate import TreeEstimate
 from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, compute_loads, fit_rows, linearise_rows
 

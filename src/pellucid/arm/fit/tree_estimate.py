@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ... import _core
-from ...models.estimates import NamedEstimates
+from ...models.estimates import NamedEstimates, Parameter
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.kinematic_tree import BODY_QUANTITIES
-from ...models.parameter import Parameter
 from ...models.robot import Robot
 from .base_parameters import REGROUPED_SUFFIX
 from .friction_terms import (
@@ -26,7 +25,6 @@ from .friction_terms import (
 
 if TYPE_CHECKING:
     from ..tree_motion import TreeMotion
-
 
 @dataclass(frozen=True)
 class Ripple:
@@ -173,3 +171,34 @@ class TreeEstimate(NamedEstimates):
 
     def _facts(self) -> tuple[str, ...]:
         return self.notes
+
+
+IDENTIFIED_VERDICT = "identified"
+"""Verdict on a parameter whose 95 % interval excludes 0."""
+
+WEAK_VERDICT = "weak"
+"""Verdict on a parameter whose 95 % interval contains 0."""
+
+ON_BOUND_VERDICT = "on a bound"
+"""Verdict on a parameter that a physical bound holds."""
+
+NOT_IDENTIFIABLE_VERDICT = "not identifiable"
+"""Verdict on a parameter that the recordings do not determine."""
+
+
+def parameter_verdict(parameter: Parameter) -> str:
+    """Return the verdict on a parameter: identified, weak, on a bound, or not identifiable."""
+    if parameter.at_bound:
+        return ON_BOUND_VERDICT
+    if parameter.refused and not parameter.standard_error:
+        return NOT_IDENTIFIABLE_VERDICT
+    return IDENTIFIED_VERDICT if parameter.identifiable else WEAK_VERDICT
+
+
+def parameter_verdicts(estimate: TreeEstimate) -> dict[str, str]:
+    """Return the verdict on every fitted parameter by name."""
+    return {
+        name: parameter_verdict(p)
+        for name, p in estimate.parameters.items()
+        if not name.endswith(STRIBECK_VELOCITY_NAME)
+    }

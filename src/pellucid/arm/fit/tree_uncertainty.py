@@ -19,12 +19,140 @@ fitted again. The jackknife over segments, which end where a robot stops, is the
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..._errors import IdentificationError
 from ...numerics.uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
-from .tree_regression import LinearisedModel, TreeRows, TreeSolution
+from ..tree_motion import TreeMotion
+from .tree_estimate import TreeEstimate
+from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, compute_loads, fit_rows, linearise_rows
+
+ModelFit = Callable[[TreeRows], tuple[TreeModel, TreeSolution]]
+"""A function from rows to a model and its values, which includes all choices."""
+
+
+@dataclass(frozen=True)
+class SegmentsOut:
+    """Errors of cross-validation over segments.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (m,)
+        RMS error divided by the RMS effort, both over the rows that count [%].
+    each : ndarray, shape (S, m)
+        Error of each segment, divided by the same RMS effort [%]; nan where a joint rests.
+    models : tuple of TreeModel
+        Model chosen without each segment.
+    values : tuple of ndarray
+        Parameters of each of these models.
+    """
+
+    errors: np.ndarray
+    each: np.ndarray
+    models: tuple[TreeModel, ...]
+    values: tuple[np.ndarray, ...]
+
+    @property
+    def mean(self) -> float:
+        """Mean error over joints [%]."""
+        return float(self.errors.mean())
+
+
+def residuals_on(model: TreeModel, values: np.ndarray, rows: TreeRows) -> tuple[np.ndarray, ...]:
+    """Return the residuals of each joint on the rows that count, (n_j,)."""
+    return linearise_rows(model, rows, compute_loads(rows, model, values)).residuals(values)
+
+
+def relative_errors(residuals: tuple[np.ndarray, ...], size: np.ndarray) -> np.ndarray:
+    """Return the RMS residual of each joint divided by its RMS effort `size`, (m,) [%]; nan without rows."""
+    found = [np.sqrt(np.mean(r**2)) if len(r) else np.nan for r in residuals]
+    return 100.0 * np.array(found) / size
+
+
+def cross_validate_segments(rows: TreeRows, fit: ModelFit) -> SegmentsOut:
+    """Return the errors on each segment of what `fit` finds from all other segments."""
+    numbers = np.unique(rows.segment[rows.used.any(axis=1)])
+    if len(numbers) < 2:
+        raise IdentificationError(f"found {len(numbers)} segment to fit and judge by, expected at least 2")
+    models, values, each = [], [], []
+    squares, counts = np.zeros((2, len(rows.size)))
+    for number in numbers:
+        model, found = fit(rows.only(numbers[numbers != number]))
+        residuals = residuals_on(model, found.values, rows.only([number]))
+        models.append(model)
+        values.append(found.values)
+        squares += [np.sum(r**2) for r in residuals]
+        counts += [len(r) for r in residuals]
+        each.append(relative_errors(residuals, rows.size))
+    errors = 100.0 * np.sqrt(squares / np.maximum(counts, 1)) / rows.size
+    return SegmentsOut(errors, np.array(each), tuple(models), tuple(values))
+
+
+def heldout_errors(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> np.ndarray:
+    """Return the RMS error of an estimate on held-out recordings, divided by the RMS effort of each joint, (m,) [%]."""
+    off = np.concatenate([m.effort - estimate.effort(m) for m in motions])
+    effort, moving = (np.concatenate([getattr(m, name) for m in motions]) for name in ("effort", "moving"))
+    count = moving.sum(axis=0)
+    if not count.all():
+        still = estimate.robot.names[int(np.argmin(count))]
+        names = ", ".join(sorted({m.recording for m in motions}))
+        raise IdentificationError(f"joint {still!r} never moves in {names}: expected motion to judge by")
+    return 100.0 * np.sqrt(np.sum(moving * off**2, axis=0) / np.sum(moving * effort**2, axis=0))
+
+
+AGREEMENT_FACTOR = 2.0
+"""A stated standard error agrees with the jackknife's if their ratio is within this factor."""
+
+
+@dataclass(frozen=True)
+class SegmentJackknife:
+    """Standard errors by the jackknife, compared with stated ones; nan for parameters on a bound or undetermined."""
+
+    sd: np.ndarray  # jackknife standard errors, (p,)
+    stated: np.ndarray  # stated standard errors, (p,)
+    textbook: np.ndarray  # standard errors for white residuals, (p,)
+    segments: int  # number of segments
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """Stated over jackknife standard errors, of the parameters that have both."""
+        both = np.isfinite(self.sd) & np.isfinite(self.stated) & (self.sd > 0.0) & (self.stated > 0.0)
+        return self.stated[both] / self.sd[both]
+
+    @property
+    def share_within(self) -> float:
+        """Share of parameters for which both agree within `AGREEMENT_FACTOR` [%]."""
+        ratios = self.ratios
+        return (
+            float(100.0 * np.mean((ratios < AGREEMENT_FACTOR) & (ratios > 1.0 / AGREEMENT_FACTOR)))
+            if len(ratios)
+            else float("nan")
+        )
+
+    @property
+    def textbook_ratio(self) -> float:
+        """Median ratio of jackknife to textbook standard errors."""
+        both = (self.textbook > 0.0) & np.isfinite(self.sd)
+        return float(np.median(self.sd[both] / self.textbook[both]))
+
+
+def jackknife_segments(
+    model: TreeModel, rows: TreeRows, found: TreeSolution, covariance: np.ndarray, textbook: np.ndarray
+) -> SegmentJackknife:
+    """Compute the jackknife of a solution with its `covariance`, (p, p), and the `textbook` one, (p, p).
+
+    The model is not chosen again.
+    """
+    numbers = np.unique(rows.segment[rows.used.any(axis=1)])
+    values = np.array([fit_rows(model, rows.only(numbers[numbers != n]), start=found)[0].values for n in numbers])
+    sd = np.sqrt((len(numbers) - 1) / len(numbers) * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
+    free = found.seen & ~found.held
+    stated, by_book = (np.where(free, np.sqrt(np.diag(c)), np.nan) for c in (covariance, textbook))
+    return SegmentJackknife(np.where(free, sd, np.nan), stated, by_book, len(numbers))
+
 
 MAX_LEVERAGE = 0.999
 """Upper limit of a block's leverage in any direction. A leverage of 1 would leave no residual."""

@@ -12,21 +12,29 @@ from ...study.procedures.findings import collect_findings
 from ...study.procedures.procedure import Progress, quiet
 from ...study.recorded_motions import filtering_of
 from ...study.study import Study
-from ..fit import identify_tree as identification
-from ..fit.consistent_fit import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ..fit import fit_tree as identification
+from ..fit.consistent_inertias import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ..fit.fit_tree import TreeIdentification, plain_model, rows_without_maker_effort
 from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
-from ..fit.identify_tree import TreeIdentification, plain_model, rows_without_maker_effort
 from ..fit.inertia_prior import fit_with_prior
 from ..fit.published_friction import published_parameters
-from ..fit.segments_out import cross_validate_segments, heldout_errors, relative_errors, residuals_on
 from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
+from ..fit.tree_uncertainty import cross_validate_segments, heldout_errors, relative_errors, residuals_on
 from ..tree_motion import TreeMotion
-from . import findings
-from .carried_payloads import GAIN_SOURCES, identify_payloads, with_gains
+from . import tree_findings
 from .recorded_tree import file_of, recorded_tree
 from .tree_faults import tree_faults
-from .tree_result import Errors, TreeResult, TreeTrace, choice_of, complete_result
+from .tree_result import (
+    GAIN_SOURCES,
+    Errors,
+    TreeResult,
+    TreeTrace,
+    choice_of,
+    complete_result,
+    identify_payloads,
+    with_gains,
+)
 from .tree_table import TreeTable
 
 
@@ -94,7 +102,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )
-    result = replace(result, verdicts=collect_findings(findings, result))
+    result = replace(result, verdicts=collect_findings(tree_findings, result))
     return complete_result(study, result)
 
 

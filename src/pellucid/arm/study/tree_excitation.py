@@ -17,8 +17,7 @@ from ...numerics.protocols.step_by_step import StepByStep, step_by_step
 from ...numerics.protocols.tree_limits import TreeLimits
 from ...study.procedures.procedure import Progress, quiet
 from ..fit.base_parameters import find_base_parameters
-from ..protocols.capsules import Capsules, capsules_along_links
-from ..protocols.tree_fourier import Excitation, Information, optimised_tree_fourier
+from ..protocols.tree_fourier import Capsules, Excitation, Information, capsules_along_links, optimised_tree_fourier
 
 if TYPE_CHECKING:
     from ...study.study import Study

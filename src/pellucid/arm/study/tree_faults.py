@@ -16,8 +16,7 @@ from ...study.recorded_motions import short_stretch_faults
 from ...study.study import Study
 from ...study.study_file import RigJoint
 from ..tree_motion import TreeMotion
-from .effort_mixups import find_effort_mixup
-from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
+from .recorded_tree import file_of, find_effort_mixup, frames_of, motions_of, position_channel, robot_of
 from .sign_search import (
     MOTOR_POWER_THRESHOLD,
     SENSOR_POWER_THRESHOLD,

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...study.drawing.drawing import draw
+from ...study.pages.forest import Row, Table, number_table
 from ...study.pages.page import AnswerVerdict, Page, Section, Tile
 from ...study.pages.quantities import (
     number,
@@ -19,12 +20,11 @@ from ...study.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ...study.pages.tables import Row, Table, number_table
-from ...study.procedures.badge_bounds import MAX_GOOD_ERROR
+from ...study.procedures.print_result import MAX_GOOD_ERROR
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.friction_terms import sum_friction
-from ..fit.tree_verdicts import parameter_verdict
+from ..fit.tree_estimate import parameter_verdict
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
 from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, terms_of

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
 import shutil
 import subprocess
@@ -12,9 +14,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ... import _core
+from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
+from ..._given import read_given, require_folder, visible_text
 from ...models.fields import COORDINATE_UNITS, Field, model_fields
-from ...study.c_sources import (
+from ...study.exporter import (
     COMPILER_PROGRAMS,
     HEADER_FOLDER,
     OUTPUT_FILE,
@@ -26,9 +30,9 @@ from ...study.c_sources import (
     refuse_other_makefile,
     write_files,
 )
-from ..control_law import LAWS, LawSensor
+from ..control_law import LAWS, LawSensor, warn_of_unmeasured_drive
+from ..supervised import SUPERVISOR_NAMES
 from ..supervisor_faults import SUPERVISOR_FAULTS
-from ..unmeasured_drive import warn_of_unmeasured_drive
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 
@@ -185,3 +189,111 @@ def _safe_in_comment(x: object) -> object:
         return x
     x = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\\]", " ", x)
     return re.sub(r"\*(?=/)|/(?=[*/])|\?(?=\?)", r"\g<0> ", x)
+
+
+CONSTANTS_FILE = "pellucid_constants.h"
+"""File of an exported folder that holds the law's and the supervisor's numbers."""
+
+MAX_CONSTANTS_BYTES = 1_000_000
+"""Largest size of that file that is read [B]."""
+
+MAX_FLOAT = 3.4028234e38
+"""Magnitude from which on a number stands for the absence of a limit: it is that of the largest float."""
+
+_NUMBER_PATTERN = re.compile(r"^\s*(-?[0-9.]+(?:e[+-]?[0-9]+)?)f, /\* (\w+) \[", re.MULTILINE)
+
+
+def read_constants(folder: Path) -> dict[str, float]:
+    """Return the numbers of an exported controller of one joint, by name, SI.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that `pellucid.export` wrote.
+
+    Returns
+    -------
+    dict of str to float
+        Numbers of the law and then of its supervisor, in the core's order, rounded to float32. The largest float is
+        returned as infinity, which it stands for.
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing, lacks a number of the supervisor, or states a number twice.
+    """
+    path = Path(folder) / CONSTANTS_FILE
+    try:
+        text = read_given(path, MAX_CONSTANTS_BYTES).decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PellucidError(f"{path}: not readable: {error}") from None
+    found = numbers_in(text, str(path))
+    lacking = [name for name in SUPERVISOR_NAMES if name not in found]
+    if lacking:
+        raise PellucidError(f"{path}: found no {', '.join(lacking[:5])}, expected every number of the supervisor")
+    return found
+
+
+def numbers_in(text: str, where: str) -> dict[str, float]:
+    """Return the numbers in the text of such a file by name, SI; errors say `where` it is from."""
+    found: dict[str, float] = {}
+    for number, name in _NUMBER_PATTERN.findall(text):
+        if name in found:
+            raise PellucidError(f"{where}: {name}: found it twice, expected it once")
+        value = float(number)
+        found[name] = math.copysign(math.inf, value) if abs(value) >= MAX_FLOAT else value
+    return found
+
+
+OWNER_FILE = "pellucid.json"
+"""File of an exported folder that states what Pellucid wrote there."""
+
+MAX_OWNER_BYTES = 100_000
+"""An owner file has at most this size, since it holds only a few names."""
+
+
+def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[str], *, overwrite: bool) -> None:
+    """Raise a PellucidError if `folder` holds something else than the `owner` that is to be written.
+
+    `names` are the files and folders that will be written in it; `overwrite` lets all of them be replaced.
+    """
+    require_folder(folder, "a folder to write to")
+    if overwrite:
+        return
+    found = _owner_of(folder)
+    if found is None:
+        there = sorted(name for name in {*names, OWNER_FILE} if (folder / name).exists())
+        if there:
+            raise PellucidError(
+                f"{folder}: found {', '.join(there[:5])}, without a word of Pellucid's that they are its own; expected "
+                f"none of these. {_WAY_OUT}"
+            )
+        return
+    if found != dict(owner):
+        raise PellucidError(
+            f"{folder}: found {_describe_owner(found)}, expected {_describe_owner(owner)} or nothing. {_WAY_OUT}"
+        )
+
+
+def mark_own_folder(folder: Path, owner: Mapping[str, str]) -> Path:
+    """Write the `owner` into its file in `folder`."""
+    return write_text_atomically(folder / OWNER_FILE, json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n")
+
+
+_WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (overwrite=True)"
+"""End of a refusal to write into a folder: what the caller can do."""
+
+
+def _owner_of(folder: Path) -> dict[str, str] | None:
+    """Return the owner that a folder states; None if it has no readable owner file."""
+    try:
+        found = json.loads(read_given(folder / OWNER_FILE, MAX_OWNER_BYTES).decode("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    whole = isinstance(found, dict) and all(isinstance(x, str) for x in found.values())
+    return found if whole else None
+
+
+def _describe_owner(owner: Mapping[str, str]) -> str:
+    """Return a description of an owner."""
+    return visible_text(", ".join(f"{key} {value}" for key, value in owner.items() if value) or "nothing")[:300]

@@ -11,13 +11,22 @@ from typing import ClassVar
 
 from ..._errors import PellucidError
 from ..._printed_command import printed_commands
-from ...study.c_sources import HEADER_FOLDER
-from ...study.exporter import Exporter, ExportRequest
+from ...study.exporter import HEADER_FOLDER, Exporter, ExportRequest
 from ...study.procedures.registry import asked
 from ...study.study import Study
-from .c_folder import INCIDENT_TEMPLATE_FOLDERS, TEMPLATE_FOLDERS, template_path, write_c_folder
-from .controller_values import ControllerValues
-from .owned_folder import mark_own_folder, require_own_folder
+from ..joint_compensation import DEFAULT_PERIOD_S
+from ..study.rig_instruments import rig_instruments
+from .c_folder import (
+    INCIDENT_TEMPLATE_FOLDERS,
+    TEMPLATE_FOLDERS,
+    mark_own_folder,
+    require_own_folder,
+    template_path,
+    write_c_folder,
+)
+from .controller_values import ControllerValues, joint_values, tree_values
+from .elbow_values import elbow_values
+from .tree_folder import write_tree_folder
 
 MAX_PERIOD_S = 0.1
 """Largest accepted period of a controller [s]."""
@@ -100,3 +109,58 @@ def own_folder(
     require_own_folder(place, owner, names, overwrite=overwrite)
     yield
     mark_own_folder(place, owner)
+
+
+class JointExporter(LawExporter):
+    """Compensation of one joint, with or without a carriage."""
+
+    order: ClassVar[int] = 40
+    default_name: ClassVar[str] = "compensation"
+
+    def values(self, request: ExportRequest) -> ControllerValues:
+        """Return the numbers of the law."""
+        study, period = request.study, request.period
+        if request.controller not in (None, "compensation"):
+            if request.card is not None:
+                raise PellucidError(f"export of {study.name}: found a card and a controller, expected one of them")
+            return elbow_values(
+                study, request.controller, slider=request.slider, participant=request.participant,
+                exponents=request.exponents, load=request.load, held=request.held, period=period,
+            )  # fmt: skip
+        if request.participant is not None:
+            raise PellucidError(
+                f"export of {study.name}: found a participant, expected none: nobody wears this joint"
+            )
+        if request.exponents is not None:
+            raise PellucidError(f"export of {study.name}: found exponents without a controller, expected fc or pcfr")
+        if request.load is not None or request.held is not None:
+            raise PellucidError(
+                f"export of {study.name}: found a load without a controller, expected one that carries a body"
+            )
+        given = {} if period is None else {"period": period}
+        return joint_values(
+            study, card=request.card, slider=request.slider, allow_outside=request.allow_outside, **given
+        )
+
+
+class ArmExporter(ControllerExporter):
+    """A controller that carries a robot of several joints."""
+
+    order: ClassVar[int] = 10
+    unused: ClassVar[tuple[str, ...]] = ("slider", "participant", "exponents", "load", "held", "probe")
+    why_unused: ClassVar[str] = "this robot has several joints"
+
+    def fits(self, request: ExportRequest) -> bool:
+        """Return whether the study is of a robot of several joints."""
+        return request.study.has_table("tree")
+
+    def export(self, request: ExportRequest) -> Path:
+        """Write the folder of the controller."""
+        study, out = request.study, self.folder(request)
+        tree = tree_values(
+            study, card=request.card, controller=request.controller,
+            period=DEFAULT_PERIOD_S if request.period is None else request.period,
+            allow_outside=request.allow_outside, instruments=[rig_instruments(joint) for joint in study.rig.joints],
+        )  # fmt: skip
+        with own_folder(out, study, request.controller or "carried", tree.cards, overwrite=request.overwrite):
+            return write_tree_folder(study.name, tree, out)

@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from hashlib import sha256
 
+from ..._errors import PellucidError
 from ...models.anthropometry import Segment
+from ...models.card import Card, read_card, read_table
 from ...models.fields import COORDINATE_UNITS
-from ..control_law import LAWS, ControlLaw
+from ...models.slider_joint import SliderCard, read_slider_card
+from ...models.tree_card import TreeCard, read_tree_card
+from ...study.procedures.card_sources import require_fresh, source_notes
+from ...study.study import Study
+from ..control_law import LAWS, ControlLaw, Limits
 from ..instruments import Instruments
+from ..joint_compensation import (
+    DEFAULT_PERIOD_S,
+    EFFORT_RISE_S,
+    WIDTH_SHARE,
+    compensation,
+    identified_remarks,
+    known_speed,
+    place_on_rail,
+    rest_friction,
+    suggested_limits,
+)
+from ..study.rig_instruments import rig_instruments
 from ..supervised import SupervisedLaw, supervised
+from ..tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..worn import watched_worn
 from .instruments_listing import ListedInstrument, list_instruments
 
@@ -107,3 +127,169 @@ class ControllerValues:
                 self.control_law, instruments=self.instruments, body=self.body, rest_friction=self.rest_friction
             )
         )
+
+
+def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:
+    """Return the limits of the safety gate, `otherwise` those that the study does not state, and notes about them."""
+    given = study.rig.limits
+    stops = zip((given.position_min, given.position_max), otherwise.position, strict=True)
+    limits = Limits(
+        effort=otherwise.effort if given.effort is None else min(given.effort, otherwise.effort),
+        rate=otherwise.rate,
+        velocity=otherwise.velocity if given.velocity is None else given.velocity,
+        position=tuple(float(plain if stop is None else stop) for stop, plain in stops),
+        stop_margin=otherwise.stop_margin,
+        emg_torque=otherwise.emg_torque,
+    )
+    if given.position_min is not None and given.position_max is not None:
+        return limits, ()
+    low, high = limits.position
+    return limits, (f"The study names no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)
+
+
+JOINT_CARD_NAMES = ("joint.json", "slider.load.json", "slider.consistent.json")
+"""File names of the cards that a compensation can be built from; the first one that exists is used."""
+
+
+def joint_values(
+    study: Study,
+    *,
+    card: str | None = None,
+    slider: float | None = None,
+    period: float = DEFAULT_PERIOD_S,
+    allow_outside: bool = False,
+) -> ControllerValues:
+    """Return the numbers that compensate gravity and friction, from a card that `identify` wrote.
+
+    `card` is its file name in the study's models folder; None for the first of `CARD_NAMES` that exists. `slider` is
+    the position of a carriage [m]; None for the middle of its rail. `period` is that of the controller [s], and
+    `allow_outside` admits a card outside the study's folder.
+    """
+    if allow_outside:
+        study = replace(study, allow_outside=True)
+    default = JOINT_CARD_NAMES[study.rig.slider is not None]
+    name = card or next((n for n in JOINT_CARD_NAMES if study.card(n).is_file()), default)
+    path = study.card(name)
+    read = read_slider_card if read_table(path).get("kind") == "slider" else read_card
+    found = require_fresh(study, path, read(path))
+    given = study.rig.limits
+    try:
+        usual = suggested_limits(found, slider)
+        effort = usual.effort if given.effort is None else given.effort
+        stops = (given.position_min, given.position_max)
+        limits = replace(
+            usual,
+            effort=effort,
+            rate=effort / EFFORT_RISE_S,
+            velocity=usual.velocity if given.velocity is None else given.velocity,
+            position=tuple(u if x is None else x for x, u in zip(stops, usual.position, strict=True)),
+            stop_margin=0.0 if None in stops else 0.02 * (stops[1] - stops[0]),
+        )
+        law = compensation(found, slider=slider, limits=limits, period=period)
+    except PellucidError as error:
+        raise PellucidError(f"{path.name}: {error}") from None
+    remarks = dict(identified_remarks(found))
+    remarks["inertia"] += "; not carried"
+    remarks |= {
+        "velocity_width": f"{WIDTH_SHARE:.0%} of the largest speed seen",
+        "gravity_share": "chosen",
+        "friction_share": "chosen: what is left resists, so that nothing is driven",
+        "bandwidth": "chosen",
+        "rate_limit": f"chosen: from 0 to the limit in {1e3 * EFFORT_RISE_S:g} ms",
+        "max_age": "chosen: five periods",
+        "max_repeats": "chosen",
+    }
+    chosen = {
+        "effort_limit": (given.effort, "the most that this compensation asks at a speed it knows"),
+        "velocity_limit": (given.velocity, "half more than any speed seen"),
+        "position_min": (given.position_min, "none known: set yours"),
+        "position_max": (given.position_max, "none known: set yours"),
+    }
+    remarks |= {key: why if value is None else "from [rig.limits]" for key, (value, why) in chosen.items()}
+    notes = source_notes(name, found)
+    if isinstance(found, SliderCard):
+        place = place_on_rail(found, slider)
+        notes += (f"The carriage is at {place:.4g} m: inertia and gravity hold there only.",)
+    if None in stops:
+        notes += ("The study names no stops: set position_min, position_max and stop_margin before switching on.",)
+    return ControllerValues(
+        law=law.kind,
+        numbers=law.values,
+        remarks=remarks,
+        cards=(name,),
+        checksums={name: sha256(path.read_bytes()).hexdigest()},
+        motion=found.motion,
+        effort_unit=found.effort_unit,
+        speed=known_speed(found),
+        notes=notes + drive_notes(found),
+        instruments=rig_instruments(study.rig),
+        rest_friction=rest_friction(found, slider),
+    )
+
+
+def drive_notes(card: Card) -> tuple[str, ...]:
+    """Return a note with the gain from the drive's command to the effort, if it is known."""
+    gain = card.drive.get("gain", 1.0)
+    if gain == 1.0 or card.effort_unit not in ("N*m", "N"):
+        return ()
+    return (f"The effort is the joint's. The drive gives {gain:.6g} {card.effort_unit} per unit of command.",)
+
+
+TREE_CARD_NAMES = ("tree.best.json", "tree.consistent.json", "tree.base.json")
+"""File names of the cards that can be exported; the first one that exists is used."""
+
+TREE_LAWS: Mapping[str, Callable[..., TreeLaw]] = {
+    "carried": carried,
+    "full": full_compensation,
+    "transparent": transparent,
+}
+"""Laws that can be built from a card alone."""
+
+
+@dataclass(frozen=True)
+class TreeValues:
+    """A law of several joints for one study."""
+
+    law: TreeLaw
+    cards: tuple[str, ...]  # file names in the study's models folder
+    checksums: Mapping[str, str]  # SHA-256 of each card
+    notes: tuple[str, ...]  # remarks that an engineer must read before switching on
+
+
+def tree_values(
+    study: Study,
+    *,
+    card: str | None = None,
+    controller: str | None = None,
+    period: float = DEFAULT_PERIOD_S,
+    allow_outside: bool = False,
+    instruments: Instruments | Sequence[Instruments] | None = None,
+    start_up: bool = True,
+) -> TreeValues:
+    """Return the law of a robot's joints from a card that `identify` wrote.
+
+    `card` is its file name in the models folder; None for the first of `CARD_NAMES` that exists. `controller` is a key
+    of `LAWS`, and `period` that of the controller [s]. `instruments` are those of every joint, or one for each; None:
+    encoders alone. `start_up` asks for the test of polarity and gain of one joint after the other.
+    """
+    if controller not in (None, *TREE_LAWS):
+        raise PellucidError(f"export of {study.name}: found {controller!r}, expected one of {', '.join(TREE_LAWS)}")
+    if allow_outside:
+        study = replace(study, allow_outside=True)
+    name = card or next((n for n in TREE_CARD_NAMES if study.card(n).is_file()), TREE_CARD_NAMES[0])
+    path = study.card(name)
+    found = require_fresh(study, path, read_tree_card(path))
+    law = TREE_LAWS[controller or "carried"](found, period=period, instruments=instruments, start_up=start_up)
+    notes = (*notes_of(found), *source_notes(name, found))
+    return TreeValues(law, (name,), {name: sha256(path.read_bytes()).hexdigest()}, notes)
+
+
+def notes_of(card: TreeCard) -> tuple[str, ...]:
+    """Return remarks about the settings that a card does not determine."""
+    notes = []
+    for name, known, gain, unit in zip(card.names, card.ranges, card.gains, card.drive_units, strict=True):
+        if known.low is None or known.high is None:
+            notes.append(f"{name}: the study names no stops; set position_min, position_max and stop_margin.")
+        if unit not in ("N*m", "N"):
+            notes.append(f"{name}: the effort is that after the gears; its drive gives {gain:.6g} of it per {unit}.")
+    return tuple(notes)

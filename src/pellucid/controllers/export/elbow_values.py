@@ -8,7 +8,7 @@ from typing import Any
 
 from ..._errors import PellucidError
 from ...models.anthropometry import Segment, forearm
-from ...models.slider_card import SliderCard, read_slider_card
+from ...models.slider_joint import SliderCard, read_slider_card
 from ...study.procedures.card_sources import require_fresh, source_notes
 from ...study.study import Study
 from ..control_law import LAWS, ControlLaw
@@ -25,9 +25,7 @@ from ..joint_compensation import (
 from ..study.rig_instruments import rig_instruments
 from ..supervised import body_of
 from ..transparent_laws import MIN_STIFF_RESONANCE_HZ
-from .controller_values import ControllerValues
-from .joint_values import drive_notes
-from .study_limits import limits_of
+from .controller_values import ControllerValues, drive_notes, limits_of
 
 CARD_PREFIXES = ("inertia", "gravity", "stribeck_velocity", "offset", "stiffness", "energy_store")
 """Beginnings of the names of parameters that follow from the card, beside friction; all other parameters are chosen."""

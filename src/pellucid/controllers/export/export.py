@@ -8,8 +8,8 @@ from pathlib import Path
 from ..._errors import PellucidError
 from ...study.exporter import ExportRequest, find_exporter
 from ...study.study import Study
-from ..unmeasured_drive import warn_of_unmeasured_drive
-from .constants_file import read_constants
+from ..control_law import warn_of_unmeasured_drive
+from .c_folder import read_constants
 from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
 

@@ -14,7 +14,7 @@ from ...models.tree_card import read_tree_card
 from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
-from .owned_folder import mark_own_folder, require_own_folder
+from .c_folder import mark_own_folder, require_own_folder
 from .simulator_model import (
     SimulatorModel,
     joint_simulator_model,

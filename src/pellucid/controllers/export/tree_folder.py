@@ -11,7 +11,7 @@ import numpy as np
 
 from ... import _core
 from ...models.fields import Field, model_fields
-from ...study.c_sources import (
+from ...study.exporter import (
     OUTPUT_FILE,
     float_literal,
     header_files,
@@ -21,6 +21,7 @@ from ...study.c_sources import (
     write_files,
 )
 from .c_folder import refuse_faults, render, render_all
+from .controller_values import TreeValues
 from .replay_vector import (
     FAULT_STEPS,
     INIT_EVENT,
@@ -32,7 +33,6 @@ from .replay_vector import (
     Reading,
     ReplayVector,
 )
-from .tree_values import TreeValues
 
 FOLDER_TITLE = "compensation of all joints of a robot"
 """Title in the exported files."""

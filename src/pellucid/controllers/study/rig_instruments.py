@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..._errors import StudyError
-from ...study.effort import drive_model
 from ...study.instruments_table import DriveSensor
+from ...study.recorded_motions import drive_model
 from ...study.study_file import JointTable, SeveralJoints
 from ..instruments import Instruments
 

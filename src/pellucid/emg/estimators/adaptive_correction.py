@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..._errors import IdentificationError
-from .standardise import mean_and_scale
+from .torque_regressor import mean_and_scale
 
 DEFAULT_WINDOW_S = 6.0
 """Errors are remembered for this long [s]: some repetitions of a movement."""

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
 from ...models.estimates import Estimates
-from ..fit.muscle_information import muscle_parameters, reported_covariance
+from ..fit.muscle_posterior import muscle_parameters, reported_covariance
 from ..models.muscle_geometry import muscle_table
 from .hill import HillMap, fit_hill
-from .muscle_source import FIBRE_DAMPING, MuscleSource
-from .torque_trial import TorqueTrial
+from .torque_trial import FIBRE_DAMPING, MuscleSource, TorqueTrial
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -198,7 +198,7 @@ def fit_causal_map(
     """Fit a causal map, linear in envelopes and in envelopes times angle."""
     from scipy.signal import sosfilt
 
-    from .ridge import Ridge  # scikit-learn takes half a second to load
+    from .neural_network import Ridge  # scikit-learn takes half a second to load
 
     settings = settings or EmgSettings()
     trials = [t for t in trials if _max_speed(t) < MAX_HELD_JOINT_SPEED_RAD_S]
@@ -270,3 +270,28 @@ def _weight_unit(muscle: str, power: int) -> str:
     """Return the unit of a weight."""
     below = [*(["V"] if muscle else []), *(["rad"] * power)]
     return "N*m" if not below else f"N*m/({'*'.join(below)})"
+
+
+MIN_STRIDE_S = 0.4
+"""Shortest period of a movement that is looked for [s]. Chosen by judgement; no measurement is recorded."""
+
+MIN_STRIDE_COUNT = 4
+"""Smallest number of periods that a signal must hold.
+
+Chosen by judgement; no measurement is recorded.
+"""
+
+MIN_PERIODIC_AUTOCORRELATION = 0.5
+"""A signal counts as periodic if its autocorrelation reaches at least this value at the period.
+
+Chosen by judgement; no measurement is recorded.
+"""
+
+
+def find_period(signal: np.ndarray, fs: float) -> int:
+    """Return the period of a signal, shape (n,) at `fs` [Hz], in samples; 0 if it does not repeat often enough."""
+    n = len(signal)
+    r = np.fft.irfft(np.abs(np.fft.rfft(signal - signal.mean(), 2 * n)) ** 2)[:n] / np.arange(n, 0, -1)
+    first, last = round(MIN_STRIDE_S * fs), n // MIN_STRIDE_COUNT
+    period = first + int(np.argmax(r[first:last])) if last > first else 0
+    return period if period and r[period] >= MIN_PERIODIC_AUTOCORRELATION * r[0] else 0

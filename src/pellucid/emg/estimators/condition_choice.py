@@ -22,16 +22,15 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
+from .causal_map import MIN_STRIDE_COUNT, find_period
 from .families import ESTIMATOR_FAMILIES
 from .features import compute_features, filter_and_differentiate
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
-from .reconstructions import UncoupledMap, uncouple_trial
-from .smoothing import smooth
-from .stride_period import MIN_STRIDE_COUNT, find_period
+from .synergies import UncoupledMap, uncouple_trial
 from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
+from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial
-from .trial_weights import find_row_weights
 
 MAX_TEST_COUNT = 5
 """Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.

@@ -6,13 +6,15 @@ score an estimator on data that it has seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ..._errors import IdentificationError
+from ..models.emg_estimator import MAX_WATCHED_LOSS
+from .torque_trial import TorqueTrial
 
 TIE_SHARE = 1e-9
 """Errors that differ by less than this share are equal: processors sum in other orders, which moves the last digits."""
@@ -80,3 +82,42 @@ def first_best(errors: Sequence[float]) -> int:
     """Return the index of the least error, of errors equal within `TIE_SHARE` the first. NaN is never the least."""
     known = np.nan_to_num(np.asarray(errors, float), nan=np.inf)
     return int(np.argmax(known <= known.min() * (1.0 + TIE_SHARE)))
+
+
+def apply_useful_repairs(
+    predict: Callable[[TorqueTrial], np.ndarray],
+    fitted: Sequence[TorqueTrial],
+    recorded: TorqueTrial,
+    repaired: TorqueTrial,
+) -> tuple[TorqueTrial, tuple[str, ...]]:
+    """Return the trial with those channels repaired that matter to an estimator, and their names.
+
+    Parameters
+    ----------
+    predict : callable
+        Estimated torque of a trial, shape (n,) [N m].
+    fitted : sequence of TorqueTrial
+        Trials that the estimator was fitted to.
+    recorded, repaired : TorqueTrial
+        The trial as it was recorded, and with all its changed channels repaired.
+
+    Returns
+    -------
+    trial : TorqueTrial
+        The recorded trial itself if no repair matters.
+    muscles : tuple of str
+        Muscles whose channels are repaired in it.
+    """
+    moved = [m for m, x in recorded.envelopes.items() if not np.array_equal(x, repaired.envelopes[m])]
+    if not moved:
+        return recorded, ()
+    variance = float(np.var(np.concatenate([t.torque for t in fitted])))
+    usual, kept = predict(replace(recorded, lead={})), []
+    for muscle in moved:
+        one = replace(recorded, envelopes={**recorded.envelopes, muscle: repaired.envelopes[muscle]}, lead={})
+        if float(np.mean((predict(one) - usual) ** 2)) > MAX_WATCHED_LOSS * variance:
+            kept.append(muscle)
+    if not kept:
+        return recorded, ()
+    envelopes = {m: (repaired if m in kept else recorded).envelopes[m] for m in recorded.envelopes}
+    return replace(recorded, envelopes=envelopes, lead={}), tuple(kept)

@@ -25,8 +25,8 @@ from typing import Literal
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...numerics.correlation_length import correlation_length
-from .stride_period import find_period
+from ...numerics.uncertainty import correlation_length
+from .causal_map import find_period
 
 DEFAULT_WORTHWHILE_GAIN = 0.05
 """Gain in R² that makes electrodes worth their trouble unless a study says otherwise.

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..fit.muscle_calibration import PASSIVE_TISSUE_PARAMETERS, MuscleFit
-from ..fit.muscle_information import covariance
+from ..fit.muscle_posterior import covariance
 from ..models.emg_estimator import SHORT_RANGE_STIFFNESS_ERROR_SHARE, EmgEstimatorCard
 from ..models.hill import MUSCLE_QUANTITIES
 from .torque_trial import TorqueTrial

@@ -13,8 +13,8 @@ from ..models.hill import HillData, HillMuscle
 from ..models.muscle_geometry import muscle_table
 from .features import filter_and_differentiate
 from .muscle_faults import refuse_unfit_trials
+from .torque_regressor import find_trial_weights
 from .torque_trial import TorqueTrial
-from .trial_weights import find_trial_weights
 
 WARM_UP_S = 0.3
 """Duration at a trial's beginning that is not fitted [s].

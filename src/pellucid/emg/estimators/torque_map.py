@@ -15,9 +15,8 @@ from .cross_validation import Fold, Score, block_folds, first_best, grouped_fold
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family, Regressor
 from .features import ENVELOPE_LAGS_S, Features, FeatureSet, compute_features
-from .smoothing import smooth
+from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial
-from .trial_weights import find_row_weights
 
 BLOCK_COUNT = 5
 """Number of blocks into which a single recording is divided for cross-validation."""

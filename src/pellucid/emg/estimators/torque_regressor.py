@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.model_selection import GroupKFold, KFold
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -17,9 +18,79 @@ from .cross_validation import first_best, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
 from .features import Features
-from .muscle_source import FIBRE_DAMPING, MuscleSource
-from .torque_trial import TorqueTrial
-from .trial_weights import find_trial_weights
+from .torque_trial import FIBRE_DAMPING, MuscleSource, TorqueTrial
+
+CONSTANT_SHARE = 1e-9
+"""A feature is constant if its standard deviation is below this share of its largest magnitude. Sums of n equal numbers
+leave a deviation of some 1e-16 of them; divided by that, a joint's angle in another recording would be any number.
+"""
+
+
+def mean_and_scale(x: np.ndarray, weight: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation of each column of `x` (n, k), both (k,).
+
+    `weight` (n,) weighs the rows; None: every row counts the same.
+
+    A constant column has the scale infinity: divided by it, whatever it is later counts as its mean. What such a
+    feature does to the torque is not in what was fitted.
+    """
+    if weight is None:
+        mean, deviation = x.mean(axis=0), x.std(axis=0)
+    else:
+        mean = np.average(x, axis=0, weights=weight)
+        deviation = np.sqrt(np.average((x - mean) ** 2, axis=0, weights=weight))
+    varies = deviation > CONSTANT_SHARE * np.abs(x).max(axis=0)
+    return mean, np.where(varies, deviation, np.inf)
+
+
+def count_window_samples(seconds: float, fs: float) -> int:
+    """Return the number of samples in a window of `seconds` [s] at a rate of `fs` [Hz]. It is odd, for a middle."""
+    return 2 * round((seconds * fs - 1.0) / 2.0) + 1 if seconds * fs > 1.0 else 1
+
+
+def smooth(samples: np.ndarray, seconds: float, fs: float, *, causal: bool = False) -> np.ndarray:
+    """Return the moving average of `samples`, shape (n,), over `seconds` [s] at `fs` [Hz].
+
+    The window is centred, or if `causal`, covers the past alone and is late by `smoothing_delay`. Beyond the ends, the
+    first and last sample are repeated. The thesis averages 25 samples at 500 Hz, which are 0.05 s.
+    """
+    n = count_window_samples(seconds, fs)
+    return uniform_filter1d(np.asarray(samples, float), n, mode="nearest", origin=(n - 1) // 2 if causal else 0)
+
+
+def smoothing_delay(seconds: float, fs: float) -> float:
+    """Return the delay of the causal average [s], at a rate of `fs` [Hz]."""
+    return (count_window_samples(seconds, fs) - 1) / (2.0 * fs)
+
+
+ERROR_FLOOR_SHARE = 0.2
+"""Floor of the error's standard deviation, as a share of the largest trial's: b in the equation.
+
+Chosen by judgement. Weights hardly depend on it unless trials differ by more than a factor of five.
+"""
+
+
+def find_trial_weights(torques: Sequence[np.ndarray]) -> np.ndarray | None:
+    """Return the weight of each trial's samples, shape (trials,), or None if all weights are equal.
+
+    `torques` holds the reference torque of each trial, shape (n,) each, in one unit.
+    """
+    if len(torques) < 2:
+        return None
+    deviations = np.array([float(np.std(torque)) for torque in torques])
+    lengths = np.array([len(torque) for torque in torques], float)
+    variance = deviations**2 + (ERROR_FLOOR_SHARE * deviations.max()) ** 2
+    if not variance.min() > 0.0 or np.ptp(variance) == 0.0:
+        return None
+    weights = 1.0 / variance
+    return weights * lengths.sum() / float(lengths @ weights)
+
+
+def find_row_weights(torques: Sequence[np.ndarray]) -> np.ndarray | None:
+    """Return the weight of every sample of trials that are joined one after another, shape (n,), or None if equal."""
+    weights = find_trial_weights(torques)
+    return None if weights is None else np.repeat(weights, [len(torque) for torque in torques])
+
 
 MOTION_COLUMN_PREFIXES = ("angle.", "velocity.", "acceleration.")
 """Prefixes of the columns that hold motion, not EMG."""

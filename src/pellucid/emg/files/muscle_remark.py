@@ -17,7 +17,7 @@ from ..._errors import PellucidError, RecordingError
 from ..._given import read_given, visible_text
 from ...models.parameter_card import ParameterCard
 from ..models.hill import HillMuscle
-from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
+from ..models.muscle import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from .ceinms_xml import SubjectMuscle, read_subject
 from .muscle_constants import MuscleConstants, require_physical
 from .osim import read_model

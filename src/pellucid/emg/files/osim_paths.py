@@ -14,7 +14,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ..._given import visible_text
 from ...files.readers._xml import read_xml
-from ..models.coordinate_function import (
+from ..models.muscle_geometry import (
     Constant,
     CoordinateFunction,
     Linear,

@@ -24,13 +24,18 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...numerics.posterior.hamiltonian import drawn_by_gradients
-from ...numerics.posterior.marginal_likelihood import PRIOR_LOG_VARIANCE_SPREAD, MarginalLikelihood, Noise, Prior
-from ...numerics.posterior.posterior import Posterior, summary
+from ...numerics.posterior.ensemble import drawn_by_gradients
+from ...numerics.posterior.posterior import (
+    PRIOR_LOG_VARIANCE_SPREAD,
+    MarginalLikelihood,
+    Noise,
+    Posterior,
+    Prior,
+    summary,
+)
 from ...numerics.searches.bounded_least_squares import bounded_least_squares
-from .muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
-from .muscle_freedom import muscle_priors
-from .muscle_information import recording_information
+from .muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, muscle_priors, solve_calibration
+from .muscle_posterior import recording_information
 
 SHARED_QUANTITIES = ("max_velocity", "force_length_width", "optimal_length_shift")
 """Quantities with one value for all muscles. A calibration keeps them at their anatomical values."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..models.hill import FreeParameter, HillMuscle
-from .muscle_freedom import QUANTITY_FREEDOMS, Prior, muscle_priors
+from .muscle_calibration import QUANTITY_FREEDOMS, Prior, muscle_priors
 
 MUSCLE_GROUPS: Mapping[str, tuple[str, ...]] = {
     "quadriceps": ("rectus_femoris", "vastus_intermedius", "vastus_lateralis", "vastus_medialis"),

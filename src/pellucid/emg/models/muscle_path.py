@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import PellucidError
-from .coordinate_function import CoordinateFunction
+from .muscle_geometry import CoordinateFunction
 from .skeleton import PlacedBody, Skeleton, follow_coordinates
 from .wrapping import ENDS_INSIDE, MAY_WRAP, MUST_WRAP, NO_WRAP, Surface
 

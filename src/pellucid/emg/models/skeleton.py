@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import PellucidError
-from .coordinate_function import CoordinateFunction
+from .muscle_geometry import CoordinateFunction
 
 GROUND_BODY = "ground"
 

@@ -17,8 +17,9 @@ from ...controllers.export.c_folder import render, render_all
 from ...controllers.export.controller_exporter import ControllerExporter, own_folder
 from ...controllers.export.replay_vector import ReplayVector
 from ...models.fields import model_fields
-from ...study.c_sources import (
+from ...study.exporter import (
     OUTPUT_FILE,
+    ExportRequest,
     float_literal,
     header_files,
     needed_headers,
@@ -26,7 +27,6 @@ from ...study.c_sources import (
     refuse_other_makefile,
     write_files,
 )
-from ...study.exporter import ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.procedures.registry import asked
 from ...study.study import Study

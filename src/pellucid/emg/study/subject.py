@@ -18,7 +18,7 @@ from ..files.ceinms_writer import write_subject
 from ..files.muscle_remark import MuscleRemark, exported_study, read_calibrated
 from ..files.osim_writer import write_osim
 from ..models.hill import MUSCLE_QUANTITIES
-from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
+from ..models.muscle import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.muscle_geometry import muscle_table
 from .emg_torque.emg_torque_table import EmgTorqueTable
 from .emg_torque.known_muscles import muscle_source

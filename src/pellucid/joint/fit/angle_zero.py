@@ -19,8 +19,7 @@ from ...numerics.block_test import compare_held_out
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack
 from ...numerics.uncertainty import sandwich_covariance
-from .crossed_residuals import cross_validated_residuals
-from .friction_solver import solve_family
+from .friction_solver import cross_validated_residuals, solve_family
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.estimates import UNDETERMINED_REASON, Parameter
 from ...models.joint import JointModel
-from ...models.parameter import UNDETERMINED_REASON, Parameter
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
 from .friction_solver import solve_family

@@ -39,16 +39,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
-from ...numerics.column_norms import column_norms
 from ...numerics.motion import SLOW_SHARE
-from ...numerics.regression import FittedMotion, Stack
-from .carried_friction import (
-    NORMAL_DRAW_SEED,
-    SteadyStates,
-    carried_friction,
-    draw_normal,
-    standard_draws,
-)
+from ...numerics.regression import FittedMotion, Stack, column_norms
+from .unknown_payload import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal, standard_draws
 
 MAX_ROWS = 50_000
 """Rows beyond this number are thinned. The neglected effects are smooth in the states, so thinning loses little."""

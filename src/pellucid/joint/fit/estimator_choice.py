@@ -22,10 +22,14 @@ from ...models.joint import JointModel
 from ...numerics.block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, regression_rows
-from .crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
-from .evaluation import Prediction
-from .friction_solver import MAX_REFITTED_ROWS, solve_without_blocks
-from .replay import Machine, is_bounded, replay
+from .friction_solver import (
+    MAX_REFITTED_ROWS,
+    block_labels,
+    residuals_without_blocks,
+    solve_without_blocks,
+    values_without_blocks,
+)
+from .replay import Machine, Prediction, is_bounded, replay
 
 ESTIMATION_METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
 """Estimation methods, the plainest first."""

@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...models.estimates import Parameter
 from ...models.friction_terms import shape_index
 from ...models.joint import SYMBOLS_BY_NAME
-from ...models.parameter import Parameter
 from ...numerics.block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from .estimator_choice import Residuals, is_nearly
 from .friction_family import FamilyFit

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..._errors import IdentificationError
 from ..._processes import with_one_blas_thread
-from ...models.joint import SYMBOLS_BY_NAME, joint_model
-from ...numerics.motion import Filtering, motion_of, shortest
-from ...numerics.regression import stack
+from ...models.joint import SYMBOLS_BY_NAME, JointModel, joint_model
+from ...numerics.motion import Filtering, Motion, motion_of, shortest
+from ...numerics.regression import Stack, regression_rows, stack
 from ...numerics.sampled import sampled
-from .consistency import enforce_pseudo_inertia
 from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, make_estimate
+from .recording_agreement import enforce_pseudo_inertia
 
 SETTLING_PERIODS = 2.0
 """Default length that is trimmed at either end, in periods of the low-pass cut-off."""
@@ -157,3 +157,36 @@ def fit_joint(
     if moving_mass is not None:
         found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
     return make_estimate(model, data, found, "ls", notes, level=confidence)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Range of a motion, and how well it separates the parameters of a model."""
+
+    position: tuple[float, float]  # smallest and largest position [rad or m]
+    speed: float  # largest speed [rad/s or m/s]
+    acceleration: float  # largest acceleration [rad/s^2 or m/s^2]
+    condition: float  # condition number of the regressor with columns of equal length
+    own: dict[str, float]  # for each parameter, the share of its column's norm that no other column explains
+
+
+def measure_excitation(model: JointModel, data: Stack[Motion]) -> Excitation:
+    """Return the excitation of a linear `model` by the motions of `data`; their effort is not used."""
+    w, _ = regression_rows(model, np.zeros(len(model.names)), data)
+    norms = np.linalg.norm(w, axis=0)
+    w = w[:, norms > 0.0] / norms[norms > 0.0]
+    # Rows of zeros pad a regressor with fewer rows than columns.
+    w = np.vstack([w, np.zeros((max(w.shape[1] - len(w), 0), w.shape[1]))])
+    _, singular, axes = np.linalg.svd(np.linalg.qr(w, mode="r"))
+    # The squared part of a column normal to all others is one over the diagonal of the inverse of W'W.
+    apart = 1.0 / np.sum((axes / np.maximum(singular, 1e-12 * singular[0])[:, None]) ** 2, axis=0)
+    seen = iter(np.sqrt(apart))
+    own = {name: float(next(seen)) if n > 0.0 else 0.0 for name, n in zip(model.names, norms, strict=True)}
+    position = data.reduced([m.position for m in data.motions])
+    return Excitation(
+        position=(float(position.min()), float(position.max())),
+        speed=float(np.abs(data.reduced([m.velocity for m in data.motions])).max()),
+        acceleration=float(np.abs(data.reduced([m.acceleration for m in data.motions])).max()),
+        condition=float(singular[0] / max(singular[-1], 1e-300)) if norms.all() else float("inf"),
+        own=own,
+    )

@@ -9,21 +9,26 @@ from functools import partial
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.estimates import Parameter
 from ...models.friction_terms import shaped_by
 from ...models.joint import JointModel
-from ...models.parameter import Parameter
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
-from .consistency import enforce_pseudo_inertia
 from .determinacy import PERTURBATION_SEEDS, find_undetermined, mark_undetermined
 from .estimator_choice import EstimatorChoice, SolvedMethod, choose_estimator
-from .evaluation import Prediction, pool_errors, predict
-from .friction_solver import cross_validate_family, solve_family, solve_from_part, with_known_stribeck_velocity
+from .friction_solver import (
+    cross_validate_family,
+    solve_family,
+    solve_from_part,
+    solve_robust,
+    solve_weighted,
+    with_known_stribeck_velocity,
+)
 from .joint_estimate import JointEstimate, make_estimate
 from .predictive_band import PredictiveBand, apply_band, make_predictive_band
-from .replay import Machine, Simulation, simulate_recording
-from .reweighting import solve_robust, solve_weighted
+from .recording_agreement import enforce_pseudo_inertia
+from .replay import Machine, Prediction, Simulation, pool_errors, predict, simulate_recording
 
 
 @dataclass(frozen=True)

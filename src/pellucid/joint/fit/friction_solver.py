@@ -6,6 +6,7 @@ is found by profiling.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,18 +14,92 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.friction_terms import STRIBECK_VELOCITY
 from ...models.joint import MAX_STRIBECK_SHARE, JointModel
-from ...numerics.column_norms import column_norms
 from ...numerics.motion import Motion
 from ...numerics.regression import (
+    MAX_REWEIGHTINGS,
     Solution,
     Stack,
+    column_norms,
     least_squares_within,
     regression_rows,
     require_full_rank,
+    robust_weights,
     snap_to_bounds,
     solve,
 )
-from .crossed_residuals import block_labels, residuals_without_blocks, values_without_blocks
+
+BLOCK_COUNT = 10
+"""Number of blocks into which all data are cut; a block never spans two recordings."""
+
+
+def block_labels(lengths: Sequence[int]) -> list[np.ndarray]:
+    """Return the block of each sample, (n_i,) per stretch of `lengths`; blocks are numbered over all stretches."""
+    total, first, made = sum(lengths), 0, []
+    for length in lengths:
+        parts = max(1, round(BLOCK_COUNT * length / total))
+        made.append(first + np.arange(length) * parts // max(length, 1))
+        first += parts
+    return made
+
+
+def rows_of_blocks(labels: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
+    """Yield each block of `labels`, (m,), with its rows: a slice where they follow each other, else a mask, (m,)."""
+    edges = np.flatnonzero(np.diff(labels)) + 1
+    first, last = [0, *edges.tolist()], [*edges.tolist(), len(labels)]
+    blocks = np.unique(labels)
+    if len(blocks) == len(first):
+        yield from sorted((int(labels[a]), slice(a, b)) for a, b in zip(first, last, strict=True))
+    else:
+        for block in blocks:
+            yield int(block), labels == block
+
+
+def values_without_blocks(
+    found: Solution, labels: np.ndarray, instruments: np.ndarray | None = None
+) -> dict[int, np.ndarray]:
+    """Return the parameters, (p,), that a solution has without each block, by the block's number.
+
+    `labels`, (m,), are the blocks of the solution's rows. The model is linearised at the solution, whose own weights
+    and `instruments`, (m, p), are used. Parameters on a bound stay there.
+    """
+    free = ~found.at_bound
+    scale = np.maximum(column_norms(found.jacobian[:, free]), np.finfo(float).tiny)
+    w = found.jacobian[:, free] / scale * found.weights[:, None]
+    z = w if instruments is None else instruments[:, free] / scale * found.weights[:, None]
+    residual = found.residual * found.weights
+    gram, moment = z.T @ w, z.T @ residual
+    made = {}
+    for block, own in rows_of_blocks(labels):
+        rest = gram - z[own].T @ w[own], moment - z[own].T @ residual[own]
+        made[block] = found.values.copy()
+        made[block][free] += np.linalg.lstsq(*rest, rcond=1e-10)[0] / scale
+    return made
+
+
+def residuals_without_blocks(
+    residual: np.ndarray, jacobian: np.ndarray, values: np.ndarray, without: dict[int, np.ndarray], labels: np.ndarray
+) -> np.ndarray:
+    """Return residuals, (m,), in which each block is predicted by the parameters that were found without it.
+
+    `residual`, (m,), and the model's `jacobian`, (m, p), are those at `values`, (p,).
+    """
+    steps = np.zeros((int(labels.max()) + 1, len(values)))
+    for block, other in without.items():
+        if block < len(steps):
+            steps[block] = other - values
+    return residual - np.einsum("ij,ij->i", jacobian, steps[labels])
+
+
+def cross_validated_residuals(found: Solution, lengths: Sequence[int]) -> tuple[np.ndarray, ...]:
+    """Return residuals of shape (n_i,) per stretch of `lengths`, each block predicted by a fit to the other blocks.
+
+    The model is linearised at the solution. Parameters on a bound stay there.
+    """
+    labels = np.concatenate(block_labels(lengths))
+    without = values_without_blocks(found, labels)
+    crossed = residuals_without_blocks(found.residual, found.jacobian, found.values, without, labels)
+    return tuple(np.split(crossed, np.cumsum(lengths)[:-1]))
+
 
 INITIAL_LOAD_COEFFICIENT = 0.05
 """Starting value of load coefficients, and of any other parameter outside the linear part."""
@@ -275,3 +350,48 @@ def _stribeck_index(model: JointModel) -> int:
     """Return the index of the Stribeck level among the parameters without the Stribeck velocity."""
     names = [n for n in model.names if n != STRIBECK_VELOCITY.name]
     return names.index(STRIBECK_VELOCITY.shapes)
+
+
+SPEED_BINS = 8
+"""Number of speed bands, each with a weight of its own in every recording."""
+
+def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) -> np.ndarray:
+    """Return weights, (m,): 1 / standard deviation of the residual, per recording and per band of speed.
+
+    Friction models err most at low speed, so those samples get less weight. `residual` has shape (m,).
+    """
+    speed = data.reduced([np.abs(m.velocity) for m in data.motions])
+    edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])
+    band = np.searchsorted(edges, speed)
+    owner = np.repeat(np.arange(len(data.motions)), data.lengths)
+    group = owner * SPEED_BINS + band
+    power = np.bincount(group, residual**2)
+    count = np.bincount(group)
+    free = 1.0 - len(model.symbols) / len(residual)
+    sd = np.sqrt(power[group] / np.maximum(count[group], 1) / free)
+    floor = 0.05 * np.sqrt(np.mean(residual**2)) + np.finfo(float).tiny
+    return 1.0 / np.maximum(sd, floor)
+
+
+def solve_weighted(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
+    """Solve weighted least squares with weights from the residuals of `first`, refined twice."""
+    found = first
+    for _ in range(3):
+        w = speed_weights(model, data, found.residual)
+        found = solve_family(model, data, weights=w, consistent=consistent, after=found)
+    return found
+
+
+def solve_robust(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
+    """Solve iteratively reweighted least squares with Huber's weights.
+
+    Iterations end when no parameter changes by more than 1e-4 of its value.
+    """
+    found = first
+    for iteration in range(MAX_REWEIGHTINGS):
+        w = robust_weights(found.residual)
+        before, found = found, solve_family(model, data, weights=w, consistent=consistent, after=found)
+        step = np.max(np.abs(found.values - before.values) / np.maximum(np.abs(before.values), 1e-9))
+        if step < 1e-4:
+            return replace(found, iterations=iteration + 1, converged=True)
+    return replace(found, iterations=MAX_REWEIGHTINGS, converged=False)

@@ -10,17 +10,15 @@ import numpy as np
 from ... import _core
 from ..._errors import IdentificationError
 from ...models.card import ModelCard
-from ...models.estimates import Estimates
+from ...models.estimates import Estimates, Whiteness
 from ...models.joint import UNITS, JointModel
-from ...models.parameter import Whiteness
-from ...numerics.column_norms import column_norms
 from ...numerics.motion import Filtering, Motion, motion_of
-from ...numerics.regression import Solution, Stack, make_parameters, predict_efforts
+from ...numerics.regression import Solution, Stack, column_norms, make_parameters, predict_efforts
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
 from .discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
-from .parameter_drift import ParameterDrift, add_drift, find_parameter_drift
-from .recording_drift import RECORDING_DRIFT_CAUSE, RecordingDrift, find_recording_drift
+from .friction_drift import ParameterDrift, add_drift, find_parameter_drift
+from .recording_agreement import RECORDING_DRIFT_CAUSE, RecordingDrift, find_recording_drift
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""

@@ -20,9 +20,9 @@ from typing import Literal
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.estimates import Parameter
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
 from ...models.joint import JointModel
-from ...models.parameter import Parameter
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack
 from ...numerics.uncertainty import correlation_time, sandwich_covariance

@@ -26,10 +26,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ... import _core
+from ...models.estimates import Parameter
 from ...models.filtered_dynamics import SMOOTH_TERMS, regressor
 from ...models.friction_terms import STRIBECK_FRICTION, STRIBECK_VELOCITY, grows_with_load
 from ...models.joint import NAMES, PARAMETER_FIELDS, PARAMETER_INDEX, UNITS, JointModel
-from ...models.parameter import Parameter
 from ...numerics.block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
 from ...numerics.filters import local_cubic
 from ...numerics.motion import Motion

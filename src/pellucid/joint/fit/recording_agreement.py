@@ -13,16 +13,17 @@ free, so a recording with a different encoder zero is recognised.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.joint import JointModel
-from ...numerics.correlation_length import correlation_length
+from ...models.joint import GRAVITY, JointModel
+from ...numerics.block_test import MIN_IMPROVEMENT
 from ...numerics.motion import Motion
-from ...numerics.regression import reduce_motions, regression_rows, stack
-from ...numerics.uncertainty import sandwich_covariance
+from ...numerics.regression import Solution, Stack, nearest_feasible, reduce_motions, regression_rows, stack
+from ...numerics.uncertainty import correlation_length, sandwich_covariance
 from .angle_zero import has_free_gravity, with_free_zero
+from .friction_solver import cross_validated_residuals
 
 BODY_PARAMETERS = frozenset({"inertia", "gravity", "gravity_cosine"})
 """Parameters of the moving body; the others are friction and the offset."""
@@ -197,3 +198,130 @@ def _effort_scale(part: RecordingRows, step: np.ndarray, own_residual: np.ndarra
     factor = float(predicted @ part.y / (predicted @ predicted))
     left = np.linalg.norm(part.y - factor * predicted)
     return factor if left < 1.5 * np.linalg.norm(own_residual) else float("nan")
+
+
+RECORDING_DRIFT_CAUSE = "a drift between recordings"
+"""Cause that is stated where the spread between recordings adds most to a parameter's interval."""
+
+
+@dataclass(frozen=True)
+class RecordingDrift:
+    """Parameters by recording, and how far they spread beyond their errors."""
+
+    names: tuple[str, ...]  # parameters, p of them
+    recordings: tuple[str, ...]  # recordings with estimates of their own, r of them
+    values: np.ndarray  # estimates of each recording, (r, p), SI
+    spread: np.ndarray  # standard deviation between recordings beyond the estimates' own errors, (p,), SI
+    is_told: np.ndarray  # mask of the parameters that differ, (p,)
+    improvement: float  # share of the error on blocks left out that parameters by recording save
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """What the spread adds to the parameters' covariance, (p, p)."""
+        return np.diag(np.where(self.is_told, np.square(self.spread), 0.0))
+
+
+def find_recording_drift(
+    names: Sequence[str], found: Solution, data: Stack[Motion], *, neglected: np.ndarray, level: float = 0.95
+) -> RecordingDrift | None:
+    """Return the parameters by recording of the solution `found` on `data`.
+
+    `neglected`, (p, p), is the covariance that allows for what the model neglects. Parameters on a bound or without an
+    effect do not differ. `level` is the confidence level for all parameters
+    together. Returns None where fewer than two recordings determine their parameters.
+    """
+    from scipy.special import chdtrc
+
+    owner = [m.recording for m in data.motions]
+    if len(set(owner)) < 2:
+        return None
+    weights = found.weights[:, None]
+    w, residual = found.jacobian * weights, found.residual * found.weights
+    norms = np.linalg.norm(w, axis=0)
+    free = (norms > 1e-12 * norms.max()) & ~found.at_bound
+    if not free.any() or not np.any(residual):
+        return None
+    rows = np.repeat(owner, data.lengths)
+    parts, steps, variances = [], [], []
+    for name in dict.fromkeys(owner):
+        mine = rows == name
+        lengths = [n for n, own in zip(data.lengths, owner, strict=True) if own == name]
+        part = RecordingRows(name, "fitted", w[mine][:, free], residual[mine], residual[mine], lengths)
+        step = estimate_step([part])
+        if step is not None and np.all(np.diag(step[1]) > 0.0):
+            parts.append(part)
+            steps.append(step[0])
+            variances.append(np.diag(step[1]) + np.diag(neglected)[free])
+    if len(parts) < 2:
+        return None
+    own, variance = np.array(steps), np.array(variances)
+    precision = 1.0 / variance
+    mean = (own * precision).sum(axis=0) / precision.sum(axis=0)
+    excess = (precision * (own - mean) ** 2).sum(axis=0)
+    usual = precision.sum(axis=0) - (precision**2).sum(axis=0) / precision.sum(axis=0)
+    between = np.sqrt(np.maximum(excess - (len(parts) - 1), 0.0) / usual)
+    improvement = _improvement(parts)
+    p_values = chdtrc(len(parts) - 1, excess)
+    values = np.tile(found.values, (len(parts), 1))
+    values[:, free] += own
+    spread, told = np.zeros(len(names)), np.zeros(len(names), bool)
+    spread[free] = between
+    told[free] = (p_values < (1.0 - level) / free.sum()) & (improvement >= MIN_IMPROVEMENT)
+    return RecordingDrift(tuple(names), tuple(p.recording for p in parts), values, spread, told, improvement)
+
+
+def _improvement(parts: Sequence[RecordingRows]) -> float:
+    """Return the share of the error on blocks left out that parameters by recording save."""
+    errors = [_error_without_blocks(parts), float(np.linalg.norm([_error_without_blocks([p]) for p in parts]))]
+    return 1.0 - errors[1] / errors[0] if errors[0] > 0.0 else 0.0
+
+
+def _error_without_blocks(parts: Sequence[RecordingRows]) -> float:
+    """Return the norm of the residuals of blocks that are predicted from the others of the same recordings."""
+    w, e = np.concatenate([p.w for p in parts]), np.concatenate([p.e for p in parts])
+    step = np.linalg.lstsq(w, e, rcond=1e-10)[0]
+    solution = Solution(step, w, e - w @ step, np.ones(len(e)), np.zeros(w.shape[1], bool), 1, True)
+    lengths = [n for p in parts for n in p.lengths]
+    return float(np.linalg.norm(np.concatenate(cross_validated_residuals(solution, lengths))))
+
+
+RELINEARISATION_COUNT = 4
+"""Number of relinearisations of a nonlinear model. A model that is linear in its parameters needs one."""
+
+
+def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
+    """Return the smallest inertia about the axis that a body with the model's gravity can have [kg*m^2].
+
+    `values` has shape (p,); `mass` is the moving mass [kg].
+    """
+    free = dict(zip(model.names, values, strict=True))
+    amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in ("gravity", "gravity_cosine"))
+    return float(amplitude2 / (mass * GRAVITY**2))
+
+
+def enforce_pseudo_inertia(
+    model: JointModel, data: Stack[Motion], found: Solution, mass: float
+) -> tuple[Solution, tuple[str, ...]]:
+    """Move the least-squares solution `found` to the nearest physically consistent one, in the metric of its residuals.
+
+    The body has at most `mass` [kg]. Returns the solution, and a note if it was moved.
+    """
+    if "inertia" not in model.names or model.motion != "rotary" or model.effort_unit != "N*m":
+        return found, ()
+    i = model.names.index("inertia")
+    if found.values[i] >= least_inertia(model, found.values, mass):
+        return found, ()
+    values, jacobian, residual = found.values, found.jacobian, found.residual
+    w, least = found.weights, max(least_inertia(model, found.values, mass), np.finfo(float).tiny)
+
+    def room(x: np.ndarray) -> float:
+        return (x[i] - least_inertia(model, x, mass)) / least
+
+    for _ in range(1 if model.linear else RELINEARISATION_COUNT):
+        values = nearest_feasible(jacobian * w[:, None], residual * w, values, model.bounds(), room, values)[0]
+        jacobian, effort = regression_rows(model, values, data)
+        residual = data.target - effort
+    at_bound = found.at_bound.copy()
+    at_bound[i] = True
+    note = f"inertia is held at the least that {mass:g} kg with this gravity torque can have"
+    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), (note,)

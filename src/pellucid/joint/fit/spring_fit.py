@@ -19,13 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...numerics.block_test import compare_held_out
-from ...numerics.judged import require_fitted
-from ...numerics.motion import Motion
+from ...numerics.motion import Motion, require_fitted
 from ...numerics.regression import Solution
 from ...numerics.uncertainty import sandwich_covariance
-from .crossed_residuals import cross_validated_residuals
+from .friction_solver import cross_validated_residuals
 
 SPRING_PARAMETERS = ("stiffness", "damping", "hysteresis", "inertia", "offset")
 """Names of a linear spring's parameters, in the order of its columns."""

@@ -22,9 +22,8 @@ from ...numerics.regression import (
 )
 from ...numerics.uncertainty import sandwich_covariance
 from ..fit.discrepancy import collect_states, estimate_discrepancy
-from .slider_fit import SliderEstimate
 from .slider_motion import SliderMotion
-from .three_steps import require_both_directions, require_places
+from .three_steps import SliderEstimate, require_both_directions, require_places
 
 FIRST_LOAD_COEFFICIENT = 0.05
 """First value of the load-friction coefficients in the search."""

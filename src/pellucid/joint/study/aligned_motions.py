@@ -12,13 +12,11 @@ from ...files.delay import shift_channels, undo_lags
 from ...files.recording import Recording
 from ...numerics.delay import Delay
 from ...numerics.motion import Motion
-from ...study.effort import drive_model
-from ...study.recorded_motions import carries_unknown_payload, motions_of
+from ...study.recorded_motions import carries_unknown_payload, drive_model, motions_of
 from ...study.study import Study, drive_channel
 from ..fit.drive_delay import estimate_drive_delay
-from .first_look import MAX_SAMPLES, simple_model, thin_recordings
-from .joined_clocks import clocks_to_find, rejoin_streams
-from .wearer import is_worn
+from .joined_clocks import MAX_SAMPLES, clocks_to_find, rejoin_streams, simple_model, thin_recordings
+from .joint_case import is_worn
 
 MIN_DELAY_DIFFERENCE_SHARE = 0.25
 """Two recordings have different delays only if these certainly differ by more than this share. Friction errors shift

@@ -9,17 +9,16 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...files.recording import Recording
+from ...models.estimates import Parameter
 from ...models.joint import FAMILIES, JointModel, joint_model
-from ...models.parameter import Parameter
 from ...models.simulate import LoopSetting
 from ...numerics.posterior.ensemble import require_sampler
 from ...numerics.regression import stack
-from ...study.effort import drive_model
 from ...study.procedures.dead_effort import require_live_effort
 from ...study.procedures.findings import collect_findings
 from ...study.procedures.procedure import Progress, quiet
 from ...study.quality import require_sound
-from ...study.recorded_motions import carries_unknown_payload, filtering_of, motions_of, take_excerpt
+from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study, drive_channel
 from ...study.study_file import JointTable, Processing
 from ..fit.drive_constant import estimate_drive_constant
@@ -27,18 +26,18 @@ from ..fit.estimator_choice import EstimatorChoice
 from ..fit.family_choice import choose_family
 from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
 from ..fit.joint_estimate import JointEstimate
-from ..fit.joint_posterior import joint_posterior
 from ..fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
+from ..fit.predictive_band import joint_posterior
 from ..fit.presliding import estimate_presliding
 from ..fit.replay import Machine
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
-from . import findings
+from . import joint_findings
 from .aligned_motions import align_recordings
 from .drive_sign import require_sign
 from .joined_clocks import require_clocks
 from .joint_case import JointCase
+from .joint_faults import require_velocity
 from .joint_result import JointResult, complete_result, traces_of
-from .velocity_faults import require_velocity
 
 
 def identify_joint(
@@ -157,7 +156,7 @@ def identify_joint(
         study=study.name,
         headline="",
         tables=(),
-        verdicts=collect_findings(findings, case),
+        verdicts=collect_findings(joint_findings, case),
         rows=(),
         cards={},
         checksums={r.name: r.checksum for r in recordings},

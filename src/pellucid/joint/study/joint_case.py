@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...models.parameter import Parameter
+import numpy as np
+
+from ...files.defects import echoed, worn
+from ...files.fault import Fault
+from ...files.quantity import quantity_of
+from ...files.recording import Recording
+from ...models.estimates import Parameter
+from ...models.friction_terms import TERMS
 from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
-from ...numerics.regression import Stack
-from ...study.study import Study
+from ...numerics.regression import Stack, regression_rows, stack
+from ...numerics.uncertainty import sandwich_covariance
+from ...study.pages.quantities import interval_text
+from ...study.study import Study, drive_channel
 from ..fit.family_choice import FamilyContest
 from ..fit.friction_family import FamilyFit
 from ..fit.load_shares import LoadShares
 from ..fit.presliding import Presliding
 from ..fit.replay import Machine
-from ..fit.unknown_payload import UnknownPayload
+from ..fit.unknown_payload import UnknownPayload, estimate_payload
 
 
 @dataclass(frozen=True)
@@ -59,3 +68,103 @@ class JointCase:
     def rotary(self) -> bool:
         """Whether the joint is rotary."""
         return self.study.rig.motion == "rotary"
+
+
+WORN_ADVICE = (
+    "Record the robot alone, or with the limb's torque known ([coupling]). Weight at rest and friction at known speeds "
+    "may still be read from stretches in which the wearer is passive"
+)
+"""What to do about a joint that somebody wears."""
+
+
+def wearer_faults(study: Study) -> list[Fault]:
+    """Return a warning for each recording that somebody seems to wear, and for each measurement that echoes a command.
+
+    A command that the drive's channel echoes is another channel with its unit whose name says that it was asked for.
+    """
+    if "wearer" not in study.found:
+        study.found["wearer"] = [fault for recording in study.recordings() for fault in _faults_of(recording, study)]
+    return list(study.found["wearer"])
+
+
+def is_worn(study: Study) -> bool:
+    """Whether a fitted recording shows that somebody wears the joint; held-out recordings decide nothing."""
+    fitted = {recording.path.name for recording in study.recordings("fit")}
+    return any(fault.kind == worn.KIND and fault.file in fitted for fault in wearer_faults(study))
+
+
+def _faults_of(recording: Recording, study: Study) -> list[Fault]:
+    drive = drive_channel(recording, study)
+    if drive is None or drive not in recording or "position" not in recording:
+        return []
+    faults = []
+    unit, where = recording.channels[drive].unit, f"{recording.path.name} (recording {recording.name})"
+    kept = recording.enabled & recording.sound
+    for name, channel in recording.channels.items():
+        asked = name != drive and channel.unit == unit and quantity_of(name).role == "command"
+        echo = echoed.find_echo(recording[drive][kept], channel.samples[kept]) if asked else None
+        if echo is not None:
+            late = f"{1e3 * echo.delay / recording.fs:.3g} ms late (r = {echo.correlation:.4f})"
+            found, wanted = f"the samples of {name}, {late}", "a measurement: it is its own command"
+            message = f"{where}, channel {drive}: found {found}, expected {wanted}"
+            faults.append(Fault("warn", echoed.KIND, recording.path.name, drive, found, wanted, message))
+    seen = worn.find_worn(recording.time[kept], recording["position"][kept], recording[drive][kept])
+    if seen is not None:
+        found, wanted = "; ".join(seen.reasons), f"a machine alone: somebody seems to wear it. {WORN_ADVICE}"
+        message = f"{where}, channel {drive}: found that {found}, expected {wanted}"
+        faults.insert(0, Fault("warn", worn.KIND, recording.path.name, drive, found, wanted, message))
+    return faults
+
+
+PAYLOAD_ADVICE = "If it carried one, write payload = {} there to have it found, or state its mass and distance."
+"""What to do about a payload that was found and is not stated."""
+
+MIN_WEIGHT_SHARE = 0.05
+"""A payload that is not stated is named only if it weighs at least this share of what the joint carries by itself."""
+
+
+def estimate_without(case: JointCase, recordings: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the joint's values, (p,), and their covariance, (p, p), from fitted recordings without those named."""
+    joint = case.fit.estimate
+    motions = [m for m in case.excerpt if m.split == "fitted" and m.recording not in recordings]
+    if not motions:
+        return joint.array, joint.covariance
+    data = stack(motions)
+    w, effort = regression_rows(joint.model, joint.array, data)
+    step = np.linalg.lstsq(w, data.target - effort, rcond=None)[0]
+    return joint.array + step, sandwich_covariance(w, data.target - effort - w @ step, data.lengths)
+
+
+def unstated_payload(values: np.ndarray, covariance: np.ndarray, recording: str, case: JointCase) -> str | None:
+    """Return a sentence with the payload that explains a recording; None if none does, or if one is stated there.
+
+    The joint without it has `values`, (p,), with `covariance`, (p, p).
+    """
+    motions = [m for m in case.excerpt if m.recording == recording]
+    if not motions or any(m.payload[0] for m in motions):
+        return None
+    payload = estimate_payload(case.fit.estimate.model, values, covariance, covariance, motions)
+    if payload is None or not payload.is_told:
+        return None
+    names = case.fit.estimate.model.names
+    if payload.weight.value < MIN_WEIGHT_SHARE * abs(float(values[names.index("gravity")])):
+        return None
+    share = f"{100.0 * payload.explained:.0f} % of what is missed there"
+    if not payload.mass.trusted:
+        return f"A payload that is not stated explains {share}: {interval_text(payload.weight, case.level)} of weight."
+    point = f"{interval_text(payload.mass, case.level)} at {interval_text(payload.distance, case.level)}"
+    return f"A payload that is not stated explains {share}: {point}."
+
+
+ADVICE_BY_PARAMETER = {
+    "inertia": "Record quick reversals too: steps, or a motion of several frequencies.",
+    "gravity": "Record over a wider range of angles.",
+    "gravity_cosine": "Record over a wider range of angles.",
+    "offset": "Record both directions over the same positions.",
+} | {term.name: term.advice for term in TERMS}
+"""Recordings to make so that a parameter is identified."""
+
+
+def advice(name: str) -> str:
+    """Return what to record so that a parameter shows; empty for one that has no advice."""
+    return ADVICE_BY_PARAMETER.get(name, "")

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...study.drawing.drawing import Drawing, draw
+from ...study.pages.forest import Row, Table
 from ...study.pages.page import Answer, Page, Section, Tile
 from ...study.pages.quantities import (
     EFFORT_NAMES,
@@ -27,18 +28,17 @@ from ...study.pages.quantities import (
     unit_text,
     value_and_half_interval,
 )
-from ...study.pages.tables import Row, Table
 from ...study.pages.values import Value
-from ...study.procedures.badge_bounds import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior
 from ...study.procedures.posterior_figures import posterior_figure
+from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from . import joint_figures as figures
+from .joint_figures import moving_joint
 from .joint_result import JointResult, Trace
-from .moving_joint_figures import moving_joint
 from .series import by_recording, pooled_error, whole_recordings
 
 ESTIMATOR_EXPLANATIONS = (

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.card import ModelCard
-from ...models.parameter import Parameter, Verdict
+from ...models.estimates import Parameter, Verdict
 from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
-from ...study.effort import drive_model
 from ...study.pages.quantities import METHODS
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_rows, posterior_table
 from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
 from ..fit.friction_family import FamilyFit

@@ -10,8 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...study.pages.quantities import Reading
-from ..fit.evaluation import Prediction
-from ..fit.replay import Simulation
+from ..fit.replay import Prediction, Simulation
 
 
 def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:

@@ -6,16 +6,15 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...files.fault import Fault
-from ...models.parameter import Verdict
-from ...study.effort import drive_model
+from ...models.estimates import Verdict
 from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import number, unit_text
-from ...study.procedures.badge_bounds import MAX_GOOD_ERROR
 from ...study.procedures.dead_effort import dead_effort_faults, require_live_effort
+from ...study.procedures.print_result import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, ParameterTable
 from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ...study.quality import inspect, require_sound
-from ...study.recorded_motions import motions_of
+from ...study.recorded_motions import drive_model, motions_of
 from ...study.results import ResultRow
 from ...study.study import Study
 from ...study.study_file import JointTable
@@ -136,7 +135,7 @@ def _rows(study: Study, fit: SpringFit, errors: tuple[tuple[str, str, float], ..
 def spring_page(study: Study, found: SpringResult) -> Page:
     """Return the report of a spring on the bench."""
     from ...study.drawing.drawing import draw
-    from .spring_figures import spring_loop
+    from .joint_figures import spring_loop
 
     rig, stiffness = study.rig, found.fit.parameters[0]
     assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone

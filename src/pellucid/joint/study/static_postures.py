@@ -8,14 +8,14 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...files.fault import Fault
-from ...models.parameter import Parameter, Verdict
+from ...models.estimates import Parameter, Verdict
 from ...numerics.gravity_holds import GravityFit, Hold, fit_gravity
-from ...study.effort import command_of, drive_model
 from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import number, unit_text
 from ...study.procedures.result import FigureTable, ParameterTable, Result
 from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ...study.quality import inspect, require_sound
+from ...study.recorded_motions import command_of, drive_model
 from ...study.results import ResultRow
 from ...study.study import Study
 
@@ -120,7 +120,7 @@ def _rows(
 def posture_page(study: Study, found: PostureResult) -> Page:
     """Return the report of a joint that was only held."""
     from ...study.drawing.drawing import draw
-    from .posture_figures import posture_figure
+    from .joint_figures import posture_figure
 
     weight = next(p for p in found.estimates.values() if p.name == "gravity")
     held = draw(posture_figure, found.fit, [hold for hold, _ in found.judged], weight.unit)

@@ -22,8 +22,6 @@ from ...controllers.supervisor_faults import NO_FAULT
 from ...people.study.assessment_table import AssessmentTable
 from ...study.study import STUDY_FILE, Study
 from ..setup import SESSION_TIMEOUT_S
-from .emg_levels import EmgLevels
-from .emg_source import EmgSource
 from .recorded_trial import (
     Judged,
     add_to_study,
@@ -34,10 +32,19 @@ from .recorded_trial import (
     trial_file,
 )
 from .running_indices import RunningIndices, RunningVerdict
-from .running_task import Ask, RunningHolding, RunningTask, Sensed, first_angle, running_task
+from .running_task import (
+    RATE_HZ,
+    Ask,
+    RunningHolding,
+    RunningTask,
+    Sensed,
+    TorqueEstimate,
+    TorqueEstimator,
+    first_angle,
+    running_task,
+)
 from .session_engine import EngineSamples, SessionEngine
-from .torque_estimate import RATE_HZ, TorqueEstimate, TorqueEstimator
-from .trial_plan import PlannedTrial
+from .trial_plan import EmgLevels, EmgSource, PlannedTrial
 
 
 class Phase(StrEnum):

@@ -10,13 +10,15 @@ often.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..._errors import StudyError
-from ...study.session_table import AnyTask, HoldingTask, PointingTask, SessionTable
+from ...emg.signals.emg_chain import EmgStream, emg_chain
+from ...study.instruments_table import AnyTask, HoldingTask, PointingTask, SessionTable
 
 
 @dataclass(frozen=True)
@@ -132,3 +134,77 @@ def _use(task: AnyTask, repetition: int) -> str:
     if task.use != "last":
         return task.use
     return "validate" if repetition == task.trials and task.trials > 1 else "fit"
+
+
+ENVELOPE_CHAIN = "knee"
+"""Name of the chain of filters that makes an envelope for a screen."""
+
+SETTLING_S = 1.0
+"""Time after the start in which a filter's output counts for nothing [s]."""
+
+
+class EmgLevels:
+    """The level of each muscle now, and the largest one so far."""
+
+    def __init__(self, fs: float):
+        self.fs = fs
+        self.envelopes: dict[str, float] = {}  # [V]
+        self.largest: dict[str, float] = {}  # [V]
+        self.seen = 0  # samples
+        self._streams: dict[str, EmgStream] = {}
+
+    def take(self, channels: Mapping[str, np.ndarray], *, keep_largest: bool = True) -> dict[str, np.ndarray]:
+        """Take the samples that came, (n,) [V] by muscle; return their envelopes, (n,) [V]."""
+        made = {}
+        for muscle, samples in channels.items():
+            if not len(samples):
+                continue
+            if muscle not in self._streams:
+                self._streams[muscle] = emg_chain(ENVELOPE_CHAIN).stream(self.fs)
+            made[muscle] = self._streams[muscle].filter(np.nan_to_num(samples))
+            self.envelopes[muscle] = float(made[muscle][-1])
+        self.seen += max((len(samples) for samples in channels.values()), default=0)
+        if keep_largest and self.seen > SETTLING_S * self.fs:
+            for muscle, envelope in made.items():
+                self.largest[muscle] = max(self.largest.get(muscle, 0.0), float(np.max(envelope)))
+        return made
+
+    @property
+    def levels(self) -> dict[str, float]:
+        """Envelope of each muscle as a share of its largest one; nothing until there is one."""
+        return {m: self.envelopes[m] / top for m, top in self.largest.items() if top > 0.0 and m in self.envelopes}
+
+
+LOOK_INTERVAL_S = 0.5
+"""Time between two looks for a stream that is not there yet [s]."""
+
+
+class EmgSource:
+    """Reads the engine's EMG by muscle, from several cursors."""
+
+    def __init__(self, engine: Any, clock: Callable[[], float]):
+        self._engine, self._clock = engine, clock
+        self._ring: Any = None
+        self._looked_at = -np.inf
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]; 0 while there is no stream."""
+        ring = self._find()
+        return 0.0 if ring is None else float(ring.nominal_rate)
+
+    def read_since(self, cursor: int) -> tuple[int, np.ndarray, dict[str, np.ndarray]]:
+        """Return the next cursor, times, shape (n,) [s], and samples by muscle, shape (n,) each [V]."""
+        ring = self._find()
+        if ring is None:
+            return cursor, np.empty(0), {}
+        found = ring.read_since(cursor)
+        names = [label.removeprefix("emg.") for label in ring.labels]
+        return found.cursor, found.time, {name: found.values[:, i] for i, name in enumerate(names)}
+
+    def _find(self) -> Any:
+        # A look opens files, so that it is not taken in every step.
+        now = self._clock()
+        if self._ring is None and now - self._looked_at >= LOOK_INTERVAL_S:
+            self._looked_at, self._ring = now, self._engine.emg
+        return self._ring

@@ -2,15 +2,165 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
-from ...models.estimates import Estimates
-from ...models.parameter import Parameter
-from .ensemble import Draws, drawn
-from .marginal_likelihood import MarginalLikelihood, Prior
+from ...models.estimates import Estimates, Parameter
+from ..uncertainty import (
+    block_length,
+    correlation_time,
+    degrees_of_freedom,
+    sandwich_covariance,
+    student_to_normal_ratio,
+)
+from .ensemble import SEED, Draws, drawn
+
+DISCREPANCY_SCALE_BOUNDS = (0.01, 1.0)
+"""Range of s, the size of the neglected effects divided by the least-squares residual. The prior is uniform in log
+s."""
+
+PRIOR_LOG_VARIANCE_SPREAD = 3.0
+"""Prior standard deviation of log v around the estimate from the blocks."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of p parameters: normal around `centre` with standard deviation `spread`, cut at bounds; each (p,), SI."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    centre: np.ndarray
+    spread: np.ndarray
+
+    def inside(self, values: np.ndarray) -> np.ndarray:
+        """Return which places, shape (w, p), lie within the bounds, shape (w,)."""
+        return np.all((values >= self.lower) & (values <= self.upper), axis=1)
+
+    def log_density(self, values: np.ndarray) -> np.ndarray:
+        """Return the log density at places within the bounds, shape (w,), up to a constant."""
+        return -0.5 * np.sum(((values - self.centre) / self.spread) ** 2, axis=1)
+
+    def interval(self, level: float) -> np.ndarray:
+        """Return the prior's own interval at `level` with equal tails, shape (p, 2)."""
+        from scipy.special import ndtr, ndtri
+
+        low, high = (ndtr((end - self.centre) / self.spread) for end in (self.lower, self.upper))
+        tails = [0.5 * (1.0 - level), 0.5 * (1.0 + level)]
+        return np.column_stack([self.centre + self.spread * ndtri(low + t * (high - low)) for t in tails])
+
+
+class Misfit(Protocol):
+    """A function from parameters, shape (w, p), to r^T r (w,), Phi^T r (w, c) and Phi^T Phi, (c, c) or (w, c, c)."""
+
+    def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Variance of a row, enlarged for autocorrelation, and the degrees of freedom of its estimate."""
+
+    variance: float
+    freedom: float
+
+    @classmethod
+    def of(cls, jacobian: np.ndarray, residual: np.ndarray, lengths: list[int]) -> Noise:
+        """Estimate the noise at a least-squares solution.
+
+        The variance is chosen so that ordinary standard errors equal those from blocks of scores, by the median over
+        the parameters. `jacobian`, shape (m, p), and `residual`, (m,), are made of stretches of `lengths` rows.
+        """
+        memory = correlation_time(residual, lengths)
+        freedom = degrees_of_freedom(block_length(memory, len(residual)), len(residual))
+        error = np.diag(sandwich_covariance(jacobian, residual, lengths, memory=memory))
+        scale = np.linalg.norm(jacobian, axis=0)
+        textbook = np.diag(np.linalg.inv((jacobian / scale).T @ (jacobian / scale))) / scale**2
+        # The degrees of freedom already widen the tails here, so the factor in the variance is taken out.
+        return cls(float(np.median(error / textbook)) / student_to_normal_ratio(freedom) ** 2, freedom)
+
+
+@dataclass(frozen=True)
+class MarginalLikelihood:
+    """Log density of the posterior, for all walkers at once.
+
+    A place is (p parameters, log v, log s). It has no log s where no neglected effect is scaled by s.
+    """
+
+    misfit: Misfit
+    prior: Prior
+    noise: Noise
+    least: float  # R
+    columns: float  # q, or an effective number of columns
+    shares: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) a_k, 0 or more
+    known: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) t_k
+    scale_prior: tuple[float, float] | None = None  # prior mean and standard deviation of log v; None: a weak prior
+
+    @property
+    def scaled(self) -> bool:
+        """Whether s is among the sampled parameters."""
+        return bool(np.any(self.shares > 0.0))
+
+    def __call__(self, places: np.ndarray) -> np.ndarray:
+        """Return the log density, shape (w,), at places of shape (w, d)."""
+        p = len(self.prior.lower)
+        log_v = places[:, p]
+        good = self.prior.inside(places[:, :p]) & (
+            np.abs(log_v - np.log(self.noise.variance)) < 10.0 * PRIOR_LOG_VARIANCE_SPREAD
+        )
+        if self.scaled:
+            ends = np.log(DISCREPANCY_SCALE_BOUNDS)
+            good &= (places[:, p + 1] >= ends[0]) & (places[:, p + 1] <= ends[1])
+        found = np.full(len(places), -np.inf)
+        if good.any():
+            found[good] = self._inside(places[good])
+        return found
+
+    def _inside(self, places: np.ndarray) -> np.ndarray:
+        p = len(self.prior.lower)
+        values, log_v = places[:, :p], places[:, p]
+        v = np.exp(log_v)
+        square, moment, gram = self.misfit(values)
+        mean, spread = (
+            (np.log(self.noise.variance), PRIOR_LOG_VARIANCE_SPREAD) if self.scale_prior is None else self.scale_prior
+        )
+        found = self.prior.log_density(values) - 0.5 * ((log_v - mean) / spread) ** 2
+        found -= 0.5 * (self.noise.freedom + self.columns) * log_v
+        found -= 0.5 * (self.noise.freedom * self.noise.variance + square - self.least) / v
+        if len(self.shares):
+            s2 = np.exp(2.0 * places[:, p + 1]) if self.scaled else np.zeros(len(places))
+            root = np.sqrt(s2[:, None] * self.shares + self.known)
+            u = root * moment / v[:, None]
+            a = root[:, :, None] * gram * root[:, None, :] / v[:, None, None] + np.eye(len(self.shares))
+            lower = np.linalg.cholesky(a)
+            half = np.linalg.solve(lower, u[:, :, None])[:, :, 0]
+            found += 0.5 * np.sum(half**2, axis=1) - np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+        return found
+
+    def start(self, values: np.ndarray, covariance: np.ndarray):
+        """Return a function that draws starting points around `values`, (p,), with `covariance`, (p, p), in bounds."""
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        error = np.where(error > 0.0, error, self.prior.spread)
+        correlation = covariance / np.outer(error, error)
+        turned = np.linalg.eigh(0.5 * (correlation + correlation.T))
+        root = turned[1] * np.sqrt(np.maximum(turned[0], 1e-6))
+
+        def begin(rng: np.random.Generator, walkers: int) -> np.ndarray:
+            at = values + error * (rng.standard_normal((walkers, len(values))) @ root.T)
+            # Starting points beyond a bound are redrawn uniformly within it. Clipped to the bound they would all be
+            # equal, and the ensemble moves along differences.
+            low = np.maximum(self.prior.lower, values - 2.0 * error)
+            high = np.minimum(self.prior.upper, values + 2.0 * error)
+            evenly = low + (high - low) * rng.random(at.shape)
+            at = np.where((at > self.prior.lower) & (at < self.prior.upper), at, evenly)
+            log_v = np.log(self.noise.variance) + 0.3 * rng.standard_normal((walkers, 1))
+            least, largest = np.log(DISCREPANCY_SCALE_BOUNDS)
+            log_s = rng.uniform(least, largest, (walkers, 1))[:, : int(self.scaled)]
+            return np.hstack([at, log_v, log_s])
+
+        return begin
+
 
 MAX_KEPT_DRAWS = 2000
 """A posterior keeps at most this many draws, evenly thinned."""
@@ -159,3 +309,63 @@ def _told_from_zero(draws: np.ndarray) -> bool:
     """Return whether draws, shape (n,), exclude zero, or keep clear of it where a bound lies at zero."""
     low, middle, high = np.quantile(np.sign(np.median(draws)) * draws, [0.025, 0.5, 0.975])
     return bool(low > MIN_DISTANCE_FROM_ZERO * middle and high > 0.0)
+
+
+CHECKED_DRAW_COUNT = 1000
+"""Number of draws of a nonlinear model whose exact residual is computed to reweight them by importance sampling."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedModel:
+    """A model linearised at its least-squares solution.
+
+    It holds the parameters, shape (p,), their Jacobian (m, p) and the residual (m,). `columns`, (m, c), are the effects
+    that the model neglects. Their coefficients have the variances a_k s^2 + t_k, where `shares` is a_k and `known` is
+    t_k.
+    """
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    residual: np.ndarray
+    columns: np.ndarray
+    shares: np.ndarray
+    known: np.ndarray
+
+    def likelihood(self, prior: Prior, noise: Noise) -> MarginalLikelihood:
+        """Return the posterior density for a `prior` on the parameters and a level of `noise`."""
+        x, y, p = np.hstack([self.jacobian, self.columns]), self.residual, len(self.values)
+        gram, along, square = x.T @ x, x.T @ y, float(y @ y)
+        left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+
+        def misfit(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            step = values - self.values
+            over = square - 2.0 * step @ along[:p] + np.einsum("wi,ij,wj->w", step, gram[:p, :p], step)
+            return over, along[p:] - step @ gram[:p, p:], gram[p:, p:]
+
+        return MarginalLikelihood(misfit, prior, noise, float(left @ left), x.shape[1], self.shares, self.known)
+
+    def draws(
+        self,
+        likelihood: MarginalLikelihood,
+        covariance: np.ndarray,
+        bent: Callable[[np.ndarray], np.ndarray] | None = None,
+        **sampling,
+    ) -> Draws:
+        """Sample a `likelihood`, starting from the solution with its `covariance`, shape (p, p).
+
+        `bent` is the exact residual of a nonlinear model, a function from (p,) to (m,). Where it is given, the draws
+        are reweighted by it. `sampling` is passed on to `drawn`.
+        """
+        found = drawn(likelihood, likelihood.start(self.values, covariance), **sampling)
+        if bent is None or found.unsettled:
+            return found
+        rng = np.random.default_rng(SEED)
+        some = found.values[rng.choice(len(found.values), CHECKED_DRAW_COUNT, replace=False)]
+        left = np.array([bent(place[: len(self.values)]) for place in some])
+        gram = self.columns.T @ self.columns
+        exact = replace(likelihood, misfit=lambda _: (np.sum(left**2, axis=1), left @ self.columns, gram))
+        logs = exact(some) - likelihood(some)
+        weights = np.exp(logs - logs.max())
+        share = float(weights.sum() ** 2 / np.sum(weights**2) / CHECKED_DRAW_COUNT)
+        chosen = some[rng.choice(CHECKED_DRAW_COUNT, CHECKED_DRAW_COUNT, p=weights / weights.sum())]
+        return replace(found, values=chosen, weighed=share)

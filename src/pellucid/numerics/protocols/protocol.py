@@ -10,8 +10,7 @@ import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
-from .random_phase_multisine import MULTISINE_NAME, RandomPhaseMultisine, random_phase_multisine
-from .reversals import REVERSALS_NAME, reversals
+from .excitation import MULTISINE_NAME, REVERSALS_NAME, RandomPhaseMultisine, random_phase_multisine, reversals
 
 REQUIRED_OPTIONS: Mapping[str, tuple[str, ...]] = {
     MULTISINE_NAME: ("low", "high", "resolution", "rms"),

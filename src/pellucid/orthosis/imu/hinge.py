@@ -11,15 +11,17 @@ everything, in which the angle is the integral of the measured rates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from ..._errors import RecordingError
-from ...numerics.correlation_length import correlation_length
+from ..._tabular import data_frame
 from ...numerics.filters import runs
+from ...numerics.uncertainty import correlation_length
 from .inertial import Inertial
 
 MIN_HINGE_RATE = 0.2
@@ -262,3 +264,199 @@ def _unit(angles: np.ndarray) -> np.ndarray:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+GYROSCOPE_GAIN = 0.005  # share of a turn that a MEMS gyroscope's gain may miss
+DRIFT_WALK = 1e-4  # what its offset wanders in a second [rad/s/sqrt(s)]
+START_DRIFT = 0.003  # spread of the drift at first [rad/s]
+LEAST_KNOWN = 1.0  # a direction that tells the angle no better than this is not used [rad^2]
+
+
+@dataclass(frozen=True, eq=False)
+class HingeAngle:
+    """A hinge's angle at every sample."""
+
+    time: np.ndarray  # (n,) [s]
+    angle: np.ndarray  # (n,) Unwrapped [rad]; its zero is that of the two frames of `Hinge.axes`, an arbitrary one
+    standard_error: np.ndarray  # (n,) [rad], by the filter's own account
+    drift: np.ndarray  # (n,) Gyroscope offset about the hinge, less those already taken off [rad/s]
+    offline: bool  # Whether later samples were used
+
+
+def hinge_angle(
+    proximal: Inertial, distal: Inertial, hinge: Hinge, *, offline: bool = True, directions: bool = True
+) -> HingeAngle:
+    """Follow a hinge's angle."""
+    if len(proximal) != len(distal):
+        raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
+    time, period = proximal.time, proximal.period
+    frames = [across(axis) for axis in hinge.axes]
+    rates = [imu.angular_velocity - o for imu, o in zip((proximal, distal), hinge.offsets, strict=True)]
+    steps = np.diff(_turned(time, rates[1] @ hinge.axes[1] - rates[0] @ hinge.axes[0], offline), prepend=0.0)
+    forces = [
+        (imu.acceleration - lever(rate, _change(time, rate, offline), arm)) @ frame.T
+        for imu, rate, arm, frame in zip((proximal, distal), rates, hinge.arms, frames, strict=True)
+    ]
+    turning = [rate @ frame.T for rate, frame in zip(rates, frames, strict=True)]
+    seen = [
+        _direction(first, second, noise**2 * memory)
+        for (first, second), noise, memory in zip((forces, turning), hinge.noise, hinge.memory, strict=True)
+    ]
+    start = next((i for i in range(len(time)) if seen[0][1][i] < LEAST_KNOWN), None)
+    if start is None:
+        raise RecordingError("hinge: the acceleration of the joint is along its axis throughout: no angle can be found")
+    first = (seen[0][0][start] - steps[1 : start + 1].sum(), seen[0][1][start])
+    filtered = _Filter(period, steps, seen if directions else [], first, hinge)
+    return filtered.smoothed(time) if offline else filtered.causal(time)
+
+
+def _turned(time: np.ndarray, rate: np.ndarray, offline: bool) -> np.ndarray:
+    if offline:
+        return CubicSpline(time, rate).antiderivative()(time)
+    return np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))))
+
+
+def _change(time: np.ndarray, rate: np.ndarray, offline: bool) -> np.ndarray:
+    if offline:
+        return CubicSpline(time, rate)(time, 1)
+    # Backwards, exact for parabolas: no later sample, and no delay of half a period either.
+    change = np.zeros_like(rate)
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    change[2:] = (3.0 * rate[2:] - 4.0 * rate[1:-1] + rate[:-2]) / (2.0 * step)
+    return change
+
+
+def _direction(first: np.ndarray, second: np.ndarray, variance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angle from the second plane vector to the first, and its variance: small for long vectors."""
+    angle = np.arctan2(
+        second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0],
+        np.sum(first * second, axis=1),
+    )
+    squares = [np.maximum(np.sum(v**2, axis=1), 1e-12) for v in (first, second)]
+    return angle, variance * (1.0 / squares[0] + 1.0 / squares[1])
+
+
+class _Filter:
+    """The Kalman filter's run over a recording: predicted and corrected states and covariances."""
+
+    def __init__(self, period, steps, seen, first, hinge):
+        n = len(steps)
+        self.transition = np.array([[1.0, -period], [0.0, 1.0]])
+        self.predicted, self.spread_predicted = np.empty((n, 2)), np.empty((n, 2, 2))
+        self.state, self.spread = np.empty((n, 2)), np.empty((n, 2, 2))
+        white = (hinge.noise[1] * period) ** 2
+        x, p = np.array([first[0], hinge.drift]), np.diag([first[1], START_DRIFT**2])
+        for i in range(n):
+            if i:
+                x = self.transition @ x
+                x[0] += steps[i]
+                p = self.transition @ p @ self.transition.T
+                p[0, 0] += white + (GYROSCOPE_GAIN * steps[i]) ** 2
+                p[1, 1] += DRIFT_WALK**2 * period
+            self.predicted[i], self.spread_predicted[i] = x, p
+            for angle, variance in seen:
+                if variance[i] < LEAST_KNOWN:
+                    miss = (angle[i] - x[0] + np.pi) % (2.0 * np.pi) - np.pi
+                    gain = p[:, 0] / (p[0, 0] + variance[i])
+                    x, p = x + gain * miss, p - np.outer(gain, p[0])
+            self.state[i], self.spread[i] = x, p
+
+    def causal(self, time: np.ndarray) -> HingeAngle:
+        return HingeAngle(time, self.state[:, 0], np.sqrt(self.spread[:, 0, 0]), self.state[:, 1], False)
+
+    def smoothed(self, time: np.ndarray) -> HingeAngle:
+        state, spread = self.state.copy(), self.spread.copy()
+        for i in range(len(state) - 2, -1, -1):
+            gain = self.spread[i] @ self.transition.T @ np.linalg.inv(self.spread_predicted[i + 1])
+            state[i] += gain @ (state[i + 1] - self.predicted[i + 1])
+            spread[i] += gain @ (spread[i + 1] - self.spread_predicted[i + 1]) @ gain.T
+        return HingeAngle(time, state[:, 0], np.sqrt(spread[:, 0, 0]), state[:, 1], True)
+
+
+DEFAULT_CALIBRATION_S = 20.0
+"""Axis and centre are found in this first part of the recording by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class HingeFit:
+    """A hinge between two IMUs and its angle.
+
+    Attributes
+    ----------
+    hinge : Hinge
+        Axes, centre and gyroscope offsets, in each sensor's frame.
+    angle : HingeAngle
+        ``time`` [s], ``angle`` [rad] and ``standard_error`` [rad], each of shape (n,).
+    """
+
+    hinge: Hinge = field(repr=False)
+    angle: HingeAngle = field(repr=False)
+
+    def to_frame(self):
+        """Return time, angle and its standard error as a data frame; needs pandas."""
+        found = self.angle
+        return data_frame({"time": found.time, "angle": found.angle, "standard_error": found.standard_error})
+
+
+def fit_hinge(
+    time: ArrayLike,
+    proximal: tuple[ArrayLike, ArrayLike],
+    distal: tuple[ArrayLike, ArrayLike],
+    *,
+    calibration: float = DEFAULT_CALIBRATION_S,
+    causal: bool = False,
+) -> HingeFit:
+    """Find the axis of a hinge joint from two IMUs, and follow its angle without drift.
+
+    Neither magnetometers nor a known mounting are needed. The joint has to move in the calibration.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Evenly sampled, common to both IMUs [s].
+    proximal, distal : tuple of array_like, each of shape (n, 3)
+        Angular velocity [rad/s] and specific force [m/s^2] of the IMU on either segment, each in its own frame.
+    calibration : float
+        Length of the first part of the recording in which axis and centre are found [s].
+    causal : bool
+        Whether the angle uses past samples only, as in real time.
+
+    Returns
+    -------
+    HingeFit
+        ``.angle.angle``, shape (n,) [rad], its ``standard_error``, and ``.hinge`` with the axes.
+
+    Raises
+    ------
+    RecordingError
+        If arrays do not fit together, time is uneven, or the joint hardly moves in the calibration.
+
+    Examples
+    --------
+    With recordings of two IMUs on thigh and shank:
+
+    >>> fit = pl.fit_hinge(t, (thigh_rate, thigh_force), (shank_rate, shank_force))    # doctest: +SKIP
+    >>> fit.angle.angle                                                            # doctest: +SKIP
+    """
+    t = np.asarray(time, float)
+    if t.ndim != 1 or len(t) < 3 or not np.isfinite(t).all():
+        raise RecordingError(f"fit_hinge: found time of shape {t.shape}, expected (n,) without missing samples")
+    steps = np.diff(t)
+    if np.min(steps) <= 0.0 or np.ptp(steps) > 0.01 * float(np.median(steps)):
+        raise RecordingError("fit_hinge: found uneven time, expected evenly increasing samples; resample first")
+    if not calibration > 0.0:
+        raise RecordingError(f"fit_hinge: calibration: found {calibration:g} s, expected a time above 0")
+    first, second = _inertial(t, *proximal, "proximal"), _inertial(t, *distal, "distal")
+    end = t[0] + calibration
+    hinge = find_hinge(first.between(t[0], end), second.between(t[0], end))
+    return HingeFit(hinge, hinge_angle(first, second, hinge, offline=not causal))
+
+
+def _inertial(time: np.ndarray, rate: ArrayLike, force: ArrayLike, where: str) -> Inertial:
+    found = {"angular velocity": np.asarray(rate, float), "specific force": np.asarray(force, float)}
+    for name, values in found.items():
+        if values.shape != (len(time), 3):
+            raise RecordingError(f"fit_hinge, {where} {name}: found shape {values.shape}, expected ({len(time)}, 3)")
+        if not np.isfinite(values).all():
+            raise RecordingError(f"fit_hinge, {where} {name}: found missing samples (NaN), expected none")
+    return Inertial(time, found["angular velocity"], found["specific force"])

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...numerics.clocks import Alignment, align
-from ...numerics.correlation_length import correlation_length
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.resampling import resample
+from ...numerics.uncertainty import correlation_length
 from .inertial import Inertial
 from .orientation import ORIENTATION_FILTERS, orientation
 from .quaternion import conjugate, multiply, twist

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from .coupled_impedance import CouplingFit
 from .identified_strap import IdentifiedStrap
 

@@ -20,11 +20,10 @@ from scipy.interpolate import CubicSpline
 
 from ... import _core
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...numerics.uncertainty import correlation_time, long_run_covariance
-from .strap_model import CONTACT_NAMES, CORE_NAMES, StrapModel
+from .strap_model import CONTACT_NAMES, CORE_NAMES, StrapModel, StrappedSwing, StrapTorque
 from .strap_search import MIN_IMU_SAMPLES, TRIAL_EDGE_S
-from .strap_torque import StrappedSwing, StrapTorque
 
 EVALUATION_RATE_HZ = 125.0
 """Torque and angle, low-passed at 15 Hz, are resampled to this rate."""

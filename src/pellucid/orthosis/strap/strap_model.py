@@ -11,12 +11,13 @@ of the strap, but the other parameters are biased without it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from ... import _core
+from ...numerics.filters import central_difference, runs, zero_phase_lowpass
 
 CORE_NAMES: tuple[str, ...] = tuple(_core.STRAP_PARAMETER_NAMES)
 """Names of the core's strap parameters, in its order."""
@@ -158,3 +159,202 @@ FULL_MODEL = StrapModel(tuple(STRAP_FEATURES))
 
 KELVIN_VOIGT = StrapModel()
 """The model without any feature: a spring and a damper in parallel."""
+
+
+DERIVATIVE_LOWPASS_HZ = 15.0
+"""Cut-off of the zero-phase low-pass before differentiation, on every term [Hz]. A swing has almost no power above 6
+Hz."""
+
+DERIVATIVE_LOWPASS_ORDER = 2
+"""Order of one pass of that filter."""
+
+MIN_FRICTION_SPEED = 0.05
+"""Below this speed the joint may stick, so the sign of dry friction is unknown [rad/s]."""
+
+MIN_FRICTION_SHARE = 0.02
+"""Slow samples are excluded only if dry friction exceeds this share of the strap's torque (RMS)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrappedSwing:
+    """One trial in which a wearer swings the lower leg, recorded or simulated."""
+
+    name: str
+    split: str  # ``"fitted"`` or ``"heldout"``
+    # (n,) the actuator's evenly sampled times [s], the orthosis's angle [rad], and the spring's torque on it [N m]
+    time: np.ndarray
+    position: np.ndarray
+    torque: np.ndarray
+    imu_time: np.ndarray  # (m,) times of the IMU, on its own clock [s]
+    imu_angle: np.ndarray  # (m,) limb angle by the IMU [rad]
+    knee_torque: np.ndarray | None = (
+        None  # (n,) torque of the muscles estimated from EMG, at the actuator's times [N m]
+    )
+
+    @property
+    def fs(self) -> float:
+        """Sampling rate of the actuator [Hz]."""
+        return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Orthosis:
+    """Parameters of the orthosis without a wearer."""
+
+    inertia: float  # [kg m^2]
+    viscous: float  # viscous friction [N m s/rad]
+    gravity: float  # gravity torque at 90 degrees [N m]
+    coulomb: float = 0.0  # Coulomb friction [N m]
+    # (4, 4) covariance of the four parameters in this order, SI; zeros where it is unknown
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((4, 4)), repr=False)
+    zero: float = 0.0  # angle at which the orthosis hangs [rad]
+    offset: float = 0.0  # reading of the spring without load [N m]
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """Parameters of shank and foot."""
+
+    inertia: float  # inertia about the knee [kg m^2]
+    gravity: float  # gravity torque at 90 degrees [N m]
+    viscous: float = 0.0  # viscous damping of the knee [N m s/rad]
+    # (3, 3) covariance of the three parameters in this order, SI
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
+    zero: float = 0.0  # angle at which the limb hangs [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class StrapTorque:
+    """The strap's torque in one trial, with its uncertainty."""
+
+    torque: np.ndarray  # (n,) torque on the orthosis, at the actuator's times [N m]
+    sensitivity: np.ndarray  # (n, p) derivatives of the torque with respect to the body's parameters
+    covariance: np.ndarray  # (p, p) covariance of the body's parameters
+    known: np.ndarray  # (n,) False where the joint may stick, so that dry friction is unknown up to its level
+
+
+def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
+    """Return the strap's torque from the balance of the orthosis."""
+    fs = swing.fs
+    raw_velocity = central_difference(
+        zero_phase_lowpass(swing.position, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs), fs
+    )
+    moving = np.abs(raw_velocity) > MIN_FRICTION_SPEED
+    dry = _direction(raw_velocity, moving)
+    angle, torque, dry = zero_phase_lowpass(
+        np.column_stack([swing.position, swing.torque, dry]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
+    ).T
+    velocity = central_difference(angle, fs)
+    columns = np.column_stack(
+        [central_difference(velocity, fs), velocity, np.sin(angle - orthosis.zero), dry],
+    )
+    values = np.array([orthosis.inertia, orthosis.viscous, orthosis.gravity, orthosis.coulomb])
+    strap = columns @ values - (torque - orthosis.offset)
+    matters = orthosis.coulomb > MIN_FRICTION_SHARE * float(np.std(strap))
+    return StrapTorque(strap, columns, orthosis.covariance, moving if matters else np.ones(len(angle), bool))
+
+
+def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
+    """Return the strap's torque from the balance of the limb; `limb_angle`, shape (n,) [rad]."""
+    if swing.knee_torque is None:
+        raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for the limb's balance")
+    fs = swing.fs
+    angle, torque = zero_phase_lowpass(
+        np.column_stack([limb_angle, swing.knee_torque]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
+    ).T
+    velocity = central_difference(angle, fs)
+    columns = -np.column_stack([central_difference(velocity, fs), np.sin(angle - limb.zero), velocity])
+    values = np.array([limb.inertia, limb.gravity, limb.viscous])
+    return StrapTorque(torque + columns @ values, columns, limb.covariance, np.ones(len(angle), bool))
+
+
+def _direction(velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Return the sign of the motion, interpolated linearly through reversals, where friction changes its side."""
+    sign = np.sign(velocity)
+    if not moving.any():
+        return np.zeros_like(sign)
+    at = np.arange(len(sign), dtype=float)
+    filled = sign.copy()
+    for run in runs(~moving):
+        filled[run] = np.interp(at[run], at[moving], sign[moving])
+    return filled
+
+
+MIN_SLIP_RAD = np.radians(1.5)
+"""Steps smaller than this are ignored [rad]."""
+
+MIN_SLIP_STANDARD_ERRORS = 6.0
+"""A step must exceed this many standard errors. By chance the largest of hundreds of candidates reaches about 3.5."""
+
+BLOCK_LENGTH_S = 2.5
+"""The noise of the residual is estimated from the means of blocks of this length, longer than one swing [s]."""
+
+CLOCK_CORRECTIONS_S = np.arange(-0.15, 0.16, 0.025)
+"""Corrections of the IMU's clock that are tried, because the clock was found from two different angles [s]."""
+
+EXCLUDED_END_BLOCKS = 2
+"""A step is not searched for in this many blocks at either end of a trial, where it cannot be told from noise."""
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A step in the mismatch between limb and orthosis."""
+
+    recording: str  # name of the trial
+    time: float  # time of the slip [s]
+    step: float  # angle by which the limb turned in the orthosis [rad]
+
+
+def regression_residual(swing: StrappedSwing, torque: StrapTorque, shift: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residual of a linear regression of the IMU's angle on motion and strap torque.
+
+    The regression has no memory, so it cannot follow a step, as a strap with much damping and little stiffness could.
+    `shift` is the clocks' difference [s]. Returns times and residuals, each of shape (m,) [s], [rad].
+    """
+    rate = central_difference(torque.torque, swing.fs)
+    speed, jerk = central_difference(swing.position, swing.fs), central_difference(rate, swing.fs)
+    series = np.column_stack([swing.position, speed, torque.torque, rate, jerk])
+    # The clock was found from two angles that differ, so corrections are tried and the best one is used.
+    tried = [_residual_at_shift(swing, series, shift + late) for late in CLOCK_CORRECTIONS_S]
+    return min(tried, key=lambda pair: float(np.mean(pair[1] ** 2)))
+
+
+def _residual_at_shift(swing: StrappedSwing, series: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray]:
+    time = swing.imu_time + shift
+    known = np.isfinite(swing.imu_angle) & (time >= swing.time[0]) & (time <= swing.time[-1])
+    columns = np.column_stack([np.interp(time[known], swing.time, s) for s in series.T])
+    columns = np.column_stack([np.ones(len(columns)), columns / np.maximum(columns.std(axis=0), 1e-12)])
+    angle = swing.imu_angle[known]
+    return time[known], angle - columns @ np.linalg.lstsq(columns, angle, rcond=None)[0]
+
+
+def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | None:
+    """Return the largest step of a residual, or None if it is not significant. Shapes (m,) [s], [rad]."""
+    known = np.isfinite(residual) & np.isfinite(time)
+    t, r = time[known], residual[known]
+    n = len(r)
+    each = _samples_per_block(t)
+    first, last = EXCLUDED_END_BLOCKS * each, n - EXCLUDED_END_BLOCKS * each
+    if last - first < each:
+        return None
+    before = np.cumsum(r)[first:last]
+    count = np.arange(first + 1, last + 1)
+    step = (r.sum() - before) / (n - count) - before / count
+    # All candidates have the same noise, so the best one explains the largest sum of squares.
+    at = int(np.argmax(step**2 * count * (n - count) / n))
+    after = np.arange(n) >= count[at]
+    rest = r - np.where(after, r[after].mean(), r[~after].mean())
+    # The blocks are longer than a swing and than the sway of a thigh, so their means are nearly independent.
+    sides = (rest[~after], rest[after])
+    blocks = np.array([b.mean() for side in sides for b in np.array_split(side, len(side) // each)])
+    spread = np.sqrt(np.sum(blocks**2) / (len(blocks) - 2))
+    share = len(blocks) / n
+    error = spread * np.sqrt(1.0 / (share * count[at]) + 1.0 / (share * (n - count[at])))
+    if abs(step[at]) < max(MIN_SLIP_RAD, MIN_SLIP_STANDARD_ERRORS * error):
+        return None
+    return Slip(recording, float(t[count[at]]), float(step[at]))
+
+
+def _samples_per_block(time: np.ndarray) -> int:
+    """Return the number of samples in a block."""
+    return max(1, round(BLOCK_LENGTH_S * (len(time) - 1) / max(float(time[-1] - time[0]), 1e-9)))

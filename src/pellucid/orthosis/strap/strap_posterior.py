@@ -22,14 +22,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...numerics.posterior.ensemble import MIN_WEIGHTED_SHARE
-from ...numerics.posterior.marginal_likelihood import Noise, Prior
-from ...numerics.posterior.posterior import Posterior, summary
-from ...numerics.posterior.straight import LinearisedModel
+from ...numerics.posterior.posterior import LinearisedModel, Noise, Posterior, Prior, summary
 from .coupled_impedance import CouplingFit, decay_time
+from .strap_model import StrappedSwing, StrapTorque
 from .strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
-from .strap_torque import StrappedSwing, StrapTorque
 
 NAMES = ("stiffness", "damping", "gain")
 UNITS = ("N*m/rad", "N*m*s/rad", "1")

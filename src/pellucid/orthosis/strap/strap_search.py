@@ -13,10 +13,10 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 from ...numerics.clocks import best_delay
 from ...numerics.uncertainty import sandwich_covariance
-from .strap_torque import StrappedSwing, StrapTorque
+from .strap_model import StrappedSwing, StrapTorque
 
 TRIAL_EDGE_S = 1.0
 """Samples are excluded for this time at either end of a trial, where the unknown initial state still acts [s]."""

@@ -12,32 +12,38 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.parameter import Parameter, Verdict
+from ...models.estimates import Parameter, Verdict
 from ...numerics.posterior.posterior import Posterior
-from ..transfer.transfer_function_fit import fit_percent
+from ..transfer.fit_transfer_function import fit_percent
 from .coupled_impedance import (
     CouplingFit,
     Instrument,
+    PublishedCoupling,
     align,
     fit_coupling,
+    fit_two_poles,
     limb_angle,
     mismatch,
-    seen_mismatch,
-)
-from .identified_strap import IdentifiedStrap, identify_strap
-from .published_coupling import (
-    PublishedCoupling,
-    fit_two_poles,
     published_mismatch,
+    seen_mismatch,
     solve_balance,
     torque_mismatch,
 )
+from .identified_strap import IdentifiedStrap, identify_strap
 from .strap_decision import StrapDecision, decide_strap
-from .strap_model import KELVIN_VOIGT
+from .strap_model import (
+    KELVIN_VOIGT,
+    Limb,
+    Orthosis,
+    Slip,
+    StrappedSwing,
+    find_slip,
+    from_limb,
+    from_orthosis,
+    regression_residual,
+)
 from .strap_posterior import strap_posterior
 from .strap_search import clock_shift
-from .strap_slip import Slip, find_slip, regression_residual
-from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
 
 SWING_EDGE_S = 1.0
 """Models are not evaluated for this time at either end of a swing, where the unknown initial state acts [s]."""

@@ -7,24 +7,17 @@ from hashlib import sha256
 from typing import ClassVar
 
 from ..._errors import PellucidError
+from ...controllers.control_law import Limits
 from ...controllers.coupling import Coupling
 from ...controllers.export.controller_exporter import LawExporter
-from ...controllers.export.controller_values import ControllerValues
-from ...controllers.export.study_limits import limits_of
-from ...controllers.limits import Limits
+from ...controllers.export.controller_values import ControllerValues, limits_of
 from ...controllers.study.rig_instruments import rig_instruments
-from ...controllers.worn_design import (
-    INERTIA_FACTORS,
-    MIN_DELAY_MARGIN_S,
-    MIN_GAIN_MARGIN_DB,
-    STRAP_FACTORS,
-    design_worn_law,
-)
+from ...controllers.worn import INERTIA_FACTORS, MIN_DELAY_MARGIN_S, MIN_GAIN_MARGIN_DB, STRAP_FACTORS, design_worn_law
 from ...models.parameter_card import read_parameter_card
 from ...study.exporter import ExportRequest
 from ...study.procedures.card_sources import require_fresh, source_notes
 from ...study.study import Study
-from .coupling.actuator_card import CARD_NAME, REQUIRED_CHANNELS, actuator_card
+from .coupling.cards import CARD_NAME, REQUIRED_CHANNELS, actuator_card
 
 DEAD_TIME_SAMPLES = 1
 """Dead time of the actuator's torque loop, from the reading to the current [samples]."""

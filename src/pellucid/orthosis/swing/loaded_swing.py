@@ -23,13 +23,13 @@ from itertools import cycle
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.estimates import Estimates
+from ...models.estimates import Estimates, Parameter
 from ...models.filtered_dynamics import filtered_effort, filtered_jacobian
 from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX
-from ...models.parameter import Parameter
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.gravity_holds import phasor_parameters
 from ...numerics.motion import Filtering, Motion
+from ...numerics.protocols.fourier import FourierSeries, optimised_fourier
 from ...numerics.regression import (
     least_squares_within,
     make_parameters,
@@ -388,3 +388,155 @@ def _swing_fit(form, values, covariance, held, residual, matrix, mass_bound) -> 
         condition=float(np.linalg.cond(matrix)),
         mass_bound=mass_bound,
     )
+
+
+def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
+    """Return the leg's inertia [kg m^2] and weight moment [kg m], the difference between loaded and empty swings."""
+
+    def less(with_leg: Parameter, without: Parameter) -> Parameter:
+        value = with_leg.value - without.value
+        sd = float(np.hypot(with_leg.standard_error, without.standard_error))
+        held = with_leg.at_bound or without.at_bound
+        return Parameter(with_leg.name, with_leg.unit, value, sd, held, abs(value) > 1.96 * sd > 0.0)
+
+    return less(loaded.inertia, empty.inertia), less(loaded.weight_moment, empty.weight_moment)
+
+
+@dataclass(frozen=True, eq=False)
+class WearerTorque:
+    """A wearer's torque at the knee from the balance of torques; arrays of shape (n,)."""
+
+    time: np.ndarray  # [s]
+    torque: np.ndarray  # [N m]
+    standard_error: np.ndarray  # standard error due to the parameters' covariances [N m]
+
+
+def bare_leg_torque(empty: SwingFit, loaded: SwingFit, motion: Swing) -> WearerTorque:
+    """Return the torque that a leg needs to swing by itself: loaded minus empty (eq. 12 of the paper).
+
+    This is the wearer's torque if the exoskeleton takes none of it: it is taken off, or its motor compensates it fully.
+    """
+    if empty.form != loaded.form:
+        raise IdentificationError(
+            f"found the terms {', '.join(empty.form.terms)} empty and {', '.join(loaded.form.terms)} loaded, expected "
+            "one form for both, with one angle of rest"
+        )
+    matrix = loaded.form.regressor(motion)
+    return _wearer_torque(motion, matrix @ (loaded.coefficients - empty.coefficients), matrix, loaded, empty)
+
+
+def worn_exoskeleton_torque(loaded: SwingFit, motion: Swing) -> WearerTorque:
+    """Return the torque that leg and exoskeleton need to swing, minus the motor's torque.
+
+    This is the wearer's torque in a worn exoskeleton whose motor gives little or no torque.
+    """
+    matrix = loaded.form.regressor(motion)
+    return _wearer_torque(motion, matrix @ loaded.coefficients - motion.torque, matrix, loaded)
+
+
+def _wearer_torque(motion: Swing, torque: np.ndarray, matrix: np.ndarray, *fits: SwingFit) -> WearerTorque:
+    covariance = sum(fit.covariance for fit in fits)
+    return WearerTorque(motion.time, torque, np.sqrt(np.einsum("ni,ij,nj->n", matrix, covariance, matrix)))
+
+
+_INSTANTS_PER_PERIOD = 2000
+"""Number of instants at which a period is evaluated."""
+
+_ACCELERATION_LIMIT_COUNT = 8
+"""Number of acceleration limits that are tried."""
+
+
+@dataclass(frozen=True)
+class SwingInformation:
+    """Expected precision of a pendulum's parameters from one swing."""
+
+    inertia_sd: float  # expected standard deviation of the inertia [kg m^2]
+    weight_moment_sd: float  # expected standard deviation of the weight moment [kg m]
+    correlation: float  # correlation between the torques of inertia and gravity
+    condition: float  # condition number of the regressor of both
+    inertia_share: float  # standard deviation of the inertial torque divided by that of gravity
+    peak_torque: float  # largest torque of the swing [N m]
+
+
+def swing_information(
+    series: FourierSeries,
+    inertia: float,
+    weight_moment: float,
+    *,
+    noise: float,
+    bandwidth: float,
+    duration: float,
+    friction: bool = False,
+) -> SwingInformation:
+    """Predict the precision of inertia and weight moment after a swing around the hanging position.
+
+    `inertia` [kg m^2], `weight_moment` [kg m]; `noise` [N m]; `bandwidth` [Hz]; `duration` [s].
+    """
+    time = np.arange(_INSTANTS_PER_PERIOD) / _INSTANTS_PER_PERIOD * series.period
+    matrix = _regressor(*series.motion(time), friction=friction)
+    count = 2.0 * bandwidth * duration
+    covariance = noise**2 / count * np.linalg.inv(matrix.T @ matrix / len(matrix))
+    inertial, gravity = inertia * matrix[:, 0], weight_moment * matrix[:, 1]
+    return SwingInformation(
+        float(np.sqrt(covariance[0, 0])),
+        float(np.sqrt(covariance[1, 1])),
+        float(np.corrcoef(inertial, gravity)[0, 1]),
+        float(np.linalg.cond(matrix[:, :2])),
+        float(np.std(inertial) / np.std(gravity)),
+        float(np.abs(inertial + gravity).max()),
+    )
+
+
+def optimise_swing(
+    inertia: float,
+    weight_moment: float,
+    *,
+    reach: float,
+    peak_torque: float,
+    rng: np.random.Generator,
+    velocity: float = 3.0,
+    acceleration: float = 10.0,
+    fundamental: float = 0.1,
+    harmonics: int = 10,
+    friction: bool = False,
+) -> FourierSeries:
+    """Return the swing that determines both parameters best, given a range of angles and a motor.
+
+    D-optimal Fourier series are computed for several limits of the acceleration. Of those within the motor's torque,
+    the one with the smallest standard deviation of the inertia is chosen.
+
+    `inertia`, `weight_moment` [kg m^2], [kg m]; `reach` [rad]; `peak_torque` [N m]; `velocity`, `acceleration`
+    [rad/s], [rad/s^2]; `fundamental` [Hz].
+    """
+    best, least, lowest = None, np.inf, np.inf
+    size = np.array([inertia, weight_moment, *([0.1 * weight_moment] * 3 if friction else [])])
+    for limit in acceleration / 1.5 ** np.arange(_ACCELERATION_LIMIT_COUNT):
+        series = optimised_fourier(
+            lambda *motion: _regressor(*motion, friction=friction),
+            fundamental=fundamental, harmonics=harmonics, low=-reach, high=reach, velocity=velocity,
+            acceleration=float(limit), rng=rng, criterion="determinant", scales=size, restarts=2,
+        )  # fmt: skip
+        shown = swing_information(
+            series, inertia, weight_moment, noise=1.0, bandwidth=1.0, duration=1.0, friction=friction
+        )
+        lowest = min(lowest, shown.peak_torque)
+        if shown.peak_torque <= peak_torque and shown.inertia_sd < least:
+            best, least = series, shown.inertia_sd
+    if best is None:
+        raise IdentificationError(
+            f"found no swing of +-{np.degrees(reach):.3g} deg that needs less than {lowest:.3g} N*m, expected at most "
+            f"{peak_torque:.3g} N*m; allow less reach, or a stronger motor"
+        )
+    return best
+
+
+def _regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, *, friction: bool) -> np.ndarray:
+    """Return the terms of a swing, shape (n, k).
+
+    NumPy's sine is used on purpose. The optimum is so flat that the core's sine, which differs in the last bit, would
+    change it by micro-radians, and with it the recordings of the virtual rigs.
+    """
+    columns = [acceleration, GRAVITY * np.sin(position)]
+    if friction:
+        columns += [velocity, np.sign(velocity), np.ones_like(position)]
+    return np.column_stack(columns)

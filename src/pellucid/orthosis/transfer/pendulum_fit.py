@@ -18,8 +18,7 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.special import ndtri
 
 from ..._errors import IdentificationError
-from ...models.estimates import Estimates
-from ...models.parameter import Parameter, Whiteness
+from ...models.estimates import Estimates, Parameter, Whiteness
 from ...numerics.uncertainty import sandwich_covariance, whiteness
 from ..input_output import InputOutput
 from ..pendulum import (
@@ -32,8 +31,8 @@ from ..pendulum import (
     simulate_pendulum,
 )
 from ..transfer_function import filtered_powers
+from .fit_transfer_function import Response, fit_percent, require_samples
 from .srivc import SINGULAR_VALUE_TOLERANCE
-from .transfer_function_fit import Response, fit_percent, require_samples
 
 WIDTH_SHARE = 0.02
 """Default width of the smooth sign of velocity, as a share of the records' largest speed."""

@@ -17,13 +17,12 @@ from ...study.study import Study
 from ...units import Coordinate
 from ..certificate import Estimand
 from ..comparison import compare_conditions
-from ..index_table import index_table
+from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
 from ..isochrony import isochrony
-from ..lasting_bounds import lasting_bounds
-from ..measured import DIRECTION_UP, MeasuredMovement
+from ..movement_indices import index_table
 from ..movements import MovementRule
-from ..power import STANDARDISED_CHANGES, participants_for_effects
+from ..power import STANDARDISED_CHANGES, lasting_bounds, participants_for_effects
 from ..survival import survival
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
@@ -31,14 +30,12 @@ from .assessment_table import DEFAULT_STUDIES, AssessmentTable
 from .assessment_tables import tables
 from .certified import certify_conditions, end_points
 from .certified_rows import certificate_verdicts
-from .clocks import delay_notes, with_assumed_delays
-from .measured_study import MeasuredStudy, activities, join_studies, measure
+from .measured_study import MeasuredStudy, activities, delay_notes, join_studies, measure, with_assumed_delays
 from .movement_curves import Curves, participants_curves
-from .paper_tables import write_tables
-from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, with_rule
+from .paper import write_tables
+from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, session_order, with_rule
 from .pointing_faults import pointing_faults, usable_records
 from .primary_change import change_of_table
-from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
 RANDOM_SEED = 1

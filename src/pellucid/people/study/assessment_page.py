@@ -8,9 +8,9 @@ import numpy as np
 
 from ..._printed_command import printed_command
 from ...study.drawing.drawing import draw
+from ...study.pages.forest import Row, Table
 from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ...study.pages.quantities import MINUS_SIGN, number, typeset_cell, typeset_sentence, unit_text
-from ...study.pages.tables import Row, Table
 from ...study.pages.values import Value
 from ...study.procedures.result import FigureTable
 from ...study.study import Study

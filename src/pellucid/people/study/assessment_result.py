@@ -13,10 +13,10 @@ from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..certificate import Estimand
 from ..comparison import ConditionComparison
-from ..index_table import IndexTable
+from ..design_columns import MeasuredMovement
 from ..indices import Index, indices_along
 from ..isochrony import Isochrony
-from ..measured import MeasuredMovement
+from ..movement_indices import IndexTable
 from ..survival import Survival
 from .certified_condition import Certified
 

@@ -120,7 +120,7 @@ class AssessmentTable(ProcedureTable):
     @property
     def alpha(self) -> float:
         """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
-        from ..group_sequential import looks
+        from ..survival import looks
 
         if self.look is None:
             return self.false_transparent
@@ -158,7 +158,7 @@ class AssessmentTable(ProcedureTable):
         if (self.look is None) != (not self.looks) or (self.look or 1) > max(len(self.looks), 1):
             raise ValueError(f"[assessment]: found look = {self.look}, expected one of looks = {list(self.looks)}")
         if self.looks:
-            from ..group_sequential import looks
+            from ..survival import looks
 
             looks(self.looks, self.false_transparent)
         return self

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..certificate import Doubt
-from ..doubts import LEFT_OUT_DOUBT, LostCounts, carry_over_doubt, learning_doubt, period_doubt
+from ..certificate import LEFT_OUT_DOUBT, Doubt, LostCounts, carry_over_doubt, learning_doubt, period_doubt
 from ..equivalence import Method, equivalence
 from ..indices import CutOff
-from ..lasting_bounds import lasting_bounds
-from ..learning import MIN_MOVEMENTS
+from ..mixed_model import MIN_MOVEMENTS
+from ..power import lasting_bounds
 from .measured_study import MeasuredStudy
 from .movement_model import movements_of, thirds_of
-from .session_order import SessionOrder
+from .pointing import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult

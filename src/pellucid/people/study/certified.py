@@ -10,18 +10,17 @@ import numpy as np
 
 from ..._errors import StudyError
 from ...units import parse_quantity
-from ..certificate import ESTIMAND_METHODS, certificate_from_tests
-from ..doubts import doubts_of_loss, doubts_of_lost_people
+from ..certificate import ESTIMAND_METHODS, certificate_from_tests, doubts_of_loss, doubts_of_lost_people
 from ..equivalence import Equivalence, Margin, Method, equivalence
 from ..equivalence_power import Active, find_equivalence_participants
 from ..indices import CutOff, Index, PercentOf, Worse
-from ..lasting_bounds import lasting_bounds
+from ..power import lasting_bounds
 from .certificate_doubts import find_doubts, lost_movements, people_with_losses
 from .certified_condition import Certified, EndPoint
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
 from .movement_model import model_of, of_model
-from .session_order import SessionOrder
+from .pointing import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult

@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...models.parameter import Verdict
+from ...models.estimates import Verdict
 from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow
-from ..certificate import FAIL, PASS, Doubt
-from ..doubts import (
+from ..certificate import (
     CARRY_OVER_DOUBT,
+    FAIL,
     LEARNING_DOUBT,
     LEFT_OUT_DOUBT,
     LOST_MOVEMENTS_DOUBT,
     LOST_PEOPLE_DOUBT,
+    PASS,
     PERIOD_DOUBT,
+    Doubt,
     too_many_lost,
 )
+from ..comparison import HIDDEN_SHARE, MIN_PEOPLE
 from ..equivalence import (
     BEYOND_MARGIN,
     FAR_MARGIN_COUNT,
@@ -28,7 +31,6 @@ from ..equivalence import (
     Equivalence,
     people_for_share,
 )
-from ..mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
 

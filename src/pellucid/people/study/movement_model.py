@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..equivalence import Equivalence, Margin
 from ..indices import CutOff
-from ..learning import Thirds, thirds
-from ..measured import DIRECTION_UP, MeasuredMovement
-from ..mixed_model import MixedModel, failed_model, mixed_model
+from ..mixed_model import MixedModel, Thirds, failed_model, mixed_model, thirds
 from .measured_study import MeasuredStudy
-from .session_order import SessionOrder
+from .pointing import SessionOrder
 
 if TYPE_CHECKING:
     from .certified_condition import EndPoint

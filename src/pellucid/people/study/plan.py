@@ -13,6 +13,7 @@ from ...study.procedures.result import Result
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
 from ..certificate import Estimand
+from ..comparison import MIN_PEOPLE
 from ..equivalence import Margin, critical_rank_sum, people_for_share
 from ..equivalence_power import (
     CANDIDATE_SIZES,
@@ -22,7 +23,6 @@ from ..equivalence_power import (
     participants_for_changes,
 )
 from ..indices import indices_along
-from ..mean_test import MIN_PEOPLE
 from .assessment_table import AssessmentTable
 from .certified import end_points
 from .certified_condition import EndPoint

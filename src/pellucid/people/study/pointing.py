@@ -7,17 +7,18 @@ together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, StudyError
+from ...emg.signals.emg_chain import EmgChain, emg_chain
 from ...files.recording import Recording
 from ...numerics.clocks import align, clock_drift
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..amplitude_check import LABEL_TOLERANCE_RAD
+from ..emg_index import LABEL_TOLERANCE_RAD, Activity
 from ..movements import (
     Kinematics,
     Movement,
@@ -29,7 +30,7 @@ from ..movements import (
     rest_stretches,
     target_stretches,
 )
-from ..segment_angle import segment_angle
+from ..one_way_movements import segment_angle
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""
@@ -225,3 +226,102 @@ def drop_mistaken(
 def with_rule(spec: PointingSettings, **changes) -> MovementRule:
     """Return the study's rule for movements, with changes such as ``lowpass=6.0``."""
     return replace(MovementRule(spec.lowpass, spec.order, spec.threshold), **changes)
+
+
+@dataclass(frozen=True)
+class SessionOrder:
+    """Order of the recordings."""
+
+    period: Mapping[str, int]  # period by recording, from 1; empty if it is not stated for all
+    by_condition: Mapping[tuple[str, str], float]  # mean period by participant and condition
+    within: Mapping[str, int]  # rank of a recording in its participant and condition; -1 if unknown
+    unknown: str = ""  # reason why the order cannot be used
+
+    def later(self, participants: Sequence[str], condition: str, control: str | None) -> np.ndarray:
+        """Return the number of periods by which the condition followed control, or its own mean, (n,)."""
+        own = np.array([self.by_condition[person, condition] for person in participants])
+        if control is None:
+            return own - own.mean()
+        return own - np.array([self.by_condition[person, control] for person in participants])
+
+
+def session_order(recordings: Sequence[Recording]) -> SessionOrder:
+    """Return the order of `recordings`; refuse two conditions of a participant in one period."""
+    seen: dict[tuple[str, int], Recording] = {}
+    for each in recordings:
+        if each.period is not None:
+            other = seen.setdefault((each.participant, each.period), each)
+            if other.condition != each.condition:
+                raise StudyError(
+                    f"[[recordings]] {each.name}: found period = {each.period} of {each.participant} in "
+                    f"{each.condition}, which {other.name} has in {other.condition}; expected another number"
+                )
+    lacking = [each.name for each in recordings if each.period is None]
+    within = _within(recordings)
+    if lacking:
+        some = f" of {lacking[0]}" + (f" and {len(lacking) - 1} more" if len(lacking) > 1 else "")
+        some = some if len(lacking) < len(recordings) else ""
+        return SessionOrder({}, {}, within, f"study.toml does not say in which order conditions came (period{some})")
+    by: dict[tuple[str, str], list[int]] = {}
+    for each in recordings:
+        by.setdefault((each.participant, each.condition), []).append(each.period)
+    means = {key: float(np.mean(own)) for key, own in by.items()}
+    return SessionOrder({each.name: each.period for each in recordings}, means, within)
+
+
+def _within(recordings: Sequence[Recording]) -> dict[str, int]:
+    groups: dict[tuple[str, str], list[Recording]] = {}
+    for each in recordings:
+        groups.setdefault((each.participant, each.condition), []).append(each)
+    places: dict[str, int] = {}
+    for own in groups.values():
+        for key in ("period", "repetition"):
+            numbers = [getattr(each, key) for each in own]
+            if len(own) == 1 or (None not in numbers and len(set(numbers)) == len(own)):
+                order = sorted(own, key=lambda each: getattr(each, key) or 0)
+                places |= {each.name: i for i, each in enumerate(order)}
+                break
+        else:
+            places |= dict.fromkeys((each.name for each in own), -1)
+    return places
+
+
+def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
+    """Return the EMG of a recording, processed as published except for normalisation, which needs all recordings."""
+    muscles = (*spec.agonists, *spec.antagonists)
+    names = [f"emg.{muscle}" for muscle in muscles]
+    source = recording.stream_or_self(spec.emg)
+    present = [name for name in names if name in source]
+    if not present:
+        return None
+    if len(present) < len(names):
+        absent = ", ".join(name for name in names if name not in present)
+        raise RecordingError(
+            f"{source.path.name} (recording {recording.name}): found {', '.join(present)}, expected {absent} too"
+        )
+    chain = _chain(spec.advance)
+    whole = source.uncut or source
+    half = 0.5 / source.fs
+    inside = slice(*map(int, np.searchsorted(whole.time, (source.time[0] - half, source.time[-1] + half))))
+    rectified = {}
+    for muscle, name in zip(muscles, names, strict=True):
+        channel = whole.channels[name]
+        try:
+            if channel.unit == "1":
+                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))[inside]
+            else:
+                rectified[muscle] = chain.zero_phase(channel.samples, source.fs, inside=inside)
+        except RecordingError as error:
+            raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
+    return Activity(source.time, rectified, {muscle: float(samples.max()) for muscle, samples in rectified.items()})
+
+
+def _chain(advance: float) -> EmgChain:
+    """Return the published chain without normalisation, with this advance."""
+    published = emg_chain("able")
+    stages = [stage for stage in published.stages if stage.kind != "normalise"]
+    return replace(published, stages=tuple(replace(s, seconds=advance) if s.kind == "advance" else s for s in stages))
+
+
+def _later(samples: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate((np.full(count, samples[0]), samples[: len(samples) - count]))

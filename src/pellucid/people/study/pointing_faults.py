@@ -12,7 +12,7 @@ from ...emg.signals.emg_quality import inspect_emg
 from ...files.fault import Fault
 from ...files.recording import Recording
 from ...study.study import Study
-from ..amplitude_check import MAX_MISTAKEN_SHARE, strays
+from ..emg_index import MAX_MISTAKEN_SHARE, strays
 from ..movements import Movement, MovementRule, NoAngle
 from .assessment_table import AssessmentTable
 from .pointing import (

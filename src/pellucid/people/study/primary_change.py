@@ -15,8 +15,8 @@ import numpy as np
 
 from ..certificate import ESTIMAND_METHODS, Estimand
 from ..equivalence import Margin, equivalence
-from ..index_table import IndexTable
 from ..indices import CutOff
+from ..movement_indices import IndexTable
 from .certified_condition import EndPoint
 
 if TYPE_CHECKING:

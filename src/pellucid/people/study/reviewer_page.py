@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from ..._errors import StudyError
 from ..._printed_command import printed_command
+from ...study.pages.forest import Row, Table
 from ...study.pages.page import Page, Section, Tile, write_page
 from ...study.pages.quantities import typeset_cell, typeset_sentence
-from ...study.pages.tables import Row, Table
 from ...study.procedures.procedure import quiet
 from ...study.procedures.result import Result
 from ...study.procedures.study_page import provenance, study_page
-from ...study.study_place import checksum
+from ...study.study import checksum
+from ..comparison import HIDDEN_SHARE, MIN_PEOPLE
 from ..equivalence import FAR_MARGIN_COUNT
-from ..mean_test import HIDDEN_SHARE, MIN_PEOPLE
 from . import assessment_tables as tables
 from .assessment_page import certificate_answer
 from .assessment_table import AssessmentTable

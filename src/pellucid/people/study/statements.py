@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...models.parameter import Verdict
+from ...models.estimates import Verdict
+from ..comparison import smallest_p
 from ..equivalence import WITHIN_MARGIN
 from ..indices import MOVEMENT_DURATION, index_names, leading_index
-from ..signed_rank import smallest_p
 from .assessment_tables import PRINTED_UNITS
 from .pointing_faults import REASON_WORDS
 from .primary_change import ESTIMAND_WORDS, PrimaryChange, change_figure, primary_change

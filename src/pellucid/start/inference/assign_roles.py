@@ -19,11 +19,21 @@ from .angle_units import (
     find_unsigned_bits,
 )
 from .clocks import FoundClock, find_clock
-from .commands import FollowedCommand, find_command, is_set_by_program, is_stepped, roughness
 from .derivatives import DerivativePair, find_derivatives
-from .emg_spectrum import is_envelope, is_raw_emg, swings_fast
-from .inertial_columns import InertialColumns, find_inertial
-from .motion_efforts import FULL_TURNS, MIN_EFFORT_SHARE, MotionSamples, effort_share, motion_samples, weigh_turns
+from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
+from .motion_efforts import (
+    FULL_TURNS,
+    MIN_EFFORT_SHARE,
+    FollowedCommand,
+    MotionSamples,
+    effort_share,
+    find_command,
+    is_set_by_program,
+    is_stepped,
+    motion_samples,
+    roughness,
+    weigh_turns,
+)
 
 DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""

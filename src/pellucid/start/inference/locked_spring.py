@@ -16,6 +16,7 @@ from ...numerics.filters import central_difference, zero_phase_lowpass
 from ...numerics.spring_evidence import SpringEvidence, spring_evidence
 from ...units import to_si_factor
 from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
+from .motion_efforts import running_mean
 from .processing_choice import choose_processing
 
 MAX_LOCKED_SHARE = 0.1
@@ -187,3 +188,47 @@ def _evidence(deflection: np.ndarray, effort: np.ndarray, rate: float) -> Spring
     edge = min(round(rate / lowpass), len(q) // 10)
     inner = slice(edge, len(q) - edge)
     return spring_evidence(q[inner], v[inner], central_difference(v, rate)[inner], y[inner])
+
+
+MIN_HOLD_S = 0.5
+"""A posture counts if it is held for at least this long [s]."""
+
+STILL_SPEED_SHARE = 0.02
+"""A joint is still below this share of its largest speed."""
+
+MIN_POSTURE_COUNT = 3
+"""A recording holds postures if it rests at least in so many places."""
+
+MIN_STILL_SHARE = 0.5
+"""A recording holds postures if it is still for at least this share of its time."""
+
+MIN_POSTURE_DISTANCE_SHARE = 0.05
+"""Postures are different ones if they lie apart by at least this share of the range."""
+
+
+@dataclass(frozen=True)
+class HeldPostures:
+    """Postures that a recording holds."""
+
+    positions: tuple[float, ...]  # mean positions of the holds, in the column's unit
+    still_share: float  # share of the time in which the joint is still
+
+    @property
+    def is_static(self) -> bool:
+        """Whether the recording is one of postures."""
+        return len(self.positions) >= MIN_POSTURE_COUNT and self.still_share >= MIN_STILL_SHARE
+
+
+def find_postures(position: np.ndarray, rate: float) -> HeldPostures:
+    """Return the different postures that positions, shape (n,), sampled at `rate` [Hz], hold."""
+    smooth = running_mean(position, max(1, round(0.05 * rate)))
+    speed = np.abs(np.gradient(smooth)) * rate
+    still = speed < STILL_SPEED_SHARE * max(float(np.quantile(speed, 0.995)), 1e-12)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
+    spans = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_HOLD_S * rate]
+    apart, distinct = MIN_POSTURE_DISTANCE_SHARE * float(np.ptp(smooth)), list[float]()
+    for a, b in spans:
+        place = float(np.mean(smooth[a:b]))
+        if all(abs(place - other) > apart for other in distinct):
+            distinct.append(place)
+    return HeldPostures(tuple(distinct), float(np.mean(still)))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..._errors import DatasetError
 from ..._given import require_empty_folder
-from .fetch import fetch, notes, path
-from .registry import template
+from .fetch import fetch, notes, path, template
 
 if TYPE_CHECKING:
     from .. import Study

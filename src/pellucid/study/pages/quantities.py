@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from ...models.estimates import Parameter
 from ...models.friction_terms import FRICTION_FAMILIES, TERMS
 from ...models.joint import SYMBOLS_BY_NAME
-from ...models.parameter import Parameter
 
 MINUS_SIGN = "\N{MINUS SIGN}"
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ..._errors import PellucidError
 from ..._printed_command import printed_command
-from ...models.parameter import rank_verdicts
+from ...models.estimates import rank_verdicts
 from ..study import STUDY_FILE, checksum
 from .result import fingerprint
 

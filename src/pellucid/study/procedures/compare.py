@@ -10,8 +10,8 @@ from scipy.special import chdtrc, ndtr
 
 from ..._errors import IdentificationError
 from ...models.card import Card, read_card
-from ...models.parameter import Verdict
-from ...models.slider_card import read_slider_card
+from ...models.estimates import Verdict
+from ...models.slider_joint import read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
 from ..study import STUDY_FILE
 from .card_sources import require_fresh

@@ -1,28 +1,25 @@
-"""Collect the findings on a result from a folder with one file for each finding."""
+"""Collect the findings on a result from a module with one function for each finding."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from importlib import import_module
-from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
-from ...models.parameter import Verdict, rank_verdicts
+from ...models.estimates import Verdict, rank_verdicts
+
+FINDING_PREFIX = "report_"
+"""Prefix of the functions that report a finding; what follows is the finding's name."""
 
 
-def finders(folder: ModuleType) -> Iterator[tuple[str, ModuleType]]:
-    """Yield the name and module of every finding: a module of the package `folder` with a function ``find(case)``."""
-    for info in iter_modules(folder.__path__):
-        module = import_module(f"{folder.__name__}.{info.name}")
-        if hasattr(module, "find"):
-            yield info.name, module
+def finders(module: ModuleType) -> Iterator[tuple[str, Callable[[Any], Iterator[Verdict]]]]:
+    """Yield name and function of every finding of a module, by name: each function ``report_<name>(case)``."""
+    for name, function in sorted(vars(module).items()):
+        if name.startswith(FINDING_PREFIX) and getattr(function, "__module__", None) == module.__name__:
+            yield name.removeprefix(FINDING_PREFIX), function
 
 
-def collect_findings(folder: ModuleType, case: Any) -> tuple[Verdict, ...]:
-    """Return the verdicts of all findings in a package on a `case`, worst first, each under its file's name."""
-    named_verdicts = (
-        replace(v, finding=v.finding or name) for name, module in finders(folder) for v in module.find(case)
-    )
-    return rank_verdicts(named_verdicts)
+def collect_findings(module: ModuleType, case: Any) -> tuple[Verdict, ...]:
+    """Return the verdicts of all findings of a module on a `case`, worst first, each under its finding's name."""
+    return rank_verdicts(replace(v, finding=v.finding or name) for name, find in finders(module) for v in find(case))

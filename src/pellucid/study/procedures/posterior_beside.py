@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.parameter import Parameter, Verdict
+from ...models.estimates import Parameter, Verdict
 from ...numerics.posterior.posterior import DrawnParameter, Posterior
 from ..pages.quantities import number, unit_text
 from ..results import ResultRow

@@ -19,11 +19,12 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from ..pages.quantities import cell_text, number, parameter_note, relative_sd, typeset_quantities, unit_text
+from ..._given import visible_text
+from ..pages.quantities import MINUS_SIGN, cell_text, number, parameter_note, relative_sd, typeset_quantities, unit_text
 from .result_tables import FigureTable, ParameterTable
 
 if TYPE_CHECKING:
-    from ...models.parameter import Parameter, Verdict
+    from ...models.estimates import Parameter, Verdict
 
 VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 """Mark and style of each kind of verdict."""
@@ -404,3 +405,59 @@ def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], c
     head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
     # Words may wrap in a narrow terminal; numbers must not be cut.
     return f"{head}~" if any(isinstance(row[column], str) for row in rows) else f">{head}"
+
+
+LATEX_REPLACEMENTS = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}",
+    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", '"': "''", "±": r"$\pm$", MINUS_SIGN: "$-$",
+    "χ²": r"$\chi^2$", "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$",
+    "×": r"$\times$", "–": "--",
+}  # fmt: skip
+"""Replacements of characters that LaTeX does not accept."""
+
+
+def latex(table: FigureTable) -> str:
+    """A table for a paper; it needs the package booktabs."""
+    words = [i for i in range(len(table.heads)) if all(_is_words(row[i]) for row in table.rows)]
+    columns = "".join("l" if i in words else "r" for i in range(len(table.heads)))
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{latex_text(table.title)}}}"]
+    lines.append(rf"\begin{{tabular}}{{{columns}}}")
+    lines += [r"\toprule", " & ".join(map(latex_text, table.heads)) + r" \\", r"\midrule"]
+    lines += [" & ".join(latex_text(cell) for cell in row) + r" \\" for row in table.rows]
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
+
+
+def _is_words(cell) -> bool:
+    return isinstance(cell, str) and cell[:1].isalpha()
+
+
+def latex_text(cell) -> str:
+    """Return a cell's text as LaTeX; a dash where there is none."""
+    if cell is None:
+        return "--"
+    text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
+    text = text.replace("-", MINUS_SIGN) if isinstance(cell, float) else text
+    # One pass replaces all characters, so that a replacement is not replaced again.
+    return re.sub(
+        "|".join(map(re.escape, LATEX_REPLACEMENTS)), lambda found: LATEX_REPLACEMENTS[found[0]], visible_text(text)
+    )
+
+
+MAX_GOOD_ERROR = 20.0
+"""Largest held-out error of a good prediction [% of the RMS effort].
+
+The bound leaves 4 % of the power of the effort unexplained. A controller that compensates the model leaves at most a
+fifth of the joint's own effort to the wearer. The public data sets of single joints lie between 5 and 12 %.
+"""
+
+SOUND_R2 = 0.8
+"""A model explains the effort if its R2 is above this: a constant effort makes the RMS effort large, and R2 does not
+count it."""
+
+MAX_BODY_ERROR_RATIO = 1.1
+"""One body predicts as well as two directions if its error is at most this many times theirs: it has ten parameters in
+place of sixteen."""
+
+MIN_EXPLAINED_PERCENT = 50.0
+"""A strap explains the angle between limb and orthosis if it explains at least this share of it held out: more than is
+left unexplained."""

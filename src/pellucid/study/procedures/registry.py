@@ -10,13 +10,13 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from ..._domains import missing_domain
+from ..._errors import PellucidError
+from ..study import Study
 from .command import procedure_folders
 from .procedure import Procedure
 
 if TYPE_CHECKING:
-    from ..study import Study
     from ..study_file import StudyFile
-
 
 def find_procedures() -> tuple[Procedure, ...]:
     """Return an object of every procedure: each subclass of `Procedure` in the ``procedure.py`` of a folder."""
@@ -97,3 +97,20 @@ def open_study(
 
     study = open_folder(folder, study_model(), out=out, allow_outside=allow_outside)
     return replace(study, accept_stale=True) if accept_stale else study
+
+
+def is_study(subject: object) -> bool:
+    """Return whether a subject is a study: an open one, or a path to its folder."""
+    return isinstance(subject, (Study, str, os.PathLike))
+
+
+def as_study(subject: object, caller: str) -> Study:
+    """Return the study that a subject names; PellucidError of the function `caller` where it is no study."""
+    if isinstance(subject, Study):
+        return subject
+    if isinstance(subject, (str, os.PathLike)):
+        return open_study(subject)
+    raise PellucidError(
+        f"{caller}: found {type(subject).__name__}, expected a study: the path of its folder, or what pellucid.open "
+        "returns"
+    )

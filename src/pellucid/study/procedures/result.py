@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
@@ -14,11 +14,10 @@ from ..._atomic import remove_leftovers
 from ..._errors import PellucidError
 from ..._tabular import data_frame
 from ...models.card import Card, write_card
-from ...models.parameter import Parameter, Verdict
+from ...models.estimates import Parameter, Verdict, rank_verdicts
 from ...models.parameter_card import ParameterCard, write_parameter_card
 from ...models.tree_card import TreeCard, write_tree_card
-from ..kept import keep_result, read_kept
-from ..lock import hold_lock
+from ..kept import hold_lock, keep_result, read_kept
 from ..results import ResultRow, replace_rows
 from .result_tables import FigureTable as FigureTable
 from .result_tables import ParameterTable as ParameterTable
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     import pandas
 
     from ..study import Study
-
 
 @runtime_checkable
 class DomainCard(Protocol):
@@ -259,3 +257,48 @@ def _write(path: Path, card: Card | ParameterCard | TreeCard | DomainCard) -> No
 def fingerprint(study: Study, procedure: ProcedureWithInputs) -> str:
     """Return the SHA-256 of all inputs of a procedure: study.toml, recordings, cards, and Pellucid itself."""
     return study.fingerprint(procedure.inputs(study))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CombinedResult(Result):
+    """Results of several procedures of one study.
+
+    Attributes
+    ----------
+    parts : tuple of Result
+        One of each procedure, in the order in which the report shows them.
+    """
+
+    parts: tuple[Result, ...] = field(repr=False)
+
+    @classmethod
+    def from_parts(cls, parts: Sequence[Result]) -> Self:
+        """Return one result of all `parts`, which are of one study."""
+        first = parts[0]
+        return cls(
+            study=first.study,
+            headline=" ".join(f"{part.headline.rstrip('.')}." for part in parts),
+            tables=tuple(table for part in parts for table in part.tables),
+            verdicts=rank_verdicts(tuple(verdict for part in parts for verdict in part.verdicts)),
+            rows=tuple(row for part in parts for row in part.rows),
+            cards={name: card for part in parts for name, card in part.cards.items()},
+            checksums={name: checksum for part in parts for name, checksum in part.checksums.items()},
+            confidence=first.confidence,
+            procedure=" and ".join(part.procedure for part in parts),
+            command=" and ".join(dict.fromkeys(part.command for part in parts)),
+            parts=tuple(parts),
+        )
+
+    @property
+    def each(self) -> tuple[Result, ...]:
+        """Results of the single procedures."""
+        return self.parts
+
+    @property
+    def prose(self) -> str:
+        """Sentences of all parts for a paper."""
+        return "\n\n".join(part.prose for part in self.parts if part.prose)
+
+    def written(self, study: Study) -> str:
+        """Return the places of all files that the parts write, in words."""
+        return "; ".join(dict.fromkeys(part.written(study) for part in self.parts))

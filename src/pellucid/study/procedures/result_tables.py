@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...models.parameter import Parameter
+from ...models.estimates import Parameter
 
 
 @dataclass(frozen=True)

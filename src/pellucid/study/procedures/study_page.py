@@ -8,7 +8,8 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from ..._printed_command import printed_command
-from ...models.parameter import Verdict, rank_verdicts
+from ...models.estimates import Verdict, rank_verdicts
+from ..pages.forest import Row, Table
 from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
 from ..pages.quantities import (
     MINUS_SIGN,
@@ -21,7 +22,6 @@ from ..pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ..pages.tables import Row, Table
 from ..study import Study
 from .result import FigureTable, ParameterTable, Result
 

@@ -12,8 +12,8 @@ from functools import partial
 
 from pellucid.arm.fit.directional_sets import DirectionalRow
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
-from pellucid.study.pages.tables import Row, Table
 
 from ...arm.rig import able_arm
 from ...arm.wearer import drawn_people

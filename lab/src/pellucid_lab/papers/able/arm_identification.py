@@ -14,18 +14,15 @@ import numpy as np
 
 from pellucid._errors import DatasetError
 from pellucid._processes import ordered_results
-from pellucid.arm.fit.consistent_fit import fit_consistent
+from pellucid.arm.fit.consistent_inertias import fit_consistent, least_eigenvalue
 from pellucid.arm.fit.directional_sets import DirectionalRow, compare_directional
 from pellucid.arm.fit.drive_gains import gains_from_payload
-from pellucid.arm.fit.fit_tree import fit_tree, make_tree_estimate
-from pellucid.arm.fit.identify_tree import fit_best_model
+from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, make_tree_estimate
 from pellucid.arm.fit.payload import with_drive_gains
-from pellucid.arm.fit.segments_out import heldout_errors
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_regression import collect_rows
-from pellucid.arm.held_joints import hold_joints
-from pellucid.arm.pseudo_inertia import least_eigenvalue
-from pellucid.arm.tree_motion import TreeMotion
+from pellucid.arm.fit.tree_uncertainty import heldout_errors
+from pellucid.arm.tree_motion import TreeMotion, hold_joints
 
 from ...arm.card_law import card_of, motions_of
 from ...arm.human_motion import JOINTS, generated_motion, people, recorded_motion

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.joint.slider.study import direction_figures as figures
 from pellucid.joint.slider.study.identify_slider import predicted
-from pellucid.models.energy import cycle_energy
+from pellucid.joint.slider.three_steps import SliderFit
+from pellucid.models.simulate import cycle_energy
 from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
-from pellucid.study.pages.tables import Row, Table
 
 from ...elbow.rig import ElbowRig
 from ..figure import Reproduced

@@ -12,9 +12,9 @@ import numpy as np
 
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
+from pellucid.joint.slider.three_steps import SLIDER_METHODS, SliderFit
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section, Tile
-from pellucid.study.pages.tables import Row, Table
 
 from ...elbow.protocol import excitation, trials
 from ...elbow.rig import ElbowRig, able_elbow, drawn_rigs

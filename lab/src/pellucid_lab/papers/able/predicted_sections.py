@@ -8,9 +8,9 @@ import numpy as np
 
 from pellucid._errors import install_command
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, Table, number_table
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import MINUS_SIGN
-from pellucid.study.pages.tables import Row, Table, number_table
 
 from ...pointing.prediction import STUDY_INTERVAL_SHARE
 from ...pointing.sensitivity import CHANCE_FACTOR, Sensitivity

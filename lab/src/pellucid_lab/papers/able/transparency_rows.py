@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from pellucid.controllers.control_law import ControlLaw
-from pellucid.controllers.law_fuzz import fuzz
+from pellucid.controllers.control_law import ControlLaw, fuzz
 
 from ...pointing.session_indices import FIRST_REST_RULE, PUBLISHED_RULE
 from ..figure import Reproduced, figure

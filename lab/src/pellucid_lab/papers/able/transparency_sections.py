@@ -11,9 +11,9 @@ from pellucid.people.study.assessment_figures import settling_figure
 from pellucid.people.study.assessment_result import Settling
 from pellucid.people.survival import survival
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import MINUS_SIGN, number, typeset_sentence
-from pellucid.study.pages.tables import Row, Table
 
 from ..figure import Reproduced
 from ..row_sections import cell

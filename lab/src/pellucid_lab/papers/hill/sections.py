@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import number_table
 from pellucid.study.pages.over_time import Traces, over_time
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import number
-from pellucid.study.pages.tables import number_table
 
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pellucid.models.estimates import Parameter
 from pellucid.models.joint import GRAVITY
-from pellucid.models.parameter import Parameter
 from pellucid.numerics.searches.adam import AdamPath
-from pellucid.orthosis.swing.leg_balance import leg_alone
 from pellucid.orthosis.swing.loaded_swing import (
     Swing,
     SwingFit,
@@ -18,6 +17,7 @@ from pellucid.orthosis.swing.loaded_swing import (
     adam_swings,
     corrected_form,
     fit_swings,
+    leg_alone,
     published_form,
 )
 

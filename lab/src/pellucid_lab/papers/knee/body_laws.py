@@ -12,9 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pellucid.controllers.control_law import ControlLaw
+from pellucid.controllers.control_law import ControlLaw, Limits
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.limits import Limits
 from pellucid.controllers.transparent_laws import of_body, with_oscillator, with_rules
 from pellucid.emg.estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from pellucid.numerics.filters import zero_phase_lowpass

@@ -9,8 +9,8 @@ import numpy as np
 
 from pellucid._processes import ordered_results
 from pellucid.study.drawing.drawing import draw
+from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.page import Section
-from pellucid.study.pages.tables import Row, number_table
 
 from ...knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from ...knee.rig import knee_orthosis

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 
 from ...knee.rig import KneeRig
 from ..figure import Reproduced, figure

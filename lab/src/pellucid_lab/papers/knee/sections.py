@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from pellucid.emg.study.emg_torque import calibration_figures
-from pellucid.models.parameter import Parameter
+from pellucid.emg.study.emg_torque import calibration_page as calibration_figures
+from pellucid.models.estimates import Parameter
 from pellucid.study.drawing.drawing import Drawing, draw
+from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.over_time import Traces, over_time
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import MINUS_SIGN, number, unit_text
-from pellucid.study.pages.tables import Row, number_table
 
 from ..figure import Reproduced
 from ..printed import Printed

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.controllers.control_law import safety_gate
+from pellucid.controllers.control_law import Limits, safety_gate
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.limits import Limits
 
 
 @dataclass

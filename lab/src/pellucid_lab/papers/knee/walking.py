@@ -17,8 +17,8 @@ import numpy as np
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.controllers.worn import WornCompensator, watched_worn
+from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.page import Section
-from pellucid.study.pages.tables import Row, number_table
 
 from ...knee.chosen_constants import chosen
 from ...knee.identified_wearer import WearerCard

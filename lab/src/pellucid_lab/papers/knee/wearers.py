@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pellucid.models.anthropometry import de_leva, shank_length, winter
-from pellucid.models.parameter import Parameter
+from pellucid.models.estimates import Parameter
 from pellucid.numerics.gravity_holds import cosine_moment, line_of_best_fit
 from pellucid.orthosis.imu.inertial import inertial
 from pellucid.orthosis.input_output import input_output
-from pellucid.orthosis.strap.limb_imu import find_joint_axis, limb_angle_by_imu
+from pellucid.orthosis.strap.limb import find_joint_axis, limb_angle_by_imu
 from pellucid.orthosis.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis
-from pellucid.orthosis.strap.strap_torque import StrappedSwing
+from pellucid.orthosis.strap.strap_model import StrappedSwing
 from pellucid.orthosis.strap.wearer_coupling import SWING_EDGE_S, WearerCoupling, identify_wearer
 from pellucid.orthosis.study.coupling.coupling_result import WearerStages
 from pellucid.orthosis.study.coupling.coupling_table import CouplingTable
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
-from pellucid.orthosis.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
+from pellucid.orthosis.transfer.fit_transfer_function import TransferFit, fit_percent, fit_records
 
 from ...knee.recorded_session import STRAP_PROTOCOLS, KneeSession, hold_angles, take
 from ...knee.rig import KneeRig

@@ -9,17 +9,15 @@ import numpy as np
 
 from ...._atomic import write_text_atomically
 from ...._errors import IdentificationError
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill import fit_hill
-from ...estimators.hill_together import TrialByJoint, fit_together
-from ...estimators.muscle_source import MUSCLE_BY_CHANNEL_ALIAS
+from ...estimators.hill import TrialByJoint, fit_hill, fit_together
 from ...estimators.muscle_trials import count_warm_up_samples
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial
 from ...estimators.unrecorded import (
     FILLING_METHODS,
     TORQUE_INFORMED_METHODS,

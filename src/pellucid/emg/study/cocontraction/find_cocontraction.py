@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...._errors import RecordingError
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow

@@ -17,7 +17,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...._errors import RecordingError
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....numerics.filters import zero_phase_lowpass
 from ....study.pages.quantities import MINUS_SIGN
 from ....study.procedures.procedure import Progress, quiet

@@ -11,52 +11,38 @@ import numpy as np
 from ...._domains import offered
 from ...._errors import IdentificationError
 from ...._processes import keep_helpers
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE, MIN_ERROR_BAND_CONDITIONS, ConditionTestErrors
-from ...estimators.cross_validation import score
+from ...estimators.cross_validation import apply_useful_repairs, score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
-from ...estimators.smoothing import smoothing_delay
 from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
+from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
-from ...estimators.useful_repairs import apply_useful_repairs
-from ..study_chain import mains_verdicts, study_chain
-from .calibration_findings import CalibrationFindings, find_applicable_estimators
+from ..muscle_channels import mains_verdicts, study_chain
 from .calibration_rows import calibration_rows
-from .chosen import (
+from .emg_torque_table import EmgTorqueTable
+from .estimator_cards import estimator_cards, torque_card
+from .evaluation import (
     BASELINE_ESTIMATOR,
+    CAUSAL_ESTIMATORS,
+    REPORTED_ESTIMATORS,
+    EstimatorEvaluation,
     RecommendedEstimator,
+    TorqueTrace,
     recommend_by_fold,
     recommend_estimator,
     run_tests_if_candidate,
 )
-from .emg_torque_table import EmgTorqueTable
-from .estimator_cards import estimator_cards
-from .evaluated import CAUSAL_ESTIMATORS, REPORTED_ESTIMATORS, EstimatorEvaluation, TorqueTrace
 from .known_muscles import geometry_verdicts
 from .leave_one_out import leave_out_recordings, leave_out_repetitions
-from .leg_extension_trials import EXTENSION_PROTOCOL
-from .muscle_findings import (
-    MuscleSummary,
-    calibrated_muscle_verdicts,
-    muscle_cards,
-    muscle_summaries,
-    muscle_tables,
-    partial_errors,
-)
 from .relative_envelopes import normalisation_words
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
-from .stiffness_findings import (
-    find_stiffness,
-    stiffness_cards,
-    stiffness_rows,
-    stiffness_tables,
-    stiffness_verdicts,
-)
+from .study_muscles import ignored_channel_verdicts
 from .together import calibrate_together
 from .together_findings import (
     TogetherFigureData,
@@ -66,11 +52,27 @@ from .together_findings import (
     together_tables,
     together_verdicts,
 )
-from .torque_card import torque_card
-from .trial_sources import STEP_PROTOCOL, moment_trials, moved_body, step_trials
-from .used_muscles import ignored_channel_verdicts
-from .worn_reference import WornBody
-from .worth_findings import RecordingWorth, find_worth, is_answer_founded, worth_sentence, worth_tables
+from .torque_findings import (
+    CalibrationFindings,
+    MuscleSummary,
+    RecordingWorth,
+    calibrated_muscle_verdicts,
+    find_applicable_estimators,
+    find_stiffness,
+    find_worth,
+    is_answer_founded,
+    muscle_cards,
+    muscle_summaries,
+    muscle_tables,
+    partial_errors,
+    stiffness_cards,
+    stiffness_rows,
+    stiffness_tables,
+    stiffness_verdicts,
+    worth_sentence,
+    worth_tables,
+)
+from .trial_sources import EXTENSION_PROTOCOL, STEP_PROTOCOL, WornBody, moment_trials, moved_body, step_trials
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""

@@ -3,31 +3,273 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ...._printed_command import printed_command
-from ....models.parameter import Verdict, rank_verdicts
-from ....study.drawing.drawing import draw
+from ....models.estimates import Verdict, rank_verdicts
+from ....study.drawing.drawing import Drawing, draw, key, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.forest import Row, Table
 from ....study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ....study.pages.quantities import number, typeset_sentence
-from ....study.pages.tables import Row, Table
 from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.result import ParameterTable
 from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from ...signals.emg_chain import emg_chain
-from . import calibration_figures as figures
-from . import muscle_figures, stiffness_figures
 from .calibrate import INVALID_BANDS_FINDING, CalibrationResult
-from .chosen import BASELINE_ESTIMATOR, RecommendedEstimator
 from .emg_torque_table import EmgTorqueTable
-from .evaluated import TorqueTrace
+from .evaluation import BASELINE_ESTIMATOR, RecommendedEstimator, TorqueTrace
 from .together import FIT_WORDS
+from .torque_findings import DRAWN_MUSCLES_S, MuscleSummary, RecordingWorth
+
+CHOSEN_TONE = "heldout"
+"""Colour of the recommended estimator's torque."""
+
+BASELINE_TONE = "muted"
+"""Colour of the torque by angles alone."""
+
+MUSCLE_TONE = "good"
+"""Colour of the torque by muscles, if they are not the recommended estimator."""
+
+DRAWN_STRETCH_S = 8.0
+"""Duration of the drawn stretch of a recording [s]."""
+
+MAX_SHOWN_CLOCK_S = 1e6
+"""Times beyond this are dates, such as seconds since 1970, and are drawn from the first sample on [s]."""
+
+
+def torque_trace(
+    time: np.ndarray,
+    reference: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    name: str,
+    *,
+    chosen: str,
+    bare: str,
+    words: Mapping[str, str],
+    caption: str,
+    half_width: Mapping[str, np.ndarray] | None = None,
+    unit: str = "N*m",
+) -> Drawing:
+    """Draw held-out torque over time: the reference, the `chosen` estimator with its band, muscles, and angles alone.
+
+    Their errors are drawn beneath. `time` [s] and `reference` [`unit`] have shape (n,). `predicted` and `half_width`
+    hold the torque and half its band by estimator, shape (n,) [`unit`]. `bare` is the estimator of angles alone.
+    """
+    unit = unit.replace("*", "·")
+    muscles = ((name, MUSCLE_TONE) for name, family in ESTIMATOR_FAMILIES.items() if family.shows_muscles)
+    shown = {e: c for e, c in ((bare, BASELINE_TONE), *muscles, (chosen, CHOSEN_TONE)) if e in predicted}
+    middle = 0.5 * (time[0] + time[-1])
+    within = np.abs(time - middle) <= 0.5 * DRAWN_STRETCH_S
+    since = float(time[0]) if time[0] > MAX_SHOWN_CLOCK_S else 0.0
+    time = time - since
+    figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
+    line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
+    for estimator, name_of_tone in shown.items():
+        torque, tone, style = predicted[estimator], colour(name_of_tone), "--" if estimator == bare else "-"
+        if half_width and estimator == chosen and estimator in half_width:
+            low, high = torque - half_width[estimator], torque + half_width[estimator]
+            top.fill_between(time[within], low[within], high[within], color=tone, alpha=0.14, linewidth=0.0, zorder=1)
+        line(top, time[within], torque[within], color=tone, linewidth=1.2, linestyle=style)
+        line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0, linestyle=style)
+    bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    tidy(top, first=True, text=f"Torque ({unit})")
+    tidy(bottom, first=True, text=f"Error ({unit})", ticks=4)
+    bottom.set_xlabel("Time since the first sample (s)" if since else "Time (s)")
+    key(top, [("reference", colour("measured")), *((words[e], colour(tone)) for e, tone in shown.items())])
+    return Drawing(name, figure, caption)
+
+
+def error_by_estimator(
+    errors: Sequence[tuple[str, str, str, float]],
+    name: str,
+    *,
+    heads: Sequence[str],
+    chosen: Mapping[str, str],
+    bare: str,
+    caption: str,
+    unit: str = "N*m",
+) -> Drawing:
+    """Draw the RMSE of every estimator, one panel for each joint or person.
+
+    `errors` holds panel, estimator, its description and its RMSE [`unit`]. A line marks angles alone (`bare`). The
+    `chosen` estimator of each panel is set in bold.
+    """
+    unit = unit.replace("*", "·")
+    rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
+    axes = figure.subplots(1, len(heads), sharey=True, squeeze=False)[0]
+    for axis, head in zip(axes, heads, strict=True):
+        found = {estimator: rmse for panel, estimator, _, rmse in errors if panel == head}
+        for row, (estimator, _) in enumerate(rows):
+            if estimator not in found:
+                continue
+            family = ESTIMATOR_FAMILIES.get(estimator)
+            tone = colour("ink" if family is None else family.colour)
+            bold = "bold" if chosen.get(head) == estimator else "normal"
+            axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
+            axis.plot([found[estimator]], [row], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=3)
+            axis.annotate(
+                number(found[estimator], digits=3), (found[estimator], row), xytext=(7, -0.5),
+                textcoords="offset points", va="center", color=tone, fontsize=8.5, fontweight=bold,
+            )  # fmt: skip
+        if bare in found:
+            axis.axvline(found[bare], color=colour("faint"), linewidth=1.0, linestyle="--", zorder=1)
+        tidy(axis, first=axis is axes[0])
+        axis.set_title(head, fontweight="bold")
+        axis.set_xlim(0.0, 1.18 * max(found.values()))
+        axis.set_xlabel(f"RMSE ({unit})")
+    axes[0].set_yticks(range(len(rows)), [words for _, words in rows])
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return Drawing(name, figure, caption)
+
+
+def gain_over_angles(worth: Sequence[RecordingWorth], name: str) -> Drawing:
+    """Draw what EMG adds to angles alone, an interval a row, beside 0 and the margin that makes it worth it."""
+    margin = worth[0].worth.margin
+    tones = {"worth it": "good", "not worth it": "wrong", "cannot say": "muted"}
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.36 * len(worth)), layout="constrained")
+    axis = figure.subplots()
+    for row, each in enumerate(worth):
+        made, tone = each.worth, colour(tones[each.worth.answer])
+        ends = (made.low, made.high) if np.isfinite(made.low) else (made.gain, made.gain)
+        axis.plot(ends, (row, row), color=tone, linewidth=2.4, alpha=0.55, zorder=2)
+        axis.plot([made.gain], [row], color=tone, marker="o", markersize=7.0, markeredgewidth=0.0, zorder=3)
+        axis.annotate(
+            f"{made.gain:+.2f}, {made.answer}".replace("-", "\u2212"), (ends[1], row), xytext=(8, -0.5),
+            textcoords="offset points", va="center", color=tone, fontsize=8.5,
+        )  # fmt: skip
+    axis.axvline(0.0, color=colour("ink"), linewidth=0.9, zorder=1)
+    axis.axvline(margin, color=colour("faint"), linewidth=1.0, linestyle="--", zorder=1)
+    tidy(axis, first=True)
+    axis.set_yticks(range(len(worth)), [each.words for each in worth])
+    axis.set_ylim(len(worth) - 0.4, -0.6)
+    low, high = axis.get_xlim()
+    axis.set_xlim(low, high + 0.3 * (high - low))
+    axis.set_xlabel("R² with EMG minus R² of angles alone")
+    caption = (
+        "What EMG adds to joint angles on movements that were not fitted, with 95 % intervals over strides or trials. "
+        f"Right of 0 it adds something; the dashed line at {margin:g} is the gain from which it counts as worth it."
+    )
+    return Drawing(name, figure, caption)
+
+
+SHARED_PARAMETER_PREFIX = "joint"
+"""Prefix of the names of parameters that belong to the joint, not to one muscle."""
+
+
+def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
+    """Draw every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle."""
+    split = [_split_parameter_name(p) for p in found.parameters]
+    quantities = list(dict.fromkeys(quantity for quantity, _ in split))
+    rows = list(found.muscles)
+    own = [q for q in quantities if any(s == q and m in rows for s, m in split)]
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.28 * len(rows)), layout="constrained")
+    axes = figure.subplots(1, len(own), sharey=True, squeeze=False)[0]
+    for axis, quantity in zip(axes, own, strict=True):
+        axis.axvspan(-1.0, 1.0, color=colour("rule"), alpha=0.5, linewidth=0.0, zorder=0)
+        for (each, muscle), x, half, bound in zip(
+            split, found.deviation, found.half_width, found.at_bound, strict=True
+        ):
+            if each != quantity or muscle not in rows:
+                continue
+            y, tone = rows.index(muscle), colour("heldout" if bound else "fitted")
+            if not bound:
+                axis.plot((x - half, x + half), (y, y), color=tone, linewidth=1.6, alpha=0.5)
+            axis.plot([x], [y], color=tone, marker="D" if bound else "o", markersize=5.0, markeredgewidth=0.0)
+        tidy(axis, first=axis is axes[0], ticks=4)
+        axis.set_title(quantity.replace("_", " "), fontsize=9.0, fontweight="bold")
+        axis.set_xlim(-4.5, 4.5)
+    axes[len(axes) // 2].set_xlabel("Departure from anatomy, in standard deviations among people")
+    axes[0].set_yticks(range(len(rows)), [m.replace("_", " ") for m in rows])
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return Drawing(name, figure, caption)
+
+
+def muscle_work(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
+    """Draw the activation of every muscle over a stretch of time, and its torque on the joint."""
+    time, count = np.array(found.time), len(found.muscles)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.55 * count), layout="constrained")
+    axes = figure.subplots(count, 2, sharex=True, sharey="col", squeeze=False)
+    for row, muscle in enumerate(found.muscles):
+        left, right = axes[row]
+        line(left, time, np.array(found.activation[row]), color=colour("fitted"), linewidth=1.2)
+        line(right, time, np.array(found.torque[row]), color=colour("heldout"), linewidth=1.2)
+        for axis in (left, right):
+            tidy(axis, first=True, ticks=2)
+        left.set_ylabel(muscle.replace("_", " "), rotation=0, ha="right", va="center", fontsize=8.5)
+    axes[0][0].set_title("Activation", fontweight="bold")
+    axes[0][1].set_title("Torque (N·m)", fontweight="bold")
+    for axis in axes[-1]:
+        axis.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
+
+
+def _split_parameter_name(parameter: str) -> tuple[str, str]:
+    """Return a parameter's quantity and muscle; the muscle is empty if several share the parameter."""
+    quantity, _, muscle = parameter.partition(".")
+    return (parameter, "") if quantity == SHARED_PARAMETER_PREFIX or not muscle else (quantity, muscle)
+
+
+def joints_together(
+    traces: Sequence[TorqueTrace], words: Mapping[str, str], name: str, *, caption: str, seconds: float = 5.0
+) -> Drawing:
+    """Draw the torque of every joint over the middle `seconds` of a recording, a panel each.
+
+    Beside the reference it draws the prediction of every fit that `words` describes, the first with its band.
+    """
+    tones = dict(zip(words, ("good", "heldout"), strict=True))
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 1.9 * len(traces)), layout="constrained")
+    axes = figure.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, trace in zip(axes, traces, strict=True):
+        near = np.abs(trace.time - 0.5 * (trace.time[0] + trace.time[-1])) <= 0.5 * seconds
+        line(axis, trace.time[near], trace.reference[near], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        for i, how in enumerate(words):
+            made, tone = trace.predicted[how], colour(tones[how])
+            if i == 0:
+                low, high = made - trace.half_width[how], made + trace.half_width[how]
+                axis.fill_between(
+                    trace.time[near], low[near], high[near], color=tone, alpha=0.12, linewidth=0.0, zorder=1
+                )
+            line(axis, trace.time[near], made[near], color=tone, linewidth=1.2)
+        tidy(axis, first=True, text=f"{trace.what.capitalize()} (N·m)", ticks=4)
+    axes[-1].set_xlabel("Time (s)")
+    key(axes[0], [("reference", colour("measured")), *((words[h], colour(tones[h])) for h in words)], room=0.12)
+    return Drawing(name, figure, caption)
+
+
+PANEL_TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}
+"""Title of the panel of each kind of stiffness."""
+
+
+def stiffness_over_time(found: JointStiffness, name: str, *, caption: str) -> Drawing:
+    """Draw both kinds of stiffness with their intervals, and the torque below."""
+    shown = found.time <= DRAWN_MUSCLES_S
+    time = found.time[shown]
+    figure = Figure(figsize=(FIGURE_WIDTH, 5.2), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
+    for axis, kind, tone in zip(axes, STIFFNESS_KINDS, ("fitted", "heldout"), strict=False):
+        value, half = found.value[kind][shown], 1.96 * found.error[kind][shown]
+        axis.fill_between(time, value - half, value + half, color=colour(tone), alpha=0.15, linewidth=0.0)
+        line(axis, time, value, color=colour(tone), linewidth=1.4)
+        axis.axhline(0.0, color=colour("rule"), linewidth=0.8, zorder=0)
+        axis.set_title(PANEL_TITLES[kind], fontsize=9.5, fontweight="bold", loc="left")
+        tidy(axis, first=True, text="N·m/rad", ticks=4)
+    line(axes[2], time, np.asarray(found.torque)[shown], color=colour("measured"), linewidth=1.4)
+    axes[2].set_title("Torque by the muscles", fontsize=9.5, fontweight="bold", loc="left")
+    tidy(axes[2], first=True, text="N·m", ticks=4)
+    axes[2].set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
+
 
 SHORT_ESTIMATOR_NAMES = {name: family.short for name, family in ESTIMATOR_FAMILIES.items() if family.short}
 """Short names of estimators for legends."""
@@ -142,7 +384,7 @@ def _errors_section(findings: CalibrationResult) -> Section:
     where = next(iter(shown.values()))
     on = " on what was not fitted" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst)")
     drawing = draw(
-        figures.error_by_estimator,
+        error_by_estimator,
         [(head[e.what], e.estimator, ESTIMATOR_FAMILIES[e.estimator].description, e.score.rmse) for e in plain],
         "errors",
         heads=list(dict.fromkeys(head[e.what] for e in plain)),
@@ -152,7 +394,7 @@ def _errors_section(findings: CalibrationResult) -> Section:
         caption=f"RMS error of the torque{on}. The dashed line is what angles alone tell, without EMG; the figure in "
         "bold is what is named first, which tests within what was fitted chose.",
     )
-    gains = (draw(figures.gain_over_angles, findings.worth, "worth"),) if findings.worth else ()
+    gains = (draw(gain_over_angles, findings.worth, "worth"),) if findings.worth else ()
     return Section("emg_found", "What was found", (), (*first, *rest), (*gains, drawing))
 
 
@@ -173,7 +415,7 @@ def _torque_section(findings: CalibrationResult) -> Section:
         bands = {chosen: trace.half_width[chosen]} if chosen in trace.half_width else {}
         drawings.append(
             draw(
-                figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i}", chosen=chosen,
+                torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i}", chosen=chosen,
                 bare=BASELINE_ESTIMATOR, words=words | SHORT_ESTIMATOR_NAMES, half_width=bands,
                 unit=findings.evaluated[0].torque_unit,
                 caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what "
@@ -211,14 +453,14 @@ def _muscles_section(findings: CalibrationResult) -> Section | None:
     for i, found in enumerate(findings.muscles, start=1):
         drawings.append(
             draw(
-                muscle_figures.departures, found, f"muscles_{i}",
+                departures, found, f"muscles_{i}",
                 caption=f"Muscles of {found.what}: how far each number moved from the anatomical model, with its 95 % "
                 "interval. Within the band people usually are; a diamond ended on a physiological bound.",
             )
         )  # fmt: skip
         drawings.append(
             draw(
-                muscle_figures.muscle_work, found, f"muscle_work_{i}",
+                muscle_work, found, f"muscle_work_{i}",
                 caption=f"Activation of each muscle of {found.what} and the torque it gives the joint, "
                 f"{found.recording.replace('_', ' ')}.",
             )
@@ -254,13 +496,13 @@ def _together_section(findings: CalibrationResult) -> Section | None:
     over, where = summary.what.removesuffix(" together"), summary.recording.replace("_", " ")
     drawings = (
         draw(
-            muscle_figures.joints_together, traces, FIT_WORDS, "joints_together",
+            joints_together, traces, FIT_WORDS, "joints_together",
             caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
             "every envelope to its force (and its "
             f"{100.0 * ERROR_BAND_SHARE:g} % band), and with the offset of the EMG's stream found too.",
         ),
         draw(
-            muscle_figures.departures, summary, "muscles_together",
+            departures, summary, "muscles_together",
             caption=f"Muscles of {over} together: how far each number moved from the anatomical model, with its 95 % "
             "interval. A diamond ended on a bound and is undetermined.",
         ),
@@ -284,7 +526,7 @@ def _stiffness_section(findings: CalibrationResult) -> Section | None:
         return None
     drawings = tuple(
         draw(
-            stiffness_figures.stiffness_over_time, found, f"stiffness_{found.joint}",
+            stiffness_over_time, found, f"stiffness_{found.joint}",
             caption=f"Stiffness of the {found.joint}, {found.recording.replace('_', ' ')}, by calibrated muscles and "
             "tissue, with 95 % intervals: the calibration's covariance and what muscles and tendons differ by. Nothing "
             "was perturbed: a band cannot say whether the model is right.",

@@ -9,9 +9,8 @@ import numpy as np
 from ....study.results import ResultRow
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.torque_trial import TorqueTrial
-from .chosen import RecommendedEstimator
-from .evaluated import EstimatorEvaluation
-from .worth_findings import RecordingWorth
+from .evaluation import EstimatorEvaluation, RecommendedEstimator
+from .torque_findings import RecordingWorth
 
 
 def calibration_rows(

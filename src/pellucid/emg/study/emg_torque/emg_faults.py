@@ -12,9 +12,9 @@ from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
 from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, inspect_emg, swapped_faults
-from ..study_chain import notch_frequencies, study_chain
+from ..muscle_channels import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
-from .used_muscles import ignored_channels
+from .study_muscles import ignored_channels
 
 ENVELOPE_SETTLING_S = 0.5
 """Duration at either end of a recording in which an envelope has not settled [s].

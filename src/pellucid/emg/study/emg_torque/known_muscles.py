@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ....files.recording import Recording
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.study import Study
-from ...estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, STANDING_POSTURE_RAD, MuscleSource
+from ...estimators.torque_trial import FIBRE_DAMPING, SEATED_POSTURE_RAD, STANDING_POSTURE_RAD, MuscleSource
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from .emg_torque_table import EmgTorqueTable

@@ -7,22 +7,20 @@ from collections.abc import Callable
 import numpy as np
 
 from ...._errors import IdentificationError
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
-from ..study_chain import mains_verdicts
-from .calibration_findings import CalibrationFindings, find_applicable_estimators
-from .chosen import recommend_by_fold, run_tests_if_candidate
+from ..muscle_channels import mains_verdicts
 from .emg_torque_table import EmgTorqueTable
-from .evaluated import EstimatorEvaluation, TorqueTrace
-from .leg_extension_trials import EXTENSION_PROTOCOL, leg_extension_trials
+from .evaluation import EstimatorEvaluation, TorqueTrace, recommend_by_fold, run_tests_if_candidate
 from .relative_envelopes import normalisation_words
-from .trial_sources import moment_trials
-from .used_muscles import ignored_channel_verdicts
+from .study_muscles import ignored_channel_verdicts
+from .torque_findings import CalibrationFindings, find_applicable_estimators
+from .trial_sources import EXTENSION_PROTOCOL, leg_extension_trials, moment_trials
 
 Progress = Callable[[str, float], None]
 """Function that is told what is done now and the share of all work that is done."""

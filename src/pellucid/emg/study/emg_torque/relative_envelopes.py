@@ -10,10 +10,10 @@ from ...._errors import IdentificationError, RecordingError
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
-from ..study_chain import study_chain
+from ..muscle_channels import study_chain
 from .emg_faults import trial_faults
 from .emg_torque_table import EmgTorqueTable
-from .used_muscles import find_used_muscles
+from .study_muscles import find_used_muscles
 
 
 def relative_envelopes(

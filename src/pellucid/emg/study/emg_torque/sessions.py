@@ -10,7 +10,7 @@ import numpy as np
 from ...._errors import PellucidError
 from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.procedures.result import FigureTable
 from ....study.study import Study
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
@@ -18,8 +18,8 @@ from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
 from ...estimators.torque_trial import TorqueTrial, join_pieces
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import find_window
+from .study_muscles import find_used_muscles
 from .trial_sources import moment_trials
-from .used_muscles import find_used_muscles
 from .watched_channels import CONSEQUENCE_KIND, find_watched_changes
 
 RESCALE_KEY = '[emg_torque] rescale = "3 s"'

@@ -6,13 +6,12 @@ from ...._domains import offered
 from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....study.study import Study
-from .calibration_findings import CalibrationFindings, find_applicable_estimators
 from .emg_faults import emg_faults
 from .emg_torque_table import EmgTorqueTable
-from .leg_extension_trials import EXTENSION_PROTOCOL
 from .relative_envelopes import find_maxima, relative_envelopes
 from .sessions import session_faults
-from .trial_sources import STEP_PROTOCOL, moment_trials
+from .torque_findings import CalibrationFindings, find_applicable_estimators
+from .trial_sources import EXTENSION_PROTOCOL, STEP_PROTOCOL, moment_trials
 
 
 def study_faults(study: Study) -> list[Fault]:

@@ -15,12 +15,12 @@ from ...._errors import IdentificationError
 from ...._processes import results_with_helpers
 from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill_together import HillTogether, fit_together
-from ...estimators.never_recorded import UnrecordedMuscles, fit_unrecorded_muscles
+from ...estimators.hill import HillTogether, fit_together
 from ...estimators.torque_trial import TorqueTrial, group_pieces
+from ...estimators.unrecorded import UnrecordedMuscles, fit_unrecorded_muscles
 from ...fit.calibration_posterior import CalibrationPosterior, calibration_posterior
-from .calibration_findings import CalibrationFindings
-from .evaluated import TorqueTrace
+from .evaluation import TorqueTrace
+from .torque_findings import CalibrationFindings
 
 PLAIN_FIT = "hill"
 """Part of row ids that names the fit in which EMG and moments have one clock."""

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.procedures.posterior_beside import (
     ComparedPosterior,
@@ -24,17 +24,15 @@ from ...estimators.condition_choice import ERROR_BAND_SHARE
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.calibration_posterior import CalibrationPosterior
-from ...fit.muscle_information import (
+from ...fit.muscle_posterior import (
     count_bounds_reported_as_estimates,
     covariance,
     muscle_parameters,
     muscle_verdicts,
     reported_covariance,
 )
-from ...models.muscle_card import CARD_KIND
-from .calibration_findings import CalibrationFindings
-from .evaluated import EstimatorEvaluation, TorqueTrace
-from .muscle_findings import MuscleSummary
+from ...models.muscle import CARD_KIND
+from .evaluation import EstimatorEvaluation, TorqueTrace
 from .together import (
     FIT_WORDS,
     OFFSET_FIT,
@@ -44,6 +42,7 @@ from .together import (
     VARIANT_WORDS,
     TogetherFindings,
 )
+from .torque_findings import CalibrationFindings, MuscleSummary
 
 
 @dataclass(frozen=True, eq=False)

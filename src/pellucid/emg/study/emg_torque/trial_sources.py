@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -12,18 +13,44 @@ from ...._domains import offered
 from ...._errors import IdentificationError, RecordingError
 from ...._printed_command import printed_command
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
+from ....models.anthropometry import shank_length, winter
 from ....models.parameter_card import ParameterCard, read_parameter_card
-from ....numerics.filters import zero_phase_lowpass
+from ....numerics.filters import central_difference, zero_phase_lowpass
 from ....study.procedures.card_sources import require_fresh
 from ....study.study import Study
 from ...estimators.features import MOTION_LOWPASS_HZ
-from ...estimators.torque_reference import MovedBody
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import MovedBody, TorqueTrial
+from ...signals.repetitions import find_repetitions
 from .emg_torque_table import BODY_CARD_NAMES, EmgTorqueTable
 from .known_muscles import muscle_source
 from .relative_envelopes import find_maxima, find_window, relative_envelopes
-from .used_muscles import find_used_muscles
-from .worn_reference import WornBody
+from .study_muscles import find_used_muscles
+from .torque_findings import CalibrationFindings
+
+
+class WornBody(Protocol):
+    """A body that the wearer moves."""
+
+    @property
+    def words(self) -> str:
+        """How the body is modelled, as a sentence."""
+
+    def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
+        """Return the wearer's torque about the joint, shape (n,) [N m], low-passed at `lowpass` [Hz]."""
+
+
+@dataclass(frozen=True)
+class TorqueEvaluation:
+    """An evaluation of `calibrate` for studies of one protocol."""
+
+    protocol: str
+    table: str  # name of the table in study.toml that the protocol needs
+    evaluate: Callable[[Study, Callable[[str, float], None]], CalibrationFindings]
+
+    def suits(self, study: Study) -> bool:
+        """Return whether a study has the protocol and the table."""
+        return study.has_table(self.table) and any(one.protocol == self.protocol for one in study.recordings())
+
 
 STEP_PROTOCOL = "torque_steps"
 """Protocol in which a wearer counters an orthosis's torque."""
@@ -244,3 +271,59 @@ def _lead_envelopes(study: Study, recording: Recording) -> dict[str, np.ndarray]
     return {
         muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in find_used_muscles(study, stream)
     }
+
+
+EXTENSION_PROTOCOL = "leg_extension"
+"""Protocol in which a sitting person extends the leg, again and again."""
+
+DEFAULT_MASS_AND_HEIGHT = (70.0, 1.7)
+"""Mass [kg] and height [m] of a person without a stated body. Height sets I/(m g l); mass sets a unit that cancels."""
+
+EMG_LEAD_S = 0.3
+"""Duration of the EMG before each repetition that is passed to muscles [s], since their force depends on it."""
+
+
+def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[TorqueTrial], float]:
+    """Return one person's repetitions, each a trial and a group of its own, and the weight torque of the leg [N m].
+
+    `study` [emg_torque].
+    """
+    own = [r for r in study.recordings() if r.participant == participant]
+    found = [r for r in own if r.protocol == EXTENSION_PROTOCOL]
+    person = study.config.participants.get(participant) if participant else None
+    mass = getattr(person, "mass", None) or DEFAULT_MASS_AND_HEIGHT[0]
+    height = getattr(person, "height", None) or DEFAULT_MASS_AND_HEIGHT[1]
+    leg = winter(mass, shank_length(height))
+    sign = 1.0 if study.config.rig.lifts == "flexion" else -1.0
+    top = find_maxima(study, participant, found)
+    trials = []
+    for recording in found:
+        where = f"{recording.path.name} (recording {recording.name}), channel angle.knee"
+        repetitions = find_repetitions(recording["angle.knee"], recording.fs, where=where)
+        angle = zero_phase_lowpass(recording["angle.knee"], MOTION_LOWPASS_HZ, 4, recording.fs)
+        extension = -sign * (angle - repetitions.rest)
+        acceleration = central_difference(central_difference(extension, recording.fs), recording.fs)
+        torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))
+        flexion = sign * (0.5 * np.pi - extension)
+        envelopes = relative_envelopes(study, recording, top, causal=False)
+        every = max(1, round(recording.fs / KEPT_RATE_HZ))
+        reach = round(EMG_LEAD_S * recording.fs)
+        for i, repetition in enumerate(repetitions.each, start=1):
+            kept = slice(repetition.start, repetition.end, every)
+            ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]
+            trials.append(
+                TorqueTrial(
+                    name=f"{recording.name}_{i}",
+                    joint="knee",
+                    time=recording.time[kept],
+                    envelopes={muscle: x[kept] for muscle, x in envelopes.items()},
+                    angles={"knee": flexion[kept]},
+                    torque=torque[kept],
+                    group=f"{recording.name}_{i}",
+                    participant=participant,
+                    checksum=recording.checksum,
+                    muscles=muscle_source(study, recording, "knee"),
+                    lead={muscle: x[ahead] for muscle, x in envelopes.items()} if len(ahead) else {},
+                )
+            )
+    return trials, leg.gravity()

@@ -13,8 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....study.study import Study
-from ...estimators.channel_watch import add_channel_watch
-from ...estimators.emg_session import ChannelChange
+from ...estimators.emg_session import ChannelChange, add_channel_watch
 from ...estimators.live_torque import LiveTorque
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial, join_pieces

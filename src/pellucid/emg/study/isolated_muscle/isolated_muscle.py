@@ -18,7 +18,7 @@ from scipy import optimize
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
 from ....files.recording import Recording
-from ....models.parameter import Parameter, Verdict
+from ....models.estimates import Parameter, Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.posterior.posterior import Posterior
 from ....study.procedures.posterior_beside import (

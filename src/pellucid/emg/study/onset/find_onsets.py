@@ -14,7 +14,7 @@ from ...._atomic import write_text_atomically
 from ...._errors import RecordingError
 from ...._given import csv_cell
 from ....files.fault import Fault
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.drawing.line_points import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result

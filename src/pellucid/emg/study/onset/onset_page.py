@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
-from ....study.drawing.drawing import draw
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from ....study.drawing.drawing import Drawing, draw, line, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import typeset_sentence
 from ....study.procedures.study_page import figure_tables, paper_step, study_page
 from ....study.study import Study
-from .find_onsets import MAX_DRAWN_RECORDINGS, OnsetResult
-from .onset_figures import burst_traces
+from .find_onsets import MAX_DRAWN_RECORDINGS, MuscleBursts, OnsetResult
 from .onset_table import OnsetTable
+
+
+def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Drawing:
+    """Draw raw EMG of one recording: activity shaded, the interval of each onset and end darker, rest underlined."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.6 + 1.15 * len(muscles)), layout="constrained")
+    axes = figure.subplots(len(muscles), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, each in zip(axes, muscles, strict=True):
+        line(axis, each.time, 1e3 * each.samples, color=colour("measured"), linewidth=0.6)
+        for burst in each.bursts:
+            axis.axvspan(burst.onset.time, burst.end.time, color=colour("fitted"), alpha=0.12, linewidth=0.0)
+            for point in (burst.onset, burst.end):
+                axis.axvspan(point.low, point.high, color=colour("heldout"), alpha=0.45, linewidth=0.0)
+                axis.axvline(point.time, color=colour("heldout"), linewidth=0.9)
+        low, _ = axis.get_ylim()
+        axis.plot(each.rest, (low, low), color=colour("good"), linewidth=3.0, clip_on=False, solid_capstyle="butt")
+        tidy(axis, first=True, text="mV", ticks=3)
+        axis.set_title(each.muscle.replace("_", " "))
+    axes[-1].set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
 
 
 def page(study: Study, found: OnsetResult) -> Page:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum

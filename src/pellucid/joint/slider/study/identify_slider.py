@@ -9,27 +9,33 @@ import numpy as np
 
 from ...._errors import IdentificationError, UnfitRecordingError
 from ....files.recording import Recording
-from ....models.directional_slider import DirectionalSliderModel
+from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import LOAD_FEATURE, features_of
-from ....models.parameter import Parameter, Verdict
-from ....models.slider_joint import SliderJointModel
+from ....models.slider_joint import DirectionalSliderModel, SliderJointModel
 from ....numerics.filters import zero_phase_lowpass
-from ....numerics.protocols.reversals import REVERSALS_NAME
-from ....study.effort import command_of, drive_model
+from ....numerics.protocols.excitation import REVERSALS_NAME
 from ....study.procedures.dead_effort import require_live_effort
 from ....study.procedures.procedure import Progress, quiet
 from ....study.quality import require_sound
+from ....study.recorded_motions import command_of, drive_model
 from ....study.study import Study
 from ....study.study_file import StudyFile
 from ..axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
 from ..coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from ..markers import Geometry, slider_geometry
-from ..reversals import MIN_TURN_COUNT, presliding_travel
-from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit, TrialError
-from ..slider_motion import SliderMotion
-from ..three_steps import STEP_PROTOCOLS, all_at_once, directional_columns, static_set, three_steps
-from .recorded_slider import slider_motions
-from .slider_faults import examine, of_body, require_torques
+from ..slider_motion import MIN_TURN_COUNT, SliderMotion, presliding_travel
+from ..three_steps import (
+    SLIDER_METHODS,
+    STEP_PROTOCOLS,
+    SliderEstimate,
+    SliderFit,
+    TrialError,
+    all_at_once,
+    directional_columns,
+    static_set,
+    three_steps,
+)
+from .recorded_slider import examine, of_body, require_torques, slider_motions
 from .slider_result import SliderResult, slider_result
 
 FREE_CARRIAGE_CHANNELS = ("position", "length.carriage", "angle.limb")

@@ -19,7 +19,7 @@ class SliderProcedure(Procedure[None, "SliderResult"]):
     name, command = "slider", "identify"
 
     def faults(self, study: Study, table: None) -> list[Fault]:
-        from .slider_faults import slider_faults
+        from .recorded_slider import slider_faults
 
         return slider_faults(study)
 

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
-from ....models.slider_card import SliderCard
-from ....models.slider_joint import SliderJointModel
+from ....models.slider_joint import SliderCard, SliderJointModel
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
-from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
+from ..three_steps import SLIDER_METHODS, SliderEstimate, SliderFit
 
 COMMAND_NAME = "identify"
 """Every row names this command as its origin."""

@@ -2,21 +2,267 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ...._printed_command import printed_command
-from ....study.drawing.drawing import draw
+from ....models.estimates import Parameter
+from ....numerics.gravity_holds import GravityFit, line_of_best_fit
+from ....study.drawing.drawing import Drawing, Head, dots, draw, heads, key, line, one_panel, tidy
+from ....study.drawing.style import FIGURE_WIDTH, colour
+from ....study.pages.forest import number_table
+from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ....study.pages.page import Answer, Page, Section, Tile, without_drawing
 from ....study.pages.quantities import number, typeset_sentence, unit_text
-from ....study.pages.tables import number_table
-from ....study.procedures.badge_bounds import MIN_EXPLAINED_PERCENT
 from ....study.procedures.posterior_beside import pair_with_posterior
 from ....study.procedures.posterior_figures import posterior_figure
+from ....study.procedures.print_result import MIN_EXPLAINED_PERCENT
 from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ....study.study import Study
-from . import coupling_figures as figures
-from .coupling_result import CouplingResult
+from ...strap.identified_strap import IdentifiedStrap
+from ...strap.wearer_coupling import EvaluatedSwing
+from ...transfer.fit_transfer_function import Response
+from .coupling_result import CouplingResult, WearerStages
 from .coupling_table import CouplingTable
+
+MAX_DRAWN_S = 12.0
+"""Length of a response or swing that is drawn [s]."""
+
+FRAME_COUNT = 60
+"""Number of frames of the movement."""
+
+MISMATCH_MAGNIFICATION = 2.0
+"""Magnification of the drawn angle between leg and orthosis, which is often of a few degrees."""
+
+HOLD_DOT_POINTS = 5.0
+"""Diameter of the dot of a hold, in points."""
+
+LEGEND_SHARE = 0.14
+"""Share of a panel's height that is kept free for the legend."""
+
+STRAP_PARAMETERS = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
+"""Strap parameters that are drawn, with their labels."""
+
+
+def gravity_figure(fit: GravityFit) -> Drawing:
+    """Draw the holding torque of the orthosis against its angle, with the fitted sine and the published line."""
+    figure, axis = one_panel(3.6)
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    angle = np.array([h.angle for h in fit.holds])
+    torque = np.array([h.torque for h in fit.holds])
+    span = np.linspace(angle.min(), angle.max(), 121)
+    straight = line_of_best_fit(angle, torque)
+    line(axis, np.degrees(span), straight.slope * span + straight.intercept, color=colour("stribeck"), linewidth=1.2)
+    line(axis, np.degrees(span), fit.torque(span), color=colour("fitted"), linewidth=1.8)
+    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=HOLD_DOT_POINTS)
+    tidy(axis, first=True, text="Torque (N·m)")
+    axis.set_xlabel("Angle from hanging (deg)")
+    names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
+    key(axis, names, room=LEGEND_SHARE)
+    return Drawing(
+        "gravity",
+        figure,
+        "Torque that holds the orthosis still. The sine leaves "
+        f"{1e3 * float(np.abs(fit.residual).max()):.0f} mN·m at most, the straight line of the published method "
+        f"{1e3 * straight.largest_residual:.0f} mN·m; its slope is {straight.slope:.3f} N·m/rad.",
+    )
+
+
+def response_figure(pendulum: Response, linear: Response) -> Drawing:
+    """Draw the held-out response of the orthosis to a torque: measured, by the pendulum, and by the published form."""
+    figure, axis = one_panel(3.4)
+    start = pendulum.time[0]
+    shown = pendulum.time <= start + MAX_DRAWN_S
+    for values, role, width in (
+        (pendulum.measured, "measured", 2.6),
+        (linear.simulated, "stribeck", 1.2),
+        (pendulum.simulated, "heldout", 1.2),
+    ):
+        line(axis, pendulum.time[shown] - start, np.degrees(values[shown]), color=colour(role), linewidth=width)
+    tidy(axis, first=True, text="Angle (deg)")
+    axis.set_xlabel("Time (s)")
+    names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
+    key(axis, names, room=LEGEND_SHARE)
+    reached = "diverges" if pendulum.diverges else f"{pendulum.fit:.1f} %"
+    rest = f"pendulum {reached}, two poles {linear.fit:.1f} %"
+    heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
+    return Drawing(
+        "response",
+        figure,
+        "The orthosis's answer to a torque of another amplitude than was fitted: measured, simulated as a pendulum "
+        "with friction, and by the published transfer function with two poles. Only initial states are estimated here.",
+    )
+
+
+def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> Drawing:
+    """Draw the holding torque that each limb adds, against the angle."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.4), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(wearers), sharey=True))
+    texts = []
+    for axis, (who, stages) in zip(panels, wearers.items(), strict=True):
+        limb = stages.limb
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        holds = [h for trial in limb.trials for h in trial]
+        angle = np.array([h.angle for h in holds])
+        added = np.array([h.torque for h in holds]) - orthosis.torque(angle)
+        span = np.linspace(angle.min(), angle.max(), 121)
+        drawn = limb.gravity.value * np.sin(span - limb.zero.value)
+        line(axis, np.degrees(span), drawn, color=colour("fitted"), linewidth=1.8)
+        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=HOLD_DOT_POINTS)
+        tidy(axis, first=axis is panels[0], text="Torque (N·m)")
+        axis.set_xlabel("Angle (deg)")
+        size = number(limb.gravity.value, limb.gravity.standard_error)
+        texts.append(Head(who, f"{size} N·m", colour("fitted")))
+    heads(list(panels), texts)
+    return Drawing(
+        "limbs",
+        figure,
+        "Torque that a relaxed limb on a rigid plate adds to the orthosis's own, at every hold of every trial, and the "
+        "sine through them.",
+    )
+
+
+def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
+    """Draw the mismatch angle in one swing, by the IMU and by the models, beside the leg in its orthosis, which moves
+    as it was recorded."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
+    limb, axis = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    middle = 0.5 * (swing.time[0] + swing.time[-1])
+    shown = np.abs(swing.time - middle) <= 0.5 * MAX_DRAWN_S
+    time = swing.time[shown]
+    entries = [("IMU", colour("measured"))]
+    line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
+    if "published" in swing.simulated:
+        line(axis, time, np.degrees(swing.simulated["published"][shown]), color=colour("stribeck"), linewidth=1.1)
+        entries.append(("as published", colour("stribeck")))
+    role = "heldout" if swing.split == "heldout" else "fitted"
+    line(axis, time, np.degrees(swing.simulated["orthosis"][shown]), color=colour(role), linewidth=1.4)
+    entries.insert(1, ("strap", colour(role)))
+    tidy(axis, first=True, text="Mismatch (deg)")
+    axis.set_xlabel("Time (s)")
+    key(axis, entries, room=LEGEND_SHARE)
+    rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
+    if np.isfinite(swing.ceiling):
+        rest += f"; {swing.ceiling:.1f} % if the model were perfect"
+    heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
+    frames = np.linspace(float(time[0]), float(time[-1]), FRAME_COUNT)
+    orthosis = np.zeros(len(time)) if swing.position is None else swing.position[shown]
+    turned = np.interp(frames, time, orthosis), np.interp(frames, time, swing.seen[shown])
+    ways = {**_leg_in_orthosis(limb, *turned), "cursor": cursor(axis, frames)}
+    return MovingDrawing(
+        f"mismatch_{who}",
+        figure,
+        f"Left: orthosis (grey) and leg (black) as they were recorded, the angle between them "
+        f"{MISMATCH_MAGNIFICATION:g} times as large. Right: angle between limb and orthosis of {who}: by the IMU, and "
+        "as the identified strap answers the torque that the orthosis's balance gives. "
+        + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
+        + (" The published equation has no strap in it." if len(entries) > 2 else ""),
+        ways,
+        float(time[-1] - time[0]),
+    )
+
+
+def _leg_in_orthosis(axis: Axes, orthosis: np.ndarray, mismatch: np.ndarray) -> dict[str, Way]:
+    """Draw a thigh that rests, and orthosis and shank that turn below it, (frames,) [rad] from hanging."""
+    axis.set_aspect("equal")
+    axis.set_axis_off()
+    axis.set_xlim(-1.35, 1.15)
+    axis.set_ylim(-1.2, 0.45)
+    axis.plot((0.0, 1.0), (0.0, 0.12), color=colour("faint"), linewidth=15.0, solid_capstyle="round")
+    ways = {}
+    drawn = (
+        ("orthosis", orthosis, 1.0, colour("muted"), 13.0),
+        ("leg", orthosis + MISMATCH_MAGNIFICATION * mismatch, 1.08, colour("measured"), 5.0),
+    )
+    for name, angle, length, tone, width in drawn:
+        # The foot swings back when the knee bends.
+        foot = length * np.column_stack([-np.sin(angle), -np.cos(angle)])
+        points = np.stack([np.zeros_like(foot), foot], axis=1)
+        strokes(axis, points[0], name, edgecolor=tone, linewidth=width, zorder=4)
+        ways[name] = Way(axis, points)
+    axis.plot([0.0], [0.0], "o", color=colour("fitted"), markersize=8.0, zorder=6)
+    return ways
+
+
+def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
+    """Draw the strap torque against the mismatch angle: measured, by the chosen model, and by a spring alone."""
+    figure, axis = one_panel(3.4)
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    place, torque = strap.seen
+    half = 0.5 * strap.fit.values.get("slack", 0.0)
+    low, high = strap.range[0] - half, strap.range[1] + half
+    span = np.linspace(low, high, 301)
+    inside = (place >= low) & (place <= high)
+    dots(axis, np.degrees(place[inside]), torque[inside], colour("measured"), alpha=0.35, size=3.0)
+    plain = strap.plain.values["stiffness"]
+    line(axis, np.degrees(span), plain * span, color=colour("stribeck"), linewidth=1.2)
+    pulled = span - np.clip(span, -half, half)
+    line(axis, np.degrees(span), strap.stiffness.value * pulled, color=colour("load"), linewidth=1.0)
+    line(axis, np.degrees(span), strap.torque(span), color=colour("fitted"), linewidth=1.8)
+    tidy(axis, first=True, text="Torque (N·m)")
+    axis.set_xlabel("Mismatch (deg)")
+    names = [
+        ("IMU", colour("measured")), ("strap", colour("fitted")), ("its tangent", colour("load")),
+        ("spring alone", colour("stribeck")),
+    ]  # fmt: skip
+    key(axis, names, room=LEGEND_SHARE)
+    heads(
+        [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
+    )
+    return Drawing(
+        f"strap_{who}",
+        figure,
+        f"What the strap of {who} carries in the end, over the angle between limb and orthosis: where the IMU saw the "
+        f"limb, by the model that was chosen ({strap.model.words}), its tangent where it begins to pull, and the "
+        "spring that does best alone. What it carries by its damper, and by what relaxes, is taken off.",
+    )
+
+
+def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
+    """Draw intervals of stiffness, damping and inertia by participant, from either side of the strap."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.5 + 0.5 * len(wearers)), layout="constrained")
+    panels = figure.subplots(1, len(STRAP_PARAMETERS), sharey=True)
+    names = list(wearers)
+    both = False
+    for axis, (attribute, word) in zip(panels, STRAP_PARAMETERS, strict=True):
+        axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        for row, who in enumerate(names):
+            found = wearers[who].coupling
+            _interval(axis, row - 0.12, found.parameter(attribute), level, "fitted")
+            if found.limb_side is not None and attribute != "inertia":
+                both = True
+                _interval(axis, row + 0.18, getattr(found.limb_side, attribute), level, "load")
+        unit = unit_text(wearers[names[0]].coupling.parameter(attribute).unit)
+        tidy(axis, first=axis is panels[0])
+        axis.set_xlabel(f"{word} ({unit})")
+        axis.margins(x=0.08)
+    panels[0].set_yticks(range(len(names)), names)
+    panels[0].set_ylim(len(names) - 0.5, -0.6)
+    if both:
+        key(panels[1], [("orthosis's side", colour("fitted")), ("limb's side", colour("load"))])
+    limb = " The limb's side errs by its torque's own error, which its interval does not hold." if both else ""
+    return Drawing(
+        "straps",
+        figure,
+        f"What is known of every strap: values and {100.0 * level:.4g} % intervals. A strap has no inertia: that "
+        f"interval must hold zero.{limb}",
+    )
+
+
+def _interval(axis, row: float, parameter: Parameter, level: float, role: str) -> None:
+    low, high = parameter.interval(level)
+    axis.plot([low, high], [row, row], color=colour(role), linewidth=2.2, solid_capstyle="round", zorder=3)
+    dots(axis, np.array([parameter.value]), np.array([row]), colour(role), alpha=1.0, size=6.0)
+
+
+def drawn_swing(swings: Sequence[EvaluatedSwing]) -> EvaluatedSwing:
+    """Return the swing that is drawn: the first held-out one, else the first."""
+    return next((s for s in swings if s.split == "heldout"), swings[0])
+
 
 ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Names of the orientation filters."""
@@ -78,10 +324,10 @@ def _found(findings: CouplingResult) -> Section:
 
 def _orthosis(findings: CouplingResult) -> Section:
     fit = findings.orthosis
-    drawings = [draw(figures.gravity_figure, fit.gravity)]
+    drawings = [draw(gravity_figure, fit.gravity)]
     if fit.checks:
         name = next(iter(fit.checks))
-        drawings.append(draw(figures.response_figure, fit.checks[name], fit.linear_checks[name]))
+        drawings.append(draw(response_figure, fit.checks[name], fit.linear_checks[name]))
     return Section(
         "coupling_orthosis",
         "The orthosis alone",
@@ -103,17 +349,17 @@ def _limbs(findings: CouplingResult) -> Section:
         rows.append((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva"))))
     heads = ("Participant", "Found", "Winter, knee to ankle", "Winter, knee to heel", "de Leva")
     table = number_table(heads, rows, "Gravity of shank and foot (N·m): found, and by shares.", wide=False)
-    drawing = draw(figures.limbs_figure, findings.orthosis.gravity, known)
+    drawing = draw(limbs_figure, findings.orthosis.gravity, known)
     tables = (table, *parameter_tables(findings, ": limb"))
     return Section("coupling_limbs", "The limbs", tables=tables, drawings=(drawing,))
 
 
 def _straps(findings: CouplingResult) -> Section:
-    drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
+    drawings = [draw(straps_figure, findings.wearers, findings.confidence)]
     for who, stages in findings.wearers.items():
         if stages.coupling.strap is not None:
-            drawings.append(draw(figures.strap_figure, who, stages.coupling.strap))
-        drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.evaluated)))
+            drawings.append(draw(strap_figure, who, stages.coupling.strap))
+        drawings.append(draw(mismatch_figure, who, drawn_swing(stages.coupling.evaluated)))
         if stages.coupling.posterior is not None:
             compared = pair_with_posterior(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
             drawings.append(draw(posterior_figure, compared, findings.confidence, f"posterior-{who}"))

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ....models.parameter import Parameter, Verdict
+from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.gravity_holds import accuracy
 from ....study.procedures.posterior_beside import (
@@ -19,12 +19,10 @@ from ....study.procedures.posterior_beside import (
 )
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
+from ...strap.coupled_impedance import PublishedCoupling
 from ...strap.identified_strap import IdentifiedStrap
-from ...strap.limb_alone import KNEE_DAMPING_SPREAD, LimbFit
-from ...strap.limb_imu import ImuCalibration
-from ...strap.limb_muscles import MuscleTorque
+from ...strap.limb import KNEE_DAMPING_SPREAD, ImuCalibration, LimbFit, MuscleTorque
 from ...strap.orthosis_alone import COVARIANCE_ORDER, OrthosisFit
-from ...strap.published_coupling import PublishedCoupling
 from ...strap.strap_model import STRAP_FEATURES, StrapModel
 from ...strap.wearer_coupling import MODEL_NAMES, WearerCoupling
 

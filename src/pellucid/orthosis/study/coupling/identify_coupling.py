@@ -23,13 +23,23 @@ from ....study.study import Study
 from ....study.study_file import Participant, StudyFile
 from ...imu.inertial import inertial
 from ...input_output import InputOutput, input_output
-from ...strap.limb_alone import fit_limb
-from ...strap.limb_imu import JointAxis, calibrate_imu, find_joint_axis, limb_angle_by_imu
-from ...strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
+from ...strap.limb import (
+    JointAxis,
+    Levels,
+    MuscleTorque,
+    at_work,
+    calibrate_imu,
+    envelopes,
+    find_joint_axis,
+    find_levels,
+    fit_limb,
+    fit_muscle_torque,
+    limb_angle_by_imu,
+)
 from ...strap.orthosis_alone import OrthosisFit, fit_orthosis
-from ...strap.strap_torque import StrappedSwing
+from ...strap.strap_model import StrappedSwing
 from ...strap.wearer_coupling import identify_wearer
-from .actuator_card import actuator_card
+from .cards import actuator_card
 from .coupling_result import CouplingResult, WearerStages, coupling_result
 from .coupling_table import CouplingTable
 
@@ -72,7 +82,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     tell("reading recordings", 0.0)
     recordings = study.recordings()
     found = identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
-    from .emg_card import emg_cards
+    from .cards import emg_cards
 
     made = emg_cards(study, recordings, found.orthosis.orthosis, found.wearers)
     actuator = actuator_card(study.name, recordings)

@@ -16,16 +16,15 @@ from ...._errors import IdentificationError, PellucidError
 from ....files.fault import Fault, warn_if_held_out
 from ....files.recording import Recording, channels_within
 from ....models.anthropometry import WINTER_MASS, shank_length, winter
+from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
-from ....models.parameter import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
 from ....study.study_file import Participant, StudyFile
-from ...swing.leg_balance import leg_alone
-from ...swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, swing
+from ...swing.loaded_swing import Swing, SwingFit, corrected_form, fit_swings, leg_alone, swing
 from .loaded_swing_table import LoadedSwingTable
 
 EMPTY_PROTOCOL = "empty_swing"

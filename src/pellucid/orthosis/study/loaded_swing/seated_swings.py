@@ -16,23 +16,19 @@ from ...._errors import IdentificationError
 from ....emg.estimators.cross_validation import score
 from ....emg.estimators.families import ESTIMATOR_FAMILIES
 from ....emg.estimators.hill import HillMap
-from ....emg.estimators.muscle_source import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource
 from ....emg.estimators.torque_map import fit_torque_map
-from ....emg.estimators.torque_trial import TorqueTrial
+from ....emg.estimators.torque_trial import FIBRE_DAMPING, SEATED_POSTURE_RAD, MuscleSource, TorqueTrial
 from ....emg.models.muscle_geometry import muscle_table
 from ....emg.signals.emg_chain import EmgChain, emg_chain
-from ....emg.study.emg_torque.calibration_findings import CalibrationFindings, find_applicable_estimators
-from ....emg.study.emg_torque.chosen import run_tests_if_candidate
 from ....emg.study.emg_torque.emg_torque_table import EmgTorqueTable
-from ....emg.study.emg_torque.evaluated import EstimatorEvaluation, TorqueTrace
-from ....emg.study.emg_torque.muscle_findings import partial_errors
-from ....emg.study.emg_torque.worn_reference import TorqueEvaluation
-from ....emg.study.study_chain import study_chain
+from ....emg.study.emg_torque.evaluation import EstimatorEvaluation, TorqueTrace, run_tests_if_candidate
+from ....emg.study.emg_torque.torque_findings import CalibrationFindings, find_applicable_estimators, partial_errors
+from ....emg.study.emg_torque.trial_sources import TorqueEvaluation
+from ....emg.study.muscle_channels import study_chain
 from ....files.recording import Recording
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....study.study import Study
-from ...swing.leg_balance import worn_exoskeleton_torque
-from ...swing.loaded_swing import Swing, SwingFit, swing
+from ...swing.loaded_swing import Swing, SwingFit, swing, worn_exoskeleton_torque
 from .identify_loaded_swing import LOADED_PROTOCOL, identify_swings
 
 SWING_PROTOCOL = "seated_swing"

@@ -9,12 +9,16 @@ import numpy as np
 
 from ...._errors import IdentificationError, PellucidError
 from ....files.recording import Recording
-from ....models.parameter import Verdict
-from ....numerics.protocols.random_phase_multisine import MULTISINE_NAME as PROTOCOL
+from ....models.estimates import Verdict
+from ....numerics.protocols.excitation import MULTISINE_NAME as PROTOCOL
 from ....study.procedures.result import FigureTable
 from ....study.results import ResultRow
-from ...transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
-from ...transfer.local_polynomial import LocalResponse, local_response
+from ...transfer.best_linear_approximation import (
+    BestLinearApproximation,
+    LocalResponse,
+    best_linear_approximation,
+    local_response,
+)
 from .transfer_function_table import TransferFunctionTable
 
 LINEAR_FIT_WARNING_PERCENT = 90.0

@@ -11,13 +11,13 @@ import numpy as np
 from ...._errors import IdentificationError, PellucidError
 from ....files.fault import Fault
 from ....files.recording import Recording
-from ....models.parameter import Verdict
+from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...input_output import InputOutput, input_output
-from ...transfer.transfer_function_fit import (
+from ...transfer.fit_transfer_function import (
     MIN_SAMPLES_PER_UNKNOWN,
     Response,
     TransferFit,

@@ -1,1 +1,0 @@
-"""Findings on an identified robot: one file for each, with a function ``find(case)``."""

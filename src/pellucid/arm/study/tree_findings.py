@@ -1,0 +1,256 @@
+"""Finding: the increase of the error by physically consistent links."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...models.estimates import Verdict
+from ...study.procedures.print_result import MAX_GOOD_ERROR
+from ..fit.tree_estimate import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
+from .tree_result import ROW_KIND_DESCRIPTIONS, TreeResult, unidentified_parameters
+
+MAX_NEGLIGIBLE_LOSS = 0.1
+"""Largest increase of the mean error that is negligible, in percentage points."""
+
+
+def report_bodies(case: TreeResult) -> Iterator[Verdict]:
+    """Report the increase of the error, and models that failed."""
+    for model, why in case.failures.items():
+        yield Verdict("warning", f"No {model} model: {why}.", "Check masses, signs and gears.")
+    best, bodies = case.errors_of("best", case.judged), case.errors_of("consistent", case.judged)
+    if best is None or bodies is None:
+        return
+    loss = bodies.mean - best.mean
+    notes_text = "; ".join(case.models["consistent"].notes)
+    text = f"Bodies that can exist change the mean error on {ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} points"
+    text += f" ({notes_text})." if notes_text else "."
+    if loss <= MAX_NEGLIGIBLE_LOSS:
+        yield Verdict("good", text)
+    else:
+        yield Verdict(
+            "warning", text, "Check masses, signs and gears: efforts ask for bodies that cannot be.", weight=loss
+        )
+
+
+def report_drive_ripple(case: TreeResult) -> Iterator[Verdict]:
+    """Report each drive with a ripple."""
+    ripple_texts = [
+        f"{case.names[r.motor]} {r.amplitude:.2g} {case.effort_units[r.motor]}, {r.order:.4g} times in a turn"
+        for r in case.best.ripples
+    ]
+    if ripple_texts:
+        text = (
+            f"Drives add a ripple as they go round, which is in the model (gears taken out): {'; '.join(ripple_texts)}."
+        )
+        yield Verdict("note", text)
+
+
+MIN_MOVING_SHARE = 0.2
+"""Smallest share of the rows in which a joint should move."""
+
+
+def report_hardly_moved(case: TreeResult) -> Iterator[Verdict]:
+    """Report the joints that hardly move."""
+    moving = np.concatenate([t.moving for t in case.traces if t.use == "fit"]).mean(axis=0)
+    for joint, share in zip(case.names, moving, strict=True):
+        if share < MIN_MOVING_SHARE:
+            yield Verdict(
+                "warning",
+                f"Joint {joint} moves in {100.0 * share:.2g} % of the fitted rows: its friction rests on these.",
+                "Record motion in which it goes both ways, slowly and fast.",
+                weight=MIN_MOVING_SHARE - share,
+            )
+
+
+def report_held_by_a_bound(case: TreeResult) -> Iterator[Verdict]:
+    """Report the parameters on a physical bound."""
+    named = (p.name.rpartition(".") for p in case.best.parameters.values() if p.at_bound)
+    held = [f"{number} of {of}".replace("_", " ") for of, _, number in named]
+    if held:
+        text = f"A physical bound holds {', '.join(held)}: there is none to see, or another term has taken its share."
+        yield Verdict("note", text, weight=len(held))
+
+
+MAX_ERROR_RATIO = 1.5
+"""A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
+measurement is recorded."""
+
+
+def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
+    """Report joints with much larger, or with large, errors on data that were not fitted."""
+    fitted, judged = case.errors_of("best", "fitted"), case.errors_of("best", case.judged)
+    if case.judged == "fitted":
+        yield Verdict("warning", "Nothing was left out to judge by.", "Record more, or mark a recording to validate.")
+        return
+    worse = {
+        joint: (a, b)
+        for joint, a, b in zip(case.names, fitted.each, judged.each, strict=True)
+        if b > MAX_ERROR_RATIO * a
+    }
+    for joint, (a, b) in worse.items():
+        yield Verdict(
+            "warning",
+            f"At {joint} the model misses {b:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]} and {a:.2g} % on what was "
+            "fitted: it has learnt what does not last, or the machine has changed.",
+            "Record more motion of that kind, or compare recordings of one day.",
+            weight=b / a,
+        )
+    large = {
+        joint: error
+        for joint, error in zip(case.names, judged.each, strict=True)
+        if error > MAX_GOOD_ERROR and joint not in worse
+    }
+    for joint, error in large.items():
+        yield Verdict(
+            "warning",
+            f"At {joint} the model misses {error:.2g} % on {ROW_KIND_DESCRIPTIONS[case.judged]}, more than the "
+            f"{MAX_GOOD_ERROR:g} % of a good prediction.",
+            "Look for what the model lacks there: load friction, ripple, a cable, or an effort that is hardly used.",
+            weight=error / 100.0,
+        )
+    if not worse and not large:
+        text = (
+            f"On {ROW_KIND_DESCRIPTIONS[case.judged]} no joint is predicted more than {MAX_ERROR_RATIO:g} times worse "
+            f"than on what was fitted, and each to {MAX_GOOD_ERROR:g} % or better."
+        )
+        yield Verdict("good", text)
+
+
+MIN_AGREEING_PERCENT = 80.0
+"""Smallest share of standard errors that should agree with the jackknife's within a factor of two [%]."""
+
+
+def report_honest_intervals(case: TreeResult) -> Iterator[Verdict]:
+    """Report the share of standard errors that agree."""
+    if case.jackknife is None:
+        return
+    share = case.jackknife.share_within
+    text = f"{share:.3g} % of the standard errors are within a factor of two of what leaving out each segment shows"
+    text += f"; the textbook's are {case.jackknife.textbook_ratio:.2g} times too small."
+    do = (
+        ""
+        if share >= MIN_AGREEING_PERCENT
+        else "Record longer: there are too few segments to tell how sure the numbers are."
+    )
+    yield Verdict("good" if share >= MIN_AGREEING_PERCENT else "warning", text, do)
+
+
+def report_load_friction(case: TreeResult) -> Iterator[Verdict]:
+    """Report the joints with load friction."""
+    shares = {
+        joint: p.value for joint in case.names if (p := case.best.parameters.get(f"{joint}.load")) and not p.refused
+    }
+    if shares:
+        shares_text = ", ".join(f"{100.0 * share:.2g} % of the load at {joint}" for joint, share in shares.items())
+        yield Verdict("note", f"Friction grows with the load: {shares_text}.", weight=max(shares.values()))
+
+
+MAX_MASS_ERROR_PERCENT = 5.0
+"""Largest error of an identified mass that counts as correct [%]."""
+
+
+def report_payload(case: TreeResult) -> Iterator[Verdict]:
+    """Report each identified payload, compared with its stated mass."""
+    for p in case.payloads:
+        if p.mass.refused:
+            do = "Move the link that carries it in more directions."
+            yield Verdict("note", f"The mass of the payload of {p.recording} is not told by its motion.", do)
+            continue
+        if p.tests == "nothing":
+            yield Verdict(
+                "note",
+                f"The payload of {p.recording} set the gains of the drives, so that it cannot test them.",
+                'Record another known payload with use = "validate": its mass is then predicted.',
+            )
+            continue
+        text = f"The payload of {p.recording} comes out as {p.mass.value:.4g} kg"
+        if p.known is None:
+            yield Verdict("note", f"{text}.")
+            continue
+        text += ", by gains from the other payloads" if p.tests == "gains of other payloads" else ""
+        text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
+        do = (
+            ""
+            if p.error <= MAX_MASS_ERROR_PERCENT
+            else "Check the gains of the drives: [tree] gains says where they come from."
+        )
+        yield Verdict("good" if p.error <= MAX_MASS_ERROR_PERCENT else "warning", text, do, weight=p.error)
+
+
+MIN_ERROR_RATIO = 1.5
+"""A recording disagrees only if its error exceeds this multiple of the best recording's."""
+
+MIN_ERROR_DIFFERENCE_PERCENT = 2.0
+"""A recording disagrees only if its error exceeds the best recording's by more than this [% of the effort]."""
+
+
+def report_recordings_disagree(case: TreeResult) -> Iterator[Verdict]:
+    """Report the joints at which fitted recordings disagree."""
+    fitted = [t for t in case.traces if t.use == "fit"]
+    names = list(dict.fromkeys(t.recording for t in fitted))
+    if len(names) < 2:
+        return
+    for k, joint in enumerate(case.names):
+        errors = {}
+        for name in names:
+            parts = [t for t in fitted if t.recording == name]
+            effort, off = (
+                np.concatenate([x(t)[t.moving[:, k], k] for t in parts])
+                for x in (lambda t: t.effort, lambda t: t.effort - t.predicted)
+            )
+            if len(off):
+                errors[name] = 100.0 * float(np.sqrt(np.mean(off**2) / np.mean(effort**2)))
+        worst, best = max(errors, key=errors.get), min(errors, key=errors.get)
+        if errors[worst] > max(MIN_ERROR_RATIO * errors[best], errors[best] + MIN_ERROR_DIFFERENCE_PERCENT):
+            yield Verdict(
+                "warning",
+                f"One model for all recordings misses {errors[worst]:.2g} % of {joint}'s effort in {worst} and "
+                f"{errors[best]:.2g} % in {best}: something has changed between them, warmth or a payload perhaps.",
+                "Identify each alone and compare, or say in study.toml what was different.",
+                weight=errors[worst] / errors[best],
+            )
+
+
+def report_sign_in_doubt(case: TreeResult) -> Iterator[Verdict]:
+    """Report the evidence against a sign; predictions for other motions may then be far off."""
+    for doubt in case.doubts:
+        yield Verdict("warning", f"A sign may be wrong: {doubt}.")
+
+
+def report_unknown_gain(case: TreeResult) -> Iterator[Verdict]:
+    """Report the drives with unknown gains."""
+    unknown = [joint for joint, (_, _, known) in zip(case.names, case.gains, strict=True) if not known]
+    if unknown:
+        several = len(case.names) > 1
+        yield Verdict(
+            "warning" if several else "note",
+            f"Gains of the drives of {', '.join(unknown)} are not known: numbers of these joints are per unit of the "
+            "drive, and say nothing of newton metres."
+            + (" Joints that carry the same bodies are fitted as if their gains were alike." if several else ""),
+            'Write a torque_constant in [rig.joints.drive], or [tree] gains = "desired" or "payload".',
+        )
+
+
+def report_weak_numbers(case: TreeResult) -> Iterator[Verdict]:
+    """Report the parameters that do not differ from 0, and those that the recordings do not determine."""
+    weak = {joint: ", ".join(own) for k, joint in enumerate(case.names) if (own := unidentified_parameters(case, k))}
+    if weak:
+        names_text = "; ".join(f"{joint}: {names}" for joint, names in weak.items())
+        do = "Record these joints slowly and fast, both ways, with more load and less."
+        yield Verdict("note", f"Not sure of a joint's own numbers: {names_text}.", do, weight=len(weak))
+    of_joints = {f"{joint}." for joint in case.names}
+    bodies = {
+        n: s for n, s in parameter_verdicts(case.best).items() if not any(n.startswith(joint) for joint in of_joints)
+    }
+    identified_count = sum(state == IDENTIFIED_VERDICT for state in bodies.values())
+    lost = sum(state == NOT_IDENTIFIABLE_VERDICT for state in bodies.values())
+    text = f"Of {len(bodies)} combinations of the bodies' numbers, {identified_count} are told from 0"
+    text += f", and {lost} cannot be told at all." if lost else "."
+    do = (
+        ""
+        if identified_count > 0.5 * len(bodies)
+        else "Quicker motion of all joints at once, over more of their ranges, shows more."
+    )
+    yield Verdict("warning" if lost else "note", text, do, weight=lost)

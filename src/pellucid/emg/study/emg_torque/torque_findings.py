@@ -1,0 +1,474 @@
+"""Findings of a calibration while it runs: evaluations, traces, trials, cards and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+
+import numpy as np
+
+from ...._errors import IdentificationError
+from ....models.card import CardParameter
+from ....models.estimates import Verdict
+from ....models.parameter_card import ParameterCard
+from ....study.procedures.result import FigureTable, ParameterTable
+from ....study.results import ResultRow
+from ....study.study import Study
+from ...estimators.emg_session import ChannelComparison
+from ...estimators.emg_worth import MIN_TRIALS_FOR_INTERVAL, EmgWorth, worth_on_recording, worth_over_trials
+from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.hill import HillMap
+from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S
+from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
+from ...models.emg_estimator import EmgEstimatorCard
+from ...models.muscle import CARD_KIND, CalibratedMuscles
+from .evaluation import BASELINE_ESTIMATOR, REPORTED_ESTIMATORS, EstimatorEvaluation, RecommendedEstimator, TorqueTrace
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationFindings:
+    """All findings of one evaluation of a study, collected while it runs."""
+
+    evaluated: list[EstimatorEvaluation] = field(default_factory=list)  # Evaluations of every estimator
+    traces: list[TorqueTrace] = field(default_factory=list)  # Stretches of held-out torque
+    trials: list[TorqueTrial] = field(default_factory=list)  # Trials that were fitted or scored
+    # Trials by joint, as scored, on which muscles of all joints are calibrated together; empty if there is one joint
+    across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
+    cards: dict = field(default_factory=dict)  # Cards by name
+    causal: dict = field(default_factory=dict)  # Causal maps that can run live, by joint and estimator
+    muscles: dict[str, HillMap] = field(default_factory=dict)  # Muscles fitted to all fitted trials, by joint or person
+    shown: dict[str, TorqueTrial] = field(default_factory=dict)  # Trial with which these muscles are drawn
+    stiffness_trials: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial of each stiffness
+    passed_over: dict[str, str] = field(default_factory=dict)  # Reason why muscles were not fitted, by joint or person
+    verdicts: list[Verdict] = field(default_factory=list)  # Verdicts on this evaluation
+    chosen: dict[str, RecommendedEstimator] = field(
+        default_factory=dict
+    )  # Recommended estimator, if trials are left out in turn
+    # Comparison of channels with the fitted ones, by test recording
+    sessions: dict[str, ChannelComparison] = field(default_factory=dict)
+
+    @property
+    def refused(self) -> set[str]:
+        """Test recordings on which no estimate holds, by EMG and angles alone. No band is stated there."""
+        return {name for name, compared in self.sessions.items() if not compared.is_valid}
+
+
+def find_applicable_estimators(
+    trials: Sequence[TorqueTrial], what: str, found: CalibrationFindings, names: Sequence[str] = REPORTED_ESTIMATORS
+) -> list[str]:
+    """Return the estimators that can be fitted to these trials.
+
+    Muscles need a geometry and relative envelopes. The reason is noted if they cannot be fitted.
+    """
+    from ...estimators.muscle_trials import find_driven_muscles
+
+    try:
+        find_driven_muscles(trials)
+    except IdentificationError as error:
+        found.passed_over[what] = str(error)
+        return [name for name in names if ESTIMATOR_FAMILIES[name].fit_trials is None]
+    return list(names)
+
+
+DRAWN_MUSCLES_S = 3.0
+"""Duration of the stretch of a trial in figures of muscles [s]."""
+
+DELAY_TOLERANCE_S = 5e-3
+"""An electromechanical delay counts as longer than a person's only if it exceeds the longest by more than this [s]."""
+
+
+
+@dataclass(frozen=True)
+class MuscleSummary:
+    """Calibrated muscles of a joint or person, with the data for their figures."""
+
+    what: str  # Joint or participant
+    parameters: tuple[str, ...]  # Names of the parameters
+    deviation: tuple[float, ...]  # Departure of each parameter from anatomy, in standard deviations among people
+    half_width: tuple[float, ...]  # Half of each parameter's 95 % interval, in standard deviations among people
+    at_bound: tuple[bool, ...]  # Whether each parameter ended on a bound
+    muscles: tuple[str, ...]  # Names of the muscles
+    recording: str  # Recording of the drawn stretch
+    time: tuple[float, ...]  # Time in the stretch [s]
+    activation: tuple[tuple[float, ...], ...]  # Activation in the stretch, a row per muscle [1]
+    torque: tuple[tuple[float, ...], ...]  # Torque of each muscle on the joint, a row per muscle [N m]
+
+
+def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
+    """Return RMSE where the reference pulls along its main direction, and RMSE of both torques cut off at 0 [N m].
+
+    In half of a movement both cut torques are 0 and have no error. The second is therefore up to sqrt(2) times smaller
+    than the first. `reference` and `predicted` have shape (n,) [N m].
+    """
+    main = 1.0 if reference.max() >= -reference.min() else -1.0
+    a, b = main * reference, main * predicted
+    positive = float(np.sqrt(np.mean((a - b)[a > 0.0] ** 2)))
+    return positive, float(np.sqrt(np.mean((np.maximum(a, 0.0) - np.maximum(b, 0.0)) ** 2)))
+
+
+def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
+    """Return a table of the muscles' parameters for each joint or person."""
+    return tuple(
+        ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit), max_brief_rows=0)
+        for what, found in muscles.items()
+    )
+
+
+def muscle_cards(
+    study: Study, muscles: Mapping[str, HillMap], trials: Sequence[TorqueTrial]
+) -> dict[str, ParameterCard]:
+    """Return cards of calibrated muscles, with their covariance in the parameters' units."""
+    cards = {}
+    for what, found in muscles.items():
+        name, tissue = f"muscles_{what}", {found.joint: found.fit.passive}
+        whole = CalibratedMuscles(found.fit.muscles, found.driven, tissue, found.effort)
+        cards[name] = ParameterCard(
+            kind=CARD_KIND,
+            study=study.name,
+            name=name,
+            parameters=tuple(p.on_card(0.95) for p in muscle_parameters(found.fit)),
+            covariance=tuple(map(tuple, reported_covariance(found.fit).tolist())),
+            settings={
+                **whole.settings(),
+                "weight": found.choice.weight,
+                "residual_sd": found.residual_sd,
+                **{f"delay.{m}": float(late) for m, late in zip(found.muscles, activation_delays(found), strict=True)},
+            },
+            processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; "
+            + found.choice.words,
+            checksums={trial.name: trial.checksum for trial in trials if not trial.heldout},
+            pellucid=version("pellucid"),
+        )
+    return cards
+
+
+def muscle_summaries(found: CalibrationFindings) -> tuple[MuscleSummary, ...]:
+    """Return the data for figures of calibrated muscles."""
+    made = []
+    for what, fitted in found.muscles.items():
+        trial = found.shown[what]
+        samples, own = fitted.samples(trial)
+        states = fitted.fit.problem.model.states(
+            samples.data, fitted.fit.problem.values(fitted.fit.z)[: len(fitted.fit.problem.priors)]
+        )
+        shown = slice(own.start, min(own.stop, own.start + round(DRAWN_MUSCLES_S * trial.fs)))
+        pull = samples.data.moment_arm * states["force"]
+        half = 1.96 * np.sqrt(np.diag(covariance(fitted.fit)))
+        made.append(
+            MuscleSummary(
+                what,
+                fitted.fit.problem.names,
+                tuple(map(float, fitted.fit.z)),
+                tuple(map(float, half)),
+                tuple(map(bool, fitted.fit.at_bound)),
+                fitted.muscles,
+                trial.name,
+                tuple(np.round(trial.time[: shown.stop - shown.start], 4).tolist()),
+                tuple(map(tuple, np.round(states["activation"][:, shown], 4).tolist())),
+                tuple(map(tuple, np.round(pull[:, shown], 3).tolist())),
+            )
+        )
+    return tuple(made)
+
+
+def activation_delays(found: HillMap) -> np.ndarray:
+    """Return the time by which each muscle's activation follows a slow envelope, with all lags, shape (m,) [s]."""
+    estimator, _ = found.stream(found.fit.problem.samples.data.period)
+    return np.asarray(estimator.delays)
+
+
+def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
+    """Return what the electromechanical delays of a calibration mean.
+
+    A person's lie between 10 and 100 ms. A longer one is not the person's: the EMG's stream runs ahead of the torque.
+    `delays` has shape (m,) [s]: from each envelope to its activation, with all lags.
+    """
+    found = (
+        f"{what}, muscles: the electromechanical delay, from envelope to activation with all lags, is "
+        f"{1e3 * delays.min():.0f} to {1e3 * delays.max():.0f} ms"
+    )
+    if delays.max() <= MAX_TOTAL_DELAY_S + DELAY_TOLERANCE_S:
+        return Verdict("note", f"{found}; run causally, the angles' rates come 19 ms late on top.")
+    return Verdict(
+        "warning",
+        f"{found}, more than the {1e3 * MIN_TOTAL_DELAY_S:.0f} to {1e3 * MAX_TOTAL_DELAY_S:.0f} ms of people: the "
+        "EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
+        "Look for a torque that was filtered one way, and for clocks that were joined. Several joints in "
+        "[emg_torque] give muscles whose delay is a person's, and the offset beside it.",
+    )
+
+
+def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...]:
+    """Return verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
+    verdicts: list[Verdict] = list(found.verdicts)
+    for what, fitted in found.muscles.items():
+        verdicts += muscle_verdicts(fitted.fit, what)
+        verdicts.append(electromechanical_delay_verdict(what, activation_delays(fitted)))
+        verdicts += _compare_with_regression(found, what)
+    for each in found.evaluated:
+        if each.coverage is not None and not each.causal:
+            kind = "good" if each.coverage >= 0.9 else "warning"
+            where = each.recording.replace("_", " ") or "each trial left out in turn"
+            verdicts.append(
+                Verdict(
+                    kind,
+                    f"{each.what}, muscles: {100.0 * each.coverage:.0f} % of the torque in {where} lies within the "
+                    "95 % interval that was stated beforehand.",
+                )
+            )
+    verdicts += [Verdict("note", f"{what}: muscles were not fitted: {why}.") for what, why in found.passed_over.items()]
+    return tuple(verdicts)
+
+
+def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verdict]:
+    """Return a verdict that compares muscles with regressions of the same inputs, on the first test recording."""
+    own = [e for e in found.evaluated if e.what == what and not e.causal]
+    own = [e for e in own if e.recording == own[0].recording] if own else []
+    by = {e.estimator: e for e in own}
+    muscles = next((by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.shows_muscles and n in by), None)
+    rivals = [by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.rivals_muscles and n in by]
+    if muscles is None or not rivals or muscles.kind == "normalised":
+        return []
+    best = min(rivals, key=lambda e: e.score.rmse)
+    ahead = muscles.score.rmse < best.score.rmse
+    end = (
+        "the muscle model helps here."
+        if ahead
+        else "regression is tested on the fitted kind of movement; in other movements it may not hold."
+    )
+    return [
+        Verdict(
+            "good" if ahead else "note",
+            f"{what}: muscles err by {muscles.score.rmse:.3g} {muscles.unit}, regression by {best.score.rmse:.3g}: "
+            + end,
+        )
+    ]
+
+
+STIFFNESS_UNIT = "N*m/rad"
+"""Unit of stiffness in rows and cards."""
+
+STIFFNESS_KIND_WORDS = {"short_range": "at once", "slope": "by Hill's slope"}
+"""Description of each kind of stiffness."""
+
+
+def find_stiffness(found: CalibrationFindings, cards: Mapping[str, EmgEstimatorCard]) -> tuple[JointStiffness, ...]:
+    """Compute the stiffness of every joint with a live muscle estimator, along its first fitted recording.
+
+    A card holds what is found, and held-out recordings may move nothing in it.
+    """
+    made = []
+    for (joint, estimator), fit in found.causal.items():
+        card = cards.get(f"emg_{joint}_{estimator}")
+        if isinstance(fit, HillMap) and card is not None:
+            made.append(joint_stiffness(card, fit.fit, found.stiffness_trials[joint]))
+    return tuple(made)
+
+
+def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, ...]:
+    """Return a table of stiffness by posture for each joint."""
+    heads = (
+        "Angle (°)",
+        "Torque (N·m)",
+        *(f"{w[0].upper()}{w[1:]} ± 95 % (N·m/rad)" for w in STIFFNESS_KIND_WORDS.values()),
+    )
+    return tuple(
+        FigureTable(
+            f"Stiffness by calibrated muscles: {s.joint}, {s.recording.replace('_', ' ')}",
+            heads,
+            tuple(
+                (
+                    f"{np.degrees(p.low):.0f} to {np.degrees(p.high):.0f}",
+                    float(p.torque),
+                    *(f"{p.value[kind]:.0f} ± {1.96 * p.error[kind]:.0f}" for kind in STIFFNESS_KINDS),
+                )
+                for p in (*s.postures, s.whole)
+            ),
+            max_brief_rows=0,
+        )
+        for s in stiffness
+    )
+
+
+def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: Mapping[str, str]) -> list[ResultRow]:
+    """Return result rows: mean stiffness over the movement, its standard error, and the largest value."""
+    rows = []
+    for s in stiffness:
+        for kind in STIFFNESS_KINDS:
+            note = f"{STIFFNESS_KIND_WORDS[kind]}, muscles and tissue; ± {1.96 * s.whole.error[kind]:.3g} (95 %)"
+            for name, value, words in (
+                ("mean", s.whole.value[kind], note),
+                (
+                    "mean.error",
+                    s.whole.error[kind],
+                    "standard error: calibration, and what muscles and tendons differ by",
+                ),
+                ("largest", float(np.max(s.value[kind])), STIFFNESS_KIND_WORDS[kind]),
+            ):
+                where = f"{study}.{s.joint}.stiffness.{kind}.{name}"
+                rows.append(
+                    ResultRow(where, value, STIFFNESS_UNIT, "calibrate", "fitted", checksums.get(s.recording), words)
+                )
+    return rows
+
+
+def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[str, ParameterCard]:
+    """Return a card for each joint, with stiffness by posture and standard errors."""
+    cards = {}
+    for s in stiffness:
+        parameters, ranges = [], {}
+        for i, p in enumerate((s.whole, *s.postures)):
+            for kind in STIFFNESS_KINDS:
+                value, error = p.value[kind], p.error[kind]
+                half, name = 1.96 * error, f"{kind}.{'mean' if i == 0 else f'posture_{i}'}"
+                parameters.append(CardParameter(name, STIFFNESS_UNIT, value, error, (value - half, value + half)))
+            if i:
+                ranges |= {f"posture_{i}.low": p.low, f"posture_{i}.high": p.high, f"posture_{i}.torque": p.torque}
+        name = f"stiffness_{s.joint}"
+        cards[name] = ParameterCard(
+            kind="joint_stiffness",
+            study=study.name,
+            name=name,
+            parameters=tuple(parameters),
+            settings={"joint": s.joint, "recording": s.recording, **ranges},
+            processing="-d torque / d angle of calibrated muscles and tissue, mean over shares of a movement's time",
+            pellucid=version("pellucid"),
+        )
+    return cards
+
+
+def stiffness_verdicts(stiffness: Sequence[JointStiffness]) -> list[Verdict]:
+    """Return verdicts that state the stiffness and the limits of an estimate without perturbation."""
+    return [
+        Verdict(
+            "note",
+            f"{s.joint}: stiffness is {s.whole.value['short_range']:.3g} N*m/rad at once and "
+            f"{s.whole.value['slope']:.3g} by Hill's slope, in the mean over {s.recording.replace('_', ' ')}. Nothing "
+            "was perturbed here: it follows from muscles that fit the torque and from muscles of cats, and antagonists "
+            "that pull against each other do not show in a torque. Knees that were held still and perturbed were 17 % "
+            "(extension) and 42 % (flexion) less stiff than such an estimate (Pfeifer et al. 2011).",
+        )
+        for s in stiffness
+    ]
+
+
+MAX_BRIEF_WORTH_ROWS = 6
+"""Largest number of joints and recordings in the table on a terminal without ``-v``."""
+
+TOO_FEW_TRIALS_SENTENCE = (
+    f"Fewer than {MIN_TRIALS_FOR_INTERVAL} trials are left to fit: too few to say whether EMG is worth it. "
+)
+"""Sentence before the figures of maps that were fitted to too few of the study's trials."""
+
+
+@dataclass(frozen=True)
+class RecordingWorth:
+    """What EMG is worth for one joint or person, on one recording or over all trials left out in turn."""
+
+    what: str  # Joint or participant
+    recording: str  # Recording that was not fitted; "" for all trials left out in turn
+    worth: EmgWorth
+
+    @property
+    def words(self) -> str:
+        """Joint or participant, and the recording or the number of trials, in words."""
+        return f"{self.what}, {self.recording.replace('_', ' ') or f'{self.worth.blocks} trials'}"
+
+
+def find_worth(
+    chosen: Sequence[RecommendedEstimator],
+    traces: Sequence[TorqueTrace],
+    margin: float,
+    recordings: Mapping[str, str],
+    *,
+    is_founded: bool = True,
+) -> tuple[RecordingWorth, ...]:
+    """Return the gain of every recommended estimator over angles alone; no answer of it if that is not `is_founded`.
+
+    A recording's answer uses the predictions on that recording and nothing else. `traces` holds the predictions on
+    every test recording on which estimates are valid, `recordings` the recording's name of each trial: pieces of one
+    recording are no independent trials.
+    """
+    found, made = [], {(trace.what, trace.recording): trace for trace in traces}
+    for each in chosen:
+        if each.by:
+            scores = [one for one in each.by_condition() if one.bare is not None]
+            if scores:
+                pieces: dict[str, list[tuple[float, float]]] = {}
+                for one in scores:
+                    pair = (one.score.r2, one.bare.r2 if one.bare else np.nan)
+                    pieces.setdefault(recordings.get(one.name, one.name), []).append(pair)
+                means = np.array([np.mean(pairs, axis=0) for pairs in pieces.values()])
+                worth = worth_over_trials(means[:, 0].tolist(), means[:, 1].tolist(), margin)
+                found.append(RecordingWorth(each.what, "", worth))
+            continue
+        for judged in each.judged:
+            trace = made.get((each.what, judged.recording))
+            if trace is not None and BASELINE_ESTIMATOR in trace.predicted:
+                predicted = trace.predicted[judged.estimator], trace.predicted[BASELINE_ESTIMATOR]
+                fs = (len(trace.time) - 1) / float(trace.time[-1] - trace.time[0])
+                worth = worth_on_recording(trace.reference, *predicted, fs, margin)
+                found.append(RecordingWorth(each.what, judged.recording, worth))
+    return tuple(replace(each, worth=replace(each.worth, is_founded=is_founded)) for each in found)
+
+
+def is_answer_founded(fitted: int, lost: int) -> bool:
+    """Return whether `fitted` trials suffice to answer whether EMG is worth it, where `lost` ones were not used.
+
+    A study whose trials are all used answers for the trials that it planned. Where some were lost, the ones that are
+    left must be as many as an interval over trials requires.
+    """
+    return not lost or fitted >= MIN_TRIALS_FOR_INTERVAL
+
+
+def _signed(value: float) -> str:
+    """Return a gain with its sign."""
+    return f"{value:+.2f}"
+
+
+def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
+    """Return the first sentence of the headline: for which joints and recordings EMG is worth it; empty without any."""
+    if not worth:
+        return ""
+    by_answer: dict[str, list[str]] = {}
+    for each in worth:
+        where = f" on {each.recording.replace('_', ' ')}" if each.recording else ""
+        made = each.worth
+        figure = f"{'' if by_answer else 'gain in '}R² {_signed(made.gain)}"
+        if np.isfinite(made.low):
+            level = "" if by_answer else "95 % interval "
+            figure += f", {level}{_signed(made.low)} to {_signed(made.high)}"
+        by_answer.setdefault(made.answer, []).append(f"{each.what}{where} ({figure})")
+    words = {
+        "worth it": "EMG is worth it over angles alone for",
+        "not worth it": "EMG is not worth it over angles alone for",
+        "cannot say": "Whether EMG is worth it cannot be said for",
+    }
+    few = "" if all(each.worth.is_founded for each in worth) else TOO_FEW_TRIALS_SENTENCE
+    return few + "".join(f"{words[answer]} {_list_with_end(parts)}. " for answer, parts in by_answer.items())
+
+
+def _list_with_end(parts: Sequence[str], most: int = 3) -> str:
+    """Return the first parts in words, and how many more there are."""
+    more = f" and {len(parts) - most} more" if len(parts) > most else ""
+    return ", ".join(parts[:most]) + more
+
+
+def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
+    """Return the table of what EMG is worth, the first of a calibration."""
+    if not worth:
+        return ()
+    rows = tuple(
+        (
+            each.words,
+            each.worth.gain,
+            None if not np.isfinite(each.worth.low) else f"{_signed(each.worth.low)} to {_signed(each.worth.high)}",
+            each.worth.answer,
+        )
+        for each in worth
+    )
+    heads = ("Judged on", "Gain in R²", "95 % interval", f"EMG, by a margin of {worth[0].worth.margin:g}")
+    return (FigureTable("What EMG is worth over angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)

@@ -1,1 +1,0 @@
-"""Findings on an identified joint: one file for each, with a function ``find(case)``."""

@@ -1,0 +1,1051 @@
+"""Finding: the encoder's zero is not where the joint hangs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import ndtri
+
+from ..._errors import IdentificationError
+from ...files.defects import worn
+from ...files.fault import Fault
+from ...models.estimates import Parameter, Verdict
+from ...models.fields import largest_friction, model_fields
+from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
+from ...models.joint import GRAVITY, JointModel
+from ...numerics.block_test import SIGNIFICANCE_LEVEL, HeldOutComparison, count_independent_samples
+from ...numerics.regression import stack
+from ...numerics.spring_evidence import (
+    MAX_SPRING_UNEXPLAINED_SHARE,
+    MIN_EXCESS,
+    MIN_LEVER_M,
+    STANDARD_ERRORS,
+    USUAL_LEVER_M,
+)
+from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
+from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
+from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
+from ..fit.angle_zero import AngleZero, estimate_angle_zero, has_free_gravity
+from ..fit.estimator_choice import DECISIVE_ERROR_RATIO
+from ..fit.family_choice import added_terms
+from ..fit.friction_drift import find_friction_drift
+from ..fit.friction_solver import solve_family
+from ..fit.joint_estimate import JointEstimate
+from ..fit.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
+from ..fit.replay import Prediction, relative_error
+from ..fit.spring_fit import solve_spring
+from .aligned_motions import find_alignments
+from .joined_clocks import find_clocks
+from .joint_case import (
+    PAYLOAD_ADVICE,
+    WORN_ADVICE,
+    JointCase,
+    advice,
+    estimate_without,
+    unstated_payload,
+    wearer_faults,
+)
+
+MIN_ZERO_ERROR_RAD = np.radians(3.0)
+"""Smallest zero error that is reported [rad]. Smaller ones cannot be told from errors of the friction model."""
+
+MIN_ZERO_STANDARD_ERRORS = 3.0
+"""A zero error is reported only if it differs from 0 by more than this many standard errors."""
+
+MAX_STANDARD_ERROR_RAD = np.radians(15.0)
+"""No angle is reported if its standard error exceeds this [rad]."""
+
+MIN_ERROR_REDUCTION = 1.1
+"""A zero error is reported only if correcting it reduces the effort error by at least this factor."""
+
+TRIED_FAMILIES = ("symmetric", "directional", "load")
+"""Families that are solved fast enough to be tried with a free zero."""
+
+
+def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
+    """Report the zero error that gravity implies, with its interval, and the offset to write."""
+    if not has_free_gravity(case.fit.model):
+        return
+    found = _best(case)
+    if (
+        found is None
+        or found.standard_error > MAX_STANDARD_ERROR_RAD
+        or abs(found.angle) < max(MIN_ZERO_ERROR_RAD, MIN_ZERO_STANDARD_ERRORS * found.standard_error)
+    ):
+        return
+    half = float(np.degrees(ndtri(0.5 + 0.5 * case.level) * found.standard_error))
+    at = f"the joint hangs where the encoder says {-np.degrees(found.angle):.1f} ± {half:.1f} deg"
+    if case.study.model.gravity == "sine+cosine":
+        text = f"The zero of the angle is free, as study.toml asks, and {at}"
+        yield Verdict("note", f"{text} ({100 * case.level:g} %).")
+        return
+    turned = np.cos(found.angle) < 0.0  # both zeros then fit equally well, one of them with a negative weight
+    if not turned and not (found.p_value < SIGNIFICANCE_LEVEL and found.before > MIN_ERROR_REDUCTION * found.after):
+        return
+    unit = case.fit.model.effort_unit
+    yield Verdict(
+        "wrong",
+        f"The zero of the angle is off: by its weight, {at} ({100 * case.level:g} %). With the zero free, effort that "
+        f"was not fitted is predicted to {found.after:.3g} {unit} RMS instead of {found.before:.3g}.",
+        f"Write {_zero_advice(case, found.angle)} in [model].",
+        weight=11.0,
+    )
+
+
+def _best(case: JointCase) -> AngleZero | None:
+    """Return the zero error by the family that predicts best with a free zero."""
+    data = stack([m for m in case.excerpt if m.split == "fitted"])
+    made = []
+    for fit in [case.fits[n] for n in TRIED_FAMILIES if n in case.fits] or [case.fit]:
+        try:
+            made.append(estimate_angle_zero(fit.model, data))
+        except IdentificationError:
+            continue  # the range of angles is too small
+    return min(made, key=lambda each: each.after, default=None)
+
+
+def _zero_advice(case: JointCase, angle: float) -> str:
+    """Return the entries of study.toml that correct the zero; an integrated velocity has no offset to write."""
+    free = 'gravity = "sine+cosine"'
+    spec = case.study.config.channels.get("position")
+    if spec is None:
+        return free
+    offset = spec.offset + angle / spec.si_factor
+    return f"offset = {offset:.4g} in [channels] position ({spec.unit}), or {free}"
+
+
+MAX_CONDITION_NUMBER = 100.0
+"""The columns are nearly proportional if the condition number of the scaled regressor exceeds this."""
+
+
+def report_collinear(case: JointCase) -> Iterator[Verdict]:
+    """Report a condition number at which parameters trade off."""
+    condition = case.fit.estimate.scaled_condition_number
+    if condition > MAX_CONDITION_NUMBER:
+        yield Verdict(
+            "warning",
+            f"The regressor's columns are nearly collinear (condition number {condition:.0f} with columns of equal "
+            "length): some parameters trade off against each other.",
+            "A richer motion helps.",
+        )
+
+
+def report_coloured_residuals(case: JointCase) -> Iterator[Verdict]:
+    """Report how many of a hundred residuals are effectively independent."""
+    white = case.fit.estimate.whiteness
+    if white is not None and white.effective_share < 0.5:
+        yield Verdict(
+            "note",
+            "Residuals are coloured: 100 samples carry about as much as "
+            f"{max(100 * white.effective_share, 1):.0f} independent ones. Intervals allow for it; textbook intervals "
+            "would be too narrow.",
+        )
+
+
+MIN_SCALE_DIFFERENCE = 0.1
+"""A recording differs by a factor on the effort if that factor is farther than this from 1."""
+
+MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
+"""A recording differs by its encoder zero if the zeros are farther apart than this [rad]."""
+
+MIN_RECORDINGS_FOR_PAYLOADS = 3
+"""Among at least this many fitted recordings each is tested for a payload, though its own estimate contradicts none: of
+two, neither can be told to be the one without it."""
+
+
+def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
+    """Report each contradicting recording, its parameters, and those of the others."""
+    names = {m.recording for m in case.excerpt}
+    if len(names) < 2:
+        return
+    found, fitted = _disagreements(case), {m.recording for m in case.excerpt if m.split == "fitted"}
+    for i, each in enumerate(found):
+        others = fitted - {each.recording}
+        rest = next(iter(others)) if len(others) == 1 and (each.split == "fitted" or len(fitted) == 1) else ""
+        payload = None
+        if {"gravity", "inertia"} & set(each.own) and case.fit.model.effort_unit == "N*m":
+            payload = unstated_payload(*estimate_without(case, [d.recording for d in found]), each.recording, case)
+        yield _verdict(case, each, rest, 12.0 - 0.01 * i, payload)
+    if not found and len(fitted) >= MIN_RECORDINGS_FOR_PAYLOADS:
+        for name in sorted(fitted):
+            payload = unstated_payload(*estimate_without(case, [name]), name, case)
+            if payload is not None:
+                yield Verdict("warning", f"Recording '{name}' differs. {payload}", PAYLOAD_ADVICE, weight=10.0)
+
+
+def _disagreements(case: JointCase) -> tuple[Disagreement, ...]:
+    """Find disagreements with the best family, or with families that fit better if it finds none in the body."""
+    fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
+    every = [find_disagreements(f.model, f.estimate.array, case.excerpt) for f in fits]
+    bodily = [found for found in every if any(BODY_PARAMETERS & set(each.own) for each in found)]
+    return (bodily or every)[0]
+
+
+def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payload: str | None) -> Verdict:
+    times = float(ndtri(0.5 + 0.5 * case.level))
+
+    def text(name: str, value: tuple[float, float]) -> str:
+        unit = unit_text(case.fit.model.unit(name))
+        return f"{number(*value)} ± {number(times * value[1], value[1])} {unit}".rstrip()
+
+    others = f"from '{rest}'" if rest else "from the others"
+    apart = "; ".join(
+        f"{parameter_label(name)} is {text(name, each.own[name])} from it alone, "
+        f"{text(name, each.others[name])} {others}, {number(each.together[name], digits=3)} from what was fitted"
+        for name in each.own
+    )
+    sentence = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
+    which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
+    if payload is not None:
+        sentence += f" {payload}"
+        return Verdict("wrong", sentence, PAYLOAD_ADVICE, weight=weight)
+    if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
+        sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
+        do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
+    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > MIN_SCALE_DIFFERENCE:
+        sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
+        do = f"Check the drive's unit, scale and sign in {which}"
+    else:
+        do = f"Check what moved in {which}: a payload that is not stated, another machine, other settings"
+    return Verdict("wrong", sentence, f"{do}; or leave it out.", weight=weight)
+
+
+MIN_CONSTANT_STANDARD_ERRORS = 4.0
+"""The implied constant contradicts the stated one only if they differ by more than this many standard errors."""
+
+MIN_RELATIVE_DIFFERENCE = 0.1
+"""The implied constant contradicts the stated one only if they differ by more than this share."""
+
+
+def report_drive_constant(case: JointCase) -> Iterator[Verdict]:
+    """Report the drive constant from known payloads, or that it is unknown."""
+    drive = case.study.rig.drive
+    if drive.kind == "torque" or drive.constant is not None:
+        yield from _against_stated(case)
+    elif case.constant is not None:
+        low, high = case.constant.interval(case.level)
+        yield Verdict(
+            "good",
+            f"The drive gives {case.constant.value:.4g} {case.constant.unit} (interval {low:.4g} to {high:.4g}), from "
+            "the known payloads: put it into study.toml to have results in SI.",
+        )
+    elif case.no_constant:
+        yield Verdict("warning", f"{case.no_constant[0].upper()}{case.no_constant[1:]}.")
+    else:
+        per = "ampere" if case.fit.model.effort_unit == "A" else "volt"
+        yield Verdict(
+            "note",
+            f"No drive constant is known, so parameters are per {per}: shapes and ratios are meaningful, absolute "
+            "masses are not.",
+            "A recording with a known payload gives it.",
+        )
+
+
+def _against_stated(case: JointCase) -> Iterator[Verdict]:
+    """Report payloads whose effort contradicts the stated drive constant or sensor."""
+    found = case.constant
+    if found is None:
+        return
+    if abs(found.value - _nearest_ratio(case, found.value)) < max(
+        MIN_RELATIVE_DIFFERENCE, MIN_CONSTANT_STANDARD_ERRORS * found.standard_error
+    ):
+        return
+    low, high = found.interval(case.level)
+    drive = case.study.rig.drive
+    what = "torque_constant" if case.rotary else "force_constant"
+    least, error = MIN_RELATIVE_DIFFERENCE, MIN_CONSTANT_STANDARD_ERRORS * found.standard_error
+    thousand = any(abs(found.value / k - 1.0) < max(least, error / k) for k in (1e3, 1e-3))
+    if thousand and drive.kind == "current":
+        do = "That is the step from A to mA: check the unit of [channels] current."
+    elif drive.constant is not None and drive.resistance is None:
+        do = f"Check [rig.drive] {what} (the payloads imply {drive.constant * found.value:.4g} instead of "
+        do += f"{drive.constant:.4g}), its gear_ratio, the drive's unit, and the payloads."
+    else:
+        do = "Check the constant, the unit of the channel and the payloads."
+    yield Verdict(
+        "wrong",
+        f"The known payloads imply {found.value:.4g} times the effort that the drive is said to give (interval "
+        f"{low:.4g} to {high:.4g}).",
+        do,
+        weight=12.5,  # more weight than a contradicting recording, which a wrong constant also causes
+    )
+
+
+def _nearest_ratio(case: JointCase, implied: float) -> float:
+    """Return the ratio that payloads would imply with a correct constant, as near as possible to `implied`.
+
+    The ratio is 1 without load friction. If the shares of the load lost in motoring and in generating differ by twice
+    d, it is 1 / (1 + d), and d is at most their mean.
+    """
+    model = case.fit.model
+    lost = [case.fit[name].value for name in model.names if grows_with_load(name)]
+    mean = sum(lost) / len(lost) if lost else 0.0
+    largest = 1.0 / (1.0 - mean) if mean < 1.0 else float("inf")
+    return min(max(implied, 1.0 / (1.0 + mean)), largest)
+
+
+MIN_EFFORT_SHARE = 0.02
+"""A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
+
+MAX_ESTIMATOR_ERROR_RATIO = 1.2
+"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a
+paired test finds it worse."""
+
+
+def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
+    """Report the disagreeing estimators, their parameters and errors on left-out blocks, and which one is used."""
+    fit, choice = case.fit, case.fit.choice
+    estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
+    apart = {p.name: _disagreeing_methods(p, estimates, case.level) for p in fit.estimate.parameters}
+    apart = {name: methods for name, methods in apart.items() if methods}
+    worse = {what: found for what, found in _contests(case).items() if _is_wrong_choice(found, choice.method)}
+    winners = {found.winner for found in _contests(case).values()}
+    shown = {"ls", choice.method, *winners, *(m for methods in apart.values() for m in methods)}
+    involved = [m for m in estimates if m in shown]
+    if apart:
+        differences_text = "; ".join(
+            f"{parameter_label(name)} is "
+            + ", ".join(f"{interval_text(estimates[m][name], 0.95)} by {METHODS[m]}" for m in ("ls", *methods))
+            for name, methods in apart.items()
+        )
+        text = (
+            f"Estimators disagree by more than their intervals: {differences_text}. The model is not the whole truth, "
+        )
+        text += "and each weighs what it misses differently."
+        yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
+    elif worse:
+        text = f"The headline's values are the better ones for {choice.purpose}, but not for {' and '.join(worse)}."
+        yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=5.0)
+    elif choice.method != "ls":
+        text = f"Ordinary least squares does worse than {METHODS[choice.method]} on left-out blocks."
+        yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
+
+
+def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
+    """Return the methods whose interval of a parameter does not overlap that of least squares.
+
+    The level holds for all comparisons together.
+    """
+    if parameter.at_bound:
+        return []
+    count = max(1, sum(len(e.parameters) for m, e in estimates.items() if m != "ls"))
+    times = float(ndtri(1.0 - 0.5 * (1.0 - level) / count))
+    found = []
+    for method, estimate in estimates.items():
+        other = estimate.get(parameter.name)
+        if method == "ls" or other is None or other.at_bound:
+            continue
+        difference = abs(other.value - parameter.value)
+        sure = difference > times * np.hypot(other.standard_error, parameter.standard_error)
+        if sure and difference * parameter.influence > MIN_EFFORT_SHARE:
+            found.append(method)
+    return found
+
+
+def _contests(case: JointCase) -> dict[str, HeldOutComparison]:
+    found = {"torque": case.fit.choice.torque, "simulation": case.fit.choice.simulation}
+    return {what: contest for what, contest in found.items() if contest is not None}
+
+
+def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
+    """Return whether a method's errors are far larger than the best one's, or larger and significantly so."""
+    if method not in found.errors:
+        return False
+    ratio = found.errors[method] / found.errors[found.winner] if found.errors[found.winner] else np.inf
+    return ratio > DECISIVE_ERROR_RATIO or (ratio > MAX_ESTIMATOR_ERROR_RATIO and found.worse(method))
+
+
+def _used(case: JointCase, involved: list[str]) -> str:
+    """Return in words the errors of the methods, and which one's values are used."""
+    choice = case.fit.choice
+    if choice.torque is None:
+        return f"Nothing was compared: the headline is by {METHODS[choice.method]}."
+    clauses = []
+    if choice.simulation is not None:
+        scale, unit = (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
+        clauses.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
+    clauses.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
+    return (
+        f"On blocks of the fitted recordings, each left out in turn, {' and '.join(clauses)}. "
+        f"The headline is by {METHODS[choice.method]}."
+    )
+
+
+def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: float = 1.0) -> str:
+    each = [f"{number(scale * found.errors[m], digits=3)} by {METHODS[m]}" for m in involved if m in found.errors]
+    return f"{', '.join(each)} ({unit_text(unit)}, RMS)"
+
+
+def _advice(case: JointCase) -> str:
+    other = "simulation" if case.fit.choice.purpose == "torque" else "torque"
+    return f'It is chosen for {case.fit.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'
+
+
+def report_failed_attempts(case: JointCase) -> Iterator[Verdict]:
+    """Report each failure with its reason."""
+    for family, why in case.failures.items():
+        yield Verdict("note", f"The '{family}' family could not be fitted: {why}.")
+    for what, why in case.fit.failures.items():
+        name = METHODS.get(what, what)
+        yield Verdict("warning", f"{name[0].upper()}{name[1:]} came to nothing: {why}.")
+
+
+WHERE_TEXT = "on blocks of the fitted recordings, each predicted from the others"
+"""Data that families are chosen by, in words."""
+
+SIMULATED_TEXT = "at simulating the motion, "
+"""What families are chosen by if it is not the effort, in words."""
+
+
+def report_family_choice(case: JointCase) -> Iterator[Verdict]:
+    """Report why the chosen family is used, and the richer ones that were passed over."""
+    if len(case.fits) == 1 or case.contest is None:
+        return
+    found, best = case.contest.comparison, case.best
+    where = (SIMULATED_TEXT if case.contest.is_simulated else "") + WHERE_TEXT
+    for passed in case.contest.unproven:
+        yield Verdict(
+            "note",
+            f"The '{passed.name}' family is {100.0 * passed.improvement:.2g} % better {where}, than "
+            f"'{passed.simpler}', but these recordings do not identify what it adds ({', '.join(passed.terms)}): "
+            f"the better prediction is no evidence of that friction, and '{best}' is used.",
+        )
+    simpler = [n for n in found.errors if len(case.fits[n].model.symbols) < len(case.fits[best].model.symbols)]
+    if simpler:
+        nearest = min(simpler, key=found.errors.__getitem__)
+        gain = 100.0 * (1.0 - found.errors[best] / found.errors[nearest])
+        added = added_terms(case.fit.estimate, case.fits[nearest].model.names, case.level)
+        open_ones = [name for name, is_found in added.items() if not is_found]
+        text = f"The '{best}' family is {gain:.2g} % better {where}, than '{nearest}', and every simpler family "
+        text += f"is worse than the best by {100.0 * found.min_improvement:.2g} % or more (paired test over "
+        text += f"{found.blocks} or more blocks: p = {found.p_values[nearest]:.2g} for '{nearest}')."
+        if open_ones:
+            is_partly = len(open_ones) < len(added)
+            advice = " and did not decide it." if is_partly else ": use its predictions, not its value."
+            text += f" Of what it adds, {', '.join(open_ones)} is not identified{advice}"
+        chosen = case.fit.headline
+        error = chosen.heldout_effort_error if case.judged_on_held_out else chosen.fitted_effort_error
+        is_proven = not added or len(open_ones) < len(added)
+        yield Verdict("good" if is_proven and error <= MAX_GOOD_ERROR else "note", text)
+    elif found.winner != best and not any(passed.name == found.winner for passed in case.contest.unproven):
+        gain = 100.0 * found.improvement(best)
+        yield Verdict(
+            "note",
+            f"The '{found.winner}' family is {gain:.2g} % better {where} (p = {found.p_values[best]:.2g}): a "
+            f"richer family is used only if it saves {100.0 * found.min_improvement:.2g} % of the error.",
+        )
+    elif found.winner == best:
+        yield Verdict("note", f"No richer friction family predicts better {where} than '{best}'.")
+
+
+MIN_LEVEL_SHARE = 0.25
+"""A drift is told if it is at least this share of the friction at the recording's median speed."""
+
+MIN_Z_VALUE = 4.0
+"""A drift is told if it is at least this many standard errors."""
+
+
+def report_friction_drift(case: JointCase) -> Iterator[Verdict]:
+    """Report the fitted recording in which friction drifts most, and how many others there are."""
+    found = []
+    values = dict(zip(case.fit.model.names, case.fit.estimate.array, strict=True))
+    for each in case.fit.predictions:
+        if each.split != "fitted" or len(each.time) < 2:
+            continue
+        drift = find_friction_drift(each.time, each.velocity, each.residual)
+        usual = _friction_at(values, float(np.median(np.abs(each.velocity))))
+        if drift is not None and abs(drift.z_value) > MIN_Z_VALUE and abs(drift.change) > MIN_LEVEL_SHARE * usual > 0.0:
+            found.append((abs(drift.change) / usual, each, drift))
+    if not found:
+        return
+    share, worst, drift = max(found, key=lambda entry: entry[0])
+    unit = unit_text(case.fit.model.effort_unit)
+    change = f"{number(drift.change, drift.standard_error)} ± {number(2.0 * drift.standard_error, digits=2)} {unit}"
+    more = f" (and in {len(found) - 1} more)" if len(found) > 1 else ""
+    text = (
+        f"Friction drifts in recording '{worst.recording}'{more}: by {change} from its start to its end, "
+        f"{100 * share:.0f} % of the friction there, as a gear that warms up does."
+    )
+    yield Verdict("warning", text, "Let the machine warm up before you record, or identify cold and warm apart.")
+
+
+def _friction_at(values: Mapping[str, float], speed: float) -> float:
+    """Return the friction that reported terms give without a load at a speed [rad/s or m/s], in the effort's unit."""
+    known = {
+        target: abs(values[term.name])
+        for term in TERMS
+        if term.name in values and term.resists is not None
+        for target in term.targets
+    }
+    return float(largest_friction(model_fields("joint"), known, speed, 0.0)) if known else 0.0
+
+
+def report_joined_clock(case: JointCase) -> Iterator[Verdict]:
+    """Report each estimated clock."""
+    for clock in find_clocks(case.study):
+        yield Verdict("note", clock.said, clock.do)
+
+
+def report_late_drive(case: JointCase) -> Iterator[Verdict]:
+    """Report a delay that was found, or a requested one that was not."""
+    for found in find_alignments(case.study):
+        if found.said:
+            is_warning = found.moved or found.recording
+            yield Verdict("warning" if is_warning else "note", found.said, found.do)
+
+
+COMMON_COEFFICIENT_TEXT = (
+    "motoring and generating load friction cannot be told apart from the load itself: one coefficient stands for both, "
+    "and the intervals of inertia and gravity leave room for either."
+)
+"""Sentence on load friction with one coefficient for both directions of power."""
+
+REASON_TEXTS = {
+    "no known load": ("Without a known load,", ""),
+    "held out": (
+        "Only held-out recordings carry a known load, so that",
+        'Mark a recording with a payload use = "fit".',
+    ),
+    "unknown drive": (
+        "The drive's constant is not stated. Even with known payloads,",
+        "State the drive's constant: the payloads then tell both.",
+    ),
+    "same payload": (
+        "All fitted recordings carry the same known load, so that",
+        "Record without the payload too, or with another one.",
+    ),
+    "small payload": (
+        "The known payloads change the load too little:",
+        "Record with a heavier payload, or fix it farther from the axis.",
+    ),
+}
+"""Beginning of the sentence, and the remedy, by the reason for a common coefficient."""
+
+
+def report_load_friction_tied(case: JointCase) -> Iterator[Verdict]:
+    """Report that one coefficient represents two, and why."""
+    if LOAD_FEATURE not in features_of(case.fit.model.names):
+        return
+    why = case.shares.why
+    if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):
+        why = "held out"
+    begins, do = REASON_TEXTS[why]
+    yield Verdict("note", f"{begins} {COMMON_COEFFICIENT_TEXT}", do)
+
+
+MIN_RECORDINGS = 3
+"""One recording is named only beside at least two others."""
+
+MAX_REMAINING_SHARE = 2.0 / 3.0
+"""One recording explains the error if without it at most this share is left. Chosen by judgement; no measurement is
+recorded."""
+
+
+def report_odd_recording(case: JointCase) -> Iterator[Verdict]:
+    """Report the held-out recording that explains the pooled error, and whether a payload explains it."""
+    held = [p for p in case.fit.headline.predictions if p.split == "heldout"]
+    if len(held) < MIN_RECORDINGS:
+        return
+    whole = _pooled_error(held)
+    left = {p.recording: _pooled_error([other for other in held if other is not p]) for p in held}
+    odd = min(held, key=lambda p: left[p.recording])
+    if left[odd.recording] > MAX_REMAINING_SHARE * whole:
+        return
+    text = f"Recording '{odd.recording}' explains the held-out error: {odd.effort_error:.3g} % there, "
+    text += f"{left[odd.recording]:.3g} % over the others, {whole:.3g} % over all."
+    do = "Look what was different in it: a payload, another machine or setting, warmth."
+    payload = unstated_payload(*estimate_without(case, ()), odd.recording, case) if case.rotary else None
+    if payload is not None:
+        text += f" {payload}"
+        do = PAYLOAD_ADVICE
+    yield Verdict("warning", text, do, weight=8.0)
+
+
+def _pooled_error(predictions: Sequence[Prediction]) -> float:
+    """Return the effort error over all samples [%]."""
+    return relative_error(*(np.concatenate([getattr(p, n) for p in predictions]) for n in ("effort", "predicted")))
+
+
+SCALED_BY_THE_GAIN = ("gravity", "inertia")
+"""Parameters that change by the same share where the gain of a drive or a torque sensor drifts."""
+
+MAX_SHARE_DIFFERENCE_ERRORS = 3.0
+"""Two shares are the same if they differ by at most this many standard errors of their difference."""
+
+
+def report_parameter_drift(case: JointCase) -> Iterator[Verdict]:
+    """Report the parameters that drift, by how much, and what their intervals make of it."""
+    estimate = case.fit.estimate
+    drift = estimate.drift
+    if drift is None or not drift.is_told.any():
+        return
+    shares: dict[str, tuple[float, float]] = {}
+    for name, change, error in zip(drift.names, drift.change, drift.standard_error, strict=True):
+        value = abs(estimate[name].value)
+        if value > 0.0 and np.isfinite(error):
+            shares[name] = 100.0 * float(change) / value, 100.0 * float(error) / value
+    told = [name for name, is_told in zip(drift.names, drift.is_told, strict=True) if is_told and name in shares]
+    if not told:
+        return
+    said = ", ".join(
+        f"{name.replace('_', ' ')} by {shares[name][0]:+.2g} ± {2.0 * shares[name][1]:.1g} %" for name in told
+    )
+    text = (
+        f"Parameters change from the start of a recording to its end: {said} (twice the standard error). Allowing for "
+        f"it saves {100.0 * drift.improvement:.2g} % of the error on blocks left out. Intervals contain the drift."
+    )
+    gained = [shares[name] for name in SCALED_BY_THE_GAIN if name in shares]
+    if "gravity" in told and len(gained) == len(SCALED_BY_THE_GAIN):
+        (one, error), (other, other_error) = gained
+        if abs(one - other) <= MAX_SHARE_DIFFERENCE_ERRORS * float(np.hypot(error, other_error)):
+            text += " Inertia changes as gravity does: a drifting gain of drive or torque sensor explains that."
+    do = "Let machine, drive and sensors warm up before you record, or identify the parts of the recording apart."
+    yield Verdict("warning", text, do)
+
+
+def report_posterior(case: JointCase) -> Iterator[Verdict]:
+    """Compare a requested posterior with the least-squares intervals of the best family."""
+    if case.no_posterior:
+        yield Verdict("warning", f"No posterior could be drawn: {case.no_posterior}.")
+    if case.posterior is not None:
+        compared = pair_with_posterior(case.fit.estimate.parameters, case.posterior)
+        yield from posterior_verdicts(compared, case.posterior, case.level)
+
+
+FAILED_R2 = 0.5
+"""A model does not explain the effort if its R2 is below this."""
+
+MIN_INDEPENDENT_SAMPLES = 20.0
+"""Below this number of independent samples the error is stated with a reservation."""
+
+
+def report_prediction(case: JointCase) -> Iterator[Verdict]:
+    """Report the held-out error of the best family, its failure, or the lack of held-out recordings."""
+    fit = case.fit.headline
+    held = [p.residual for p in fit.predictions if p.split == "heldout"]
+    if fit.fitted_r2 < FAILED_R2:
+        yield Verdict(
+            "wrong",
+            "The fit failed: even of what was fitted, the model explains no more than "
+            f"{100 * max(fit.fitted_r2, 0.0):.0f} % of the variance "
+            f"(error {fit.fitted_effort_error:.3g} %). Nothing below is this machine's.",
+            "Check units, signs and offsets of the channels, and the drive's constant.",
+            weight=10.0,
+        )
+    if not held:
+        yield Verdict(
+            "warning",
+            'No recording is held out (use = "validate"): nothing here says how the model predicts new data.',
+        )
+        return
+    count = count_independent_samples(held)
+    error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
+    if fit.heldout_r2 < FAILED_R2:
+        yield Verdict(
+            "wrong",
+            f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
+            f"{fit.fitted_effort_error:.2g} %.",
+            "Check that held-out recordings are of the same machine, in the same units, and move in the same range.",
+            weight=9.0,
+        )
+        return
+    yield from _better_on_held_out(case)
+    few, large = count < MIN_INDEPENDENT_SAMPLES, fit.heldout_effort_error > MAX_GOOD_ERROR
+    good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FAILED_R2 and not large
+    do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
+    yield Verdict(
+        "warning" if large else "note" if few else "good" if good else "warning",
+        f"The '{case.best}' family predicts effort it has never seen with {error}; on the fitted recordings "
+        f"{fit.fitted_effort_error:.2g} %.",
+        f"{do} {'So few samples say little: hold out more.' * few}".strip(),
+        weight=1.0,
+    )
+
+
+def _better_on_held_out(case: JointCase) -> Iterator[Verdict]:
+    """Report a family that predicts held-out recordings better than the chosen one, which they may not choose."""
+    errors = {name: fit.heldout_effort_error for name, fit in case.fits.items()}
+    name = min(errors, key=errors.__getitem__)
+    gain = 1.0 - errors[name] / errors[case.best]
+    if gain >= case.study.model.min_improvement:
+        yield Verdict(
+            "note",
+            f"On held-out recordings the '{name}' family errs by {errors[name]:.3g} %, '{case.best}' by "
+            f"{errors[case.best]:.3g} %. What is held out may not choose, and the fitted recordings do not show it.",
+            'Mark recordings of that kind use = "fit", and hold others out.',
+        )
+
+
+MAX_COVERAGE_SHORTFALL = 0.05
+"""Coverage is too low if it is below its level by more than this share of samples."""
+
+
+def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
+    """Report a band with too low cross-validated coverage, overall or under one condition."""
+    held = [p for p in case.fit.predictions if p.split == "heldout"]
+    if not held:
+        return
+    share = np.average([p.coverage for p in held], weights=[len(p.time) for p in held])
+    if share < case.level - MAX_COVERAGE_SHORTFALL:
+        yield Verdict(
+            "warning",
+            f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples: "
+            "those recordings ask for something that the fitted ones do not show.",
+        )
+        return
+    band = case.fit.headline.band
+    for kind in ("direction", "speed", "position") if band is not None else ():
+        worst = min((c for c in band.conditions if c.kind == kind), key=lambda c: c.coverage, default=None)
+        if worst is not None and worst.coverage < case.level - 2.0 * MAX_COVERAGE_SHORTFALL:
+            yield Verdict(
+                "note",
+                f"The {100 * case.level:.3g} % prediction interval holds {100 * share:.0f} % of held-out samples, but "
+                f"{100 * worst.coverage:.0f} % of those with {kind} {worst.condition}: the misfit depends on it.",
+            )
+
+
+RECORDING_ADVICE = (
+    "Before dither or a law that acts near standstill is used, record small slow reversals of growing size around "
+    "several angles. The command `protocol` writes such a motion by the name reversals."
+)
+"""Advice if no recording shows the travel before friction slips."""
+
+
+def report_presliding(case: JointCase) -> Iterator[Verdict]:
+    """Report the presliding travel, and its effect on the prediction of held-out effort."""
+    found = case.presliding
+    if found is None:
+        return
+    unit = "mrad" if case.rotary else "mm"
+    if found.travel is not None:
+        low, high = found.travel.interval(case.level)
+        text = (
+            f"Friction builds up over {1e3 * found.travel.value:.3g} {unit} before the joint slips ({1e3 * low:.3g} to "
+            f"{1e3 * high:.3g}, {100 * case.level:g} %)"
+        )
+        if case.judged_on_held_out:
+            text += (
+                f": over slow samples too, effort that was not fitted is predicted to {found.gives:.3g} "
+                f"{case.fit.model.effort_unit} RMS, to {found.slips:.3g} if it slips at once"
+            )
+        yield Verdict("note", f"{text}.")
+    elif found.below is not None:
+        yield Verdict(
+            "note",
+            f"If friction builds up before the joint slips, then over less than {1e3 * found.below:.2g} {unit}: "
+            f"{found.why}.",
+        )
+    else:
+        yield Verdict(
+            "note",
+            f"It is unknown over which way friction builds up before the joint slips: {found.why}.",
+            RECORDING_ADVICE,
+        )
+
+
+def report_recording_drift(case: JointCase) -> Iterator[Verdict]:
+    """Report the parameters that differ between recordings, by how much, and what their intervals make of it."""
+    estimate = case.fit.estimate
+    between = estimate.between_recordings
+    if between is None or not between.is_told.any():
+        return
+    said = []
+    for i in np.flatnonzero(between.is_told):
+        values, spread = between.values[:, i], float(between.spread[i])
+        low, high = int(np.argmin(values)), int(np.argmax(values))
+        unit = unit_text(estimate[between.names[i]].unit)
+        said.append(
+            f"{between.names[i].replace('_', ' ')} from {number(float(values[low]), spread)} "
+            f"({between.recordings[low]}) to {number(float(values[high]), spread)} {unit} ({between.recordings[high]})"
+        )
+    text = (
+        f"Parameters differ between the {len(between.recordings)} recordings by more than their errors: "
+        f"{'; '.join(said)}. Parameters by recording save {100.0 * between.improvement:.2g} % of the error on blocks "
+        "left out. Intervals contain the spread."
+    )
+    do = "Look what changed between them (heat, load, a gain set anew), or identify them apart."
+    yield Verdict("warning", text, do)
+
+
+MIN_UNEXPLAINED_SHARE = 0.5
+"""The joint's model fails if it leaves at least this share of the effort's variance."""
+
+MAX_ALIKE_SHARE = 0.01
+"""A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
+more."""
+
+
+def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
+    """Report a spring that the joint's model leaves out, or takes for a weight."""
+    fitted = [p for p in case.fit.predictions if p.split == "fitted"]
+    if not fitted:
+        return
+    stiffness, error, left = _spring(fitted)
+    size = float(np.sum(np.concatenate([p.effort - p.effort.mean() for p in fitted]) ** 2))
+    missed = float(np.sum(np.concatenate([p.effort - p.predicted for p in fitted]) ** 2))
+    unit = unit_text("N*m/rad" if case.rotary else "N/m") if case.fit.model.effort_unit in ("N*m", "N") else ""
+    said = f"{number(stiffness, error)} ± {number(STANDARD_ERRORS * error, digits=2)} {unit}".rstrip()
+    do = 'A spring is no joint of its own: state protocol = "locked_spring" to identify it, or record the joint with '
+    do += "its end free."
+    if stiffness > 0.0 and missed > MIN_UNEXPLAINED_SHARE * size and left < MAX_SPRING_UNEXPLAINED_SHARE * size:
+        text = f"The effort follows the position as that of a spring of {said}, which explains "
+        text += f"{100.0 * (1.0 - left / size):.0f} % of its variance; the joint's model explains "
+        text += f"{100.0 * max(1.0 - missed / size, 0.0):.0f} %."
+        yield Verdict("wrong", text, do, weight=2.0)
+        return
+    found = {p.name: p for p in case.fit.estimate.parameters}
+    if not case.rotary or not {"inertia", "gravity"} <= found.keys() or case.fit.model.effort_unit != "N*m":
+        return
+    inertia, gravity = found["inertia"], found["gravity"]
+    most = inertia.value + STANDARD_ERRORS * inertia.standard_error
+    sure = gravity.value > STANDARD_ERRORS * gravity.standard_error
+    acceleration = np.concatenate([p.acceleration for p in fitted])
+    usual = USUAL_LEVER_M * gravity.value / GRAVITY * float(np.linalg.norm(acceleration))
+    shown = usual > MIN_EXCESS * np.sqrt(missed) and left <= MAX_ALIKE_SHARE * size
+    if sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value:
+        text = (
+            f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text('N*m')} with an inertia below "
+            f"{number(most, digits=2)} {unit_text('kg*m^2')} would hang less than {100 * MIN_LEVER_M:.0f} cm from the "
+            f"axis: this is most likely a spring of {said}, which looks like a weight over small angles."
+        )
+        yield Verdict("warning", text, do, weight=2.0)
+
+
+def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
+    """Return a spring's stiffness, its standard error, and the squares that it leaves beside damping and friction."""
+    parts = []
+    for p in fitted:
+        one = np.ones_like(p.position)
+        parts.append(np.column_stack([p.position, p.acceleration, p.velocity, np.sign(p.velocity), one]))
+    columns, effort = np.concatenate(parts), np.concatenate([p.effort for p in fitted])
+    solution, covariance, residual = solve_spring(columns, effort, [len(p.effort) for p in fitted])
+    error = float(np.sqrt(max(covariance[0, 0], 0.0)))
+    return float(solution[0]), error, float(residual @ residual)
+
+
+def report_unknown_payload(case: JointCase) -> Iterator[Verdict]:
+    """Report each unknown payload with its interval, or why it was not found."""
+    for name, payload in case.payloads.items():
+        if payload is None:
+            yield Verdict(
+                "warning",
+                f"The payload of recording '{name}' cannot be found: that needs a rotary joint with free inertia and "
+                "gravity, and efforts in N*m.",
+                "State its mass and distance, or remove gravity and inertia from [model] known.",
+            )
+            continue
+        share = f"It explains {100.0 * max(payload.explained, 0.0):.0f} % of what the joint without it misses there."
+        mass, distance, weight, inertia = (
+            interval_text(p, case.level) for p in (payload.mass, payload.distance, payload.weight, payload.inertia)
+        )
+        if not payload.is_told:
+            text = f"No payload is certain in recording '{name}': its weight is {weight}, its inertia {inertia}."
+            yield Verdict("warning", f"{text} {share}", "Look what else differs in it; or delete payload = {} there.")
+            continue
+        said, do = f"Recording '{name}' carries {weight} of weight and {inertia} of inertia", ""
+        if payload.mass.trusted:
+            said += f", as a point of {mass} at {distance} would"
+            do = f'To fit it with the others, write payload = {{ mass = "{payload.mass.value:.4g} kg", '
+            do += f'distance = "{payload.distance.value:.4g} m" }} there.'
+        yield Verdict("note", f"{said}. {share}", do)
+
+
+WEAKNESS_REASONS = {
+    "inertia": "it hardly accelerates",
+    "gravity": "it hardly leaves its resting angle",
+    "gravity_cosine": "its range of angles is too small",
+    "offset": "friction in the two directions hides it",
+} | {term.name: term.weak_because for term in TERMS}
+"""Reason why recordings may not show a parameter; ``{speed}`` is the largest recorded speed."""
+
+DEFAULT_REASON = "it never moves faster than {speed}"
+"""Reason for a parameter without one of its own."""
+
+MAX_FIT_ERROR_PERCENT = 20.0
+"""If the error of the fit exceeds this [%], the model is to blame for a weak parameter and not the motion."""
+
+MIN_STANDARD_ERRORS = 1.96
+"""A parameter differs from 0 statistically by more than this many standard errors."""
+
+NEGLIGIBLE_EFFORT_SHARE = 0.05
+"""A parameter is negligible if half the width of its interval changes the effort by less than this share (RMS)."""
+
+MIN_HIDING_CORRELATION = 0.9
+"""A parameter is hidden by another if the correlation of their estimates exceeds this."""
+
+
+def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
+    """Report each parameter of the best family that is on its bound or not different from zero."""
+    top = max(float(np.abs(m.velocity).max()) for m in case.data.motions)
+    speed = f"{np.degrees(top):.3g} deg/s" if case.rotary else f"{top:.3g} m/s"
+    estimate = case.fit.headline.estimate
+    for parameter in estimate.parameters:
+        name = parameter.name.replace("_", " ")
+        if parameter.influence == 0.0:
+            continue  # without a Stribeck level the Stribeck velocity has no effect
+        if parameter.at_bound:
+            yield Verdict(
+                "note",
+                f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to "
+                "see, or the model misses something that pushes it there.",
+            )
+        elif not parameter.identifiable and abs(parameter.value) < MIN_STANDARD_ERRORS * parameter.statistical_error:
+            # A neglected effect may also widen an interval; the motion is then not to blame.
+            low, high = parameter.interval(case.level)
+            if 0.5 * (high - low) * parameter.influence < NEGLIGIBLE_EFFORT_SHARE:
+                yield Verdict(
+                    "note",
+                    f"{name} is indistinguishable from zero: at most {max(abs(low), abs(high)):.2g} "
+                    f"{parameter.unit}, too little to matter.",
+                )
+                continue
+            missed = case.fit.fitted_effort_error
+            why = _rival(estimate, parameter.name)
+            if why is None and missed > MAX_FIT_ERROR_PERCENT:
+                why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
+            why = why or WEAKNESS_REASONS.get(parameter.name, DEFAULT_REASON).format(speed=speed)
+            yield Verdict(
+                "warning",
+                f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
+                f"{parameter.unit}).",
+                "" if "drowns" in why else advice(parameter.name),
+            )
+
+
+def _rival(estimate: JointEstimate, name: str) -> str | None:
+    """Return the parameter that hides another one, if their estimates are nearly proportional."""
+    names = [p.name for p in estimate.parameters]
+    sd = np.sqrt(np.diag(estimate.covariance))
+    i = names.index(name)
+    correlation = estimate.covariance[i] / np.maximum(sd * sd[i], np.finfo(float).tiny)
+    correlation[i] = 0.0
+    j = int(np.argmax(np.abs(correlation)))
+    if abs(correlation[j]) < MIN_HIDING_CORRELATION:
+        return None
+    return f"it trades off against {names[j].replace('_', ' ')} (correlation {correlation[j]:+.2f})"
+
+
+MAX_HALF_WIDTH_SHARE = 1.0 / 3.0
+"""An interval is wide if half of its width exceeds this share of the value."""
+
+ALWAYS_STATED_PARAMETERS = ("inertia", "gravity")
+"""Parameters that every use of a model reads. A wide interval of theirs is a warning even if it changes little."""
+
+MIN_STATISTICAL_SHARE = 0.7
+"""The motion is to blame for a wide interval if coloured residuals alone make at least this share of its width."""
+
+
+def report_wide_interval(case: JointCase) -> Iterator[Verdict]:
+    """Report the identifiable parameters of the headline whose intervals are wide, in one verdict."""
+    estimate = case.fit.headline.estimate
+    wide = [p for p in estimate.parameters if _is_wide(p, case.level)]
+    if not wide:
+        return
+    matters = any(
+        p.name in ALWAYS_STATED_PARAMETERS or _half_width(p, case.level) * p.influence > NEGLIGIBLE_EFFORT_SHARE
+        for p in wide
+    )
+    said = "; ".join(_sentence(p, case.level, estimate) for p in wide)
+    first = min(wide, key=lambda p: p.name not in ALWAYS_STATED_PARAMETERS)
+    yield Verdict("warning" if matters else "note", f"Known roughly only: {said}.", advice(first.name))
+
+
+def _half_width(parameter: Parameter, level: float) -> float:
+    low, high = parameter.interval(level)
+    return 0.5 * (high - low)
+
+
+def _is_wide(parameter: Parameter, level: float) -> bool:
+    """Whether a parameter is told from zero, has an interval to be read, and the interval is wide."""
+    read = parameter.identifiable and parameter.trusted and not parameter.at_bound and parameter.influence > 0.0
+    return read and _half_width(parameter, level) > MAX_HALF_WIDTH_SHARE * abs(parameter.value)
+
+
+def _sentence(parameter: Parameter, level: float, estimate: JointEstimate) -> str:
+    """Return a parameter with its interval and what widens it, in words."""
+    half = _half_width(parameter, level)
+    value = f"{number(parameter.value, half)} ± {number(half, digits=2)} {unit_text(parameter.unit)}".rstrip()
+    cause = ""
+    if estimate.discrepancy is not None and parameter.name in estimate.discrepancy.names:
+        cause = estimate.discrepancy.of([parameter.name])[1][0]
+    if not cause or parameter.statistical_error > MIN_STATISTICAL_SHARE * parameter.standard_error:
+        cause = "the motion hardly shows it"
+    else:
+        cause = f"{cause} would move it"
+    name = parameter.name.replace("_", " ")
+    return f"{name} to ± {100.0 * half / abs(parameter.value):.0f} % ({value}; {cause})"
+
+
+WORN_WEIGHT = 1e6
+"""Weight of this verdict, which stands before all others of its kind."""
+
+
+def report_worn_joint(case: JointCase) -> Iterator[Verdict]:
+    """Report that recordings were worn, which makes every parameter one of robot and wearer together."""
+    faults = wearer_faults(case.study)
+    worn_faults = [fault for fault in faults if fault.kind == worn.KIND]
+    echoes = [fault for fault in faults if fault.kind != worn.KIND]
+    if worn_faults:
+        files, found = _files_of(worn_faults), worn_faults[0].found
+        text = f"Somebody seems to wear the joint in {files}: {found}. No channel was moved for it."
+        yield Verdict("warning", text, f"{WORN_ADVICE}.", weight=WORN_WEIGHT)
+    if echoes:
+        text = (
+            f"{echoes[0].channel} of {_files_of(echoes)} is no measurement: {echoes[0].found}. It is its own command."
+        )
+        do = "Log what the drive's current or a torque sensor measured."
+        yield Verdict("warning", text, do, weight=WORN_WEIGHT)
+
+
+def _files_of(faults: Sequence[Fault]) -> str:
+    files = list(dict.fromkeys(fault.file for fault in faults))
+    return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
+
+
+MAX_CONVERTED_ERROR_RATIO = 0.5
+"""The unit is wrong only if reading the angle in degrees reduces the error to at most this share."""
+
+MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
+"""Smallest range of motion that suggests degrees [rad]. Few joints with a weight have such a range in radians."""
+
+
+def report_wrong_unit(case: JointCase) -> Iterator[Verdict]:
+    """Report a failed fit that succeeds with the angle read in degrees; the sine in gravity makes the difference."""
+    # Radians stated as degrees cannot be detected: gravity is linear at small angles, and inertia absorbs the factor.
+    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FAILED_R2:
+        return
+    position = case.data.reduced([m.position for m in case.data.motions])
+    if np.ptp(position) < MIN_SUSPICIOUS_RANGE_RAD:
+        return
+    model = case.fits.get("symmetric", case.fit).model
+    error_in_radians, error_in_degrees = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
+    if error_in_degrees < MAX_CONVERTED_ERROR_RATIO * error_in_radians:
+        yield Verdict(
+            "wrong",
+            f"The position looks like degrees declared as radians: read so, the model misses {error_in_degrees:.3g} % "
+            f"of the effort instead of {error_in_radians:.3g} %.",
+            'Write unit = "deg" in [channels] position.',
+            weight=11.5,
+        )
+
+
+def _error(case: JointCase, model: JointModel, factor: float) -> float:
+    """Return the effort error [%] with the motion multiplied by a factor; infinite if it cannot be fitted."""
+    motions = [
+        replace(
+            m,
+            position=factor * m.position,
+            velocity=factor * m.velocity,
+            acceleration=factor * m.acceleration,
+            filtering=replace(m.filtering, dead_band=factor * m.filtering.dead_band),
+        )
+        for m in case.data.motions
+    ]
+    try:
+        data = stack(motions)
+        residual = solve_family(model, data).residual
+    except IdentificationError:
+        return float("inf")
+    return float(100.0 * np.linalg.norm(residual) / np.linalg.norm(data.target))
