@@ -42,11 +42,11 @@ fuzz: $(VENV)/.tested
 
 bench: $(VENV)/.tested
 	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra benchmark
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m research.benchmarks
 
 # Proofs of what is claimed besides speed: make evidence PROOFS="coverage scale" for some of them.
 evidence: $(VENV)/.tested
-	$(BIN)/python -m evidence $(PROOFS) --out $(or $(EVIDENCE),evidence.json)
+	$(BIN)/python -m research.evidence $(PROOFS) --out $(or $(EVIDENCE),evidence.json)
 
 # Both distributions' wheels in dist/; packaging/README.md says more.
 wheels: $(VENV)/.installed

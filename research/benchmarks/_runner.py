@@ -26,7 +26,9 @@ def read_arguments(
     program: str, names: list[str], out: str, arguments: list[str] | None = None
 ) -> tuple[list[str], Path]:
     """Return the names that were asked for, or every name, and the file for the figures; choose the size."""
-    parser = argparse.ArgumentParser(prog=f"python -m {program}", description=f"Files of {program}: {', '.join(names)}")
+    parser = argparse.ArgumentParser(
+        prog=f"python -m research.{program}", description=f"Files of {program}: {', '.join(names)}"
+    )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to run; everything if none is named")
     parser.add_argument("--out", type=Path, default=Path(out), help=f"where the figures are written; {out} by default")
     parser.add_argument(
@@ -70,7 +72,7 @@ def run_all(package: str, names: list[str], rows_of: Callable[[Any], Any]) -> tu
     rows, failed = [], []
     for name in names:
         try:
-            for row in rows_of(import_module(f"{package}.{name}")):
+            for row in rows_of(import_module(f"research.{package}.{name}")):
                 rows.append(row)  # what came before a failure is kept
         except DatasetError as error:
             print(f"{name}: not measured: {error}", flush=True)

@@ -1,9 +1,9 @@
 """The size of a run of benchmarks or proofs: full, or the smallest that still does every kind of step once.
 
 A benchmark or proof states both sizes of a setting in one line: ``REPEATS = sized(7, smallest=1)``. The runners
-(``python -m benchmarks --smallest``, ``python -m evidence --smallest``) choose by an environment variable before they
-import anything, so that processes which they start have the same size. Figures of the smallest size mean nothing: it
-shows that everything runs.
+(``python -m research.benchmarks --smallest``, ``python -m research.evidence --smallest``) choose by an environment
+variable before they import anything, so that processes which they start have the same size. Figures of the smallest
+size mean nothing: it shows that everything runs.
 """
 
 from __future__ import annotations

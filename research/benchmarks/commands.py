@@ -52,7 +52,7 @@ def processor_seconds(*arguments: str) -> float:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     started = subprocess.Popen(
         [sys.executable, *arguments],
-        cwd=Path(__file__).parents[1],
+        cwd=Path(__file__).parents[2],
         stdout=subprocess.DEVNULL,
         env={"OPENBLAS_NUM_THREADS": "1", **kept},
     )

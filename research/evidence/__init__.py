@@ -1,1 +1,1 @@
-"""What Pellucid claims besides speed, measured: ``python -m evidence [NAME ...] [--out FILE]``."""
+"""What Pellucid claims besides speed, measured: ``python -m research.evidence [NAME ...] [--out FILE]``."""

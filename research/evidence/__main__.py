@@ -7,7 +7,7 @@ A proof is a file of this folder named after what it shows, with `rows()`, which
 import sys
 from pathlib import Path
 
-from benchmarks._runner import names_in, read_arguments, run_all
+from research.benchmarks._runner import names_in, read_arguments, run_all
 
 NAMES = names_in(Path(__file__).parent)
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.controllers.instruments import Instruments
@@ -37,6 +36,7 @@ from pellucid_lab.arm.single_faults import (
 from pellucid_lab.arm.wearer import Person, drawn_people
 from pellucid_lab.arm.worn_trial import WornTrial, run
 from pellucid_lab.drive_reading import LAGS_S, DriveReading, stated_readings
+from research.benchmarks._size import sized
 
 SEED = 20290201
 """Seed of the arms, wearers and instruments of the proof: nothing was chosen on them."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
@@ -20,6 +19,7 @@ from pellucid_lab.arm.pointing import PointingBlock, draw_targets, point
 from pellucid_lab.arm.rig import able_arm, drawn_arms
 from pellucid_lab.arm.wearer import drawn_people
 from pellucid_lab.papers.able.arm_worn import LAWS, LAWS_WITH_FORCE_SENSOR, PUBLISHED_LAW
+from research.benchmarks._size import sized
 
 ROBOT_SEED, PERSON_SEED = 20261130, 20261131
 """Seeds of the drawn robots, and of the people who wear them."""

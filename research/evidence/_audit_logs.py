@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.signal import butter, sosfilt
 
 import pellucid as pl
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 TUNED_SEEDS = range(0, 200)
 """Seeds on which thresholds were set."""

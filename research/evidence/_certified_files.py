@@ -11,12 +11,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from benchmarks._size import sized
 from typer.testing import CliRunner
 
 from pellucid.people.equivalence import Margin
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
 from pellucid.people.survival import looks
+from research.benchmarks._size import sized
 
 SEED = 20261127
 """Seed of every random draw."""

@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.controllers.worn import WornCompensator
@@ -25,6 +24,7 @@ from pellucid_lab.knee.identified_wearer import WearerCard, card_with_coupling_e
 from pellucid_lab.knee.rig import KneeRig, knee_orthosis
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import swing
+from research.benchmarks._size import sized
 
 SEED = 7200
 """First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""

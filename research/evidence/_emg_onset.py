@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from benchmarks._size import sized
 from scipy import signal
 
 from pellucid.emg.signals.emg_onset import activations
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 SEED = 20270305
 SAMPLING_RATE_HZ = 2000.0

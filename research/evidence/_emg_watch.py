@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession, add_channel_watch
@@ -31,6 +30,7 @@ from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.files.recording import Channel, Recording
 from pellucid.study import Study
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 SEED = 20261126
 SPOILT_COUNT = sized(300, smallest=6)

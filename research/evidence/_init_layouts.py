@@ -27,7 +27,7 @@ from pellucid.files.stated_units import split_unit
 from pellucid.start.given_files import read_given
 from pellucid.start.propose_study import Proposal, propose_study
 from pellucid.start.study_text import study_text
-from pellucid.study.datasets.fetch import template
+from pellucid.study.datasets.registry import template
 from pellucid.study.results import ResultRow
 from pellucid.units import to_si_factor
 
@@ -280,7 +280,7 @@ def rows() -> Iterator[ResultRow]:
 
 def made_scores() -> list[LayoutScore]:
     """Return the scores of the layouts that the tests' generator writes."""
-    place = Path(__file__).parents[1] / "tests" / "unit" / "made_layouts.py"
+    place = Path(__file__).parents[2] / "tests" / "unit" / "made_layouts.py"
     spec = importlib.util.spec_from_file_location("made_layouts", place)
     if spec is None or spec.loader is None or not place.is_file():
         return []

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pellucid.study.results import ResultRow
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 UNITS = {
     "wheel_bytes": ("MB", 1e-6),

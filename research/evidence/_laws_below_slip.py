@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.controllers.control_law import ControlLaw
@@ -31,6 +30,7 @@ from pellucid_lab.pointing.conditions import (
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
+from research.benchmarks._size import sized
 
 TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})
 """By the end of the id [rad]."""

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from pellucid.files.readers import read_columns
@@ -28,6 +27,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.seated.protocol import seated_trials
 from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
 from pellucid_lab.study import record_in_memory
+from research.benchmarks._size import sized
 
 FALSE_ALARMS_PER_EVENT = 0.05
 """Largest number of false alarms over that of events on the fitted events [1]."""
@@ -117,7 +117,7 @@ class Leads:
 
 def lead_rows() -> Iterator[ResultRow]:
     """Every figure of leads."""
-    data = Path(os.environ.get("PELLUCID_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    data = Path(os.environ.get("PELLUCID_DATA", Path(__file__).parents[3] / "shared" / "data"))
     for name, folder, read in (("walking", "lower_limb_walking", walking), ("lifting", "lumbar_lifting", lifting)):
         if not (data / folder).is_dir():
             print(f"mission.lead.{name}: not measured, for {folder} is not on this machine")

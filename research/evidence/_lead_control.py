@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
@@ -22,6 +21,7 @@ from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import Controller
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import rms_mismatch_and_torque, swing
+from research.benchmarks._size import sized
 
 from ._loads import ratio_interval
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.live.engine import LiveEngine
 from pellucid.live.session.live_session import LiveSession, Phase
@@ -25,6 +24,7 @@ from pellucid.live.session.run_session import choose_participant, start_session_
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow
 from pellucid_lab.session_devices import virtual_knee
+from research.benchmarks._size import sized
 
 PAIR_COUNT = sized(5, smallest=1)
 """Number of alternating pairs of a bare page and the session's pages."""

@@ -1,8 +1,8 @@
 """A session without a page that only keeps its engine alive: the process that `evidence live` kills.
 
-``python -m evidence._live_session FOLDER CARDS TRIAL`` starts a session of the virtual elbow in a folder and records a
-trial. It arms the law and gives the wearer a sine to follow. It says as JSON where the region is and which processes
-run.
+``python -m research.evidence._live_session FOLDER CARDS TRIAL`` starts a session of the virtual elbow in a folder and
+records a trial. It arms the law and gives the wearer a sine to follow. It says as JSON where the region is and which
+processes run.
 """
 
 import json

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
@@ -27,6 +26,7 @@ from pellucid_lab.pointing.conditions import identify_cards, interaction_rms
 from pellucid_lab.pointing.people import Person, draw_people
 from pellucid_lab.pointing.rig import PointingRig, elbow_participants
 from pellucid_lab.pointing.session import PointingSession, simulate_session
+from research.benchmarks._size import sized
 
 SEED = 20261127
 """Seed of the drawn robots, wearers and loads; no constant was chosen on them."""

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.joint.slider.axis_offset import AxisOffset, estimate_axis_offset
 from pellucid.numerics.filters import zero_phase_lowpass
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 SEED = 20261203
 """Seed of the drawn wearers. The method was made on 20261129; this seed was drawn once it was done."""

@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.optimize import least_squares
 
-from evidence._exports_read import program_beside
 from pellucid.files.readers import read_columns
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
+from research.evidence._exports_read import program_beside
 
 if TYPE_CHECKING:
     from mujoco import MjModel

@@ -1,15 +1,14 @@
 """Do people who were set without a robot keep their movements in one? The ABLE study, beside "nothing changes".
 
-The figures are those of `python -m evidence people`, the study drawn smaller. The people are frozen
+The figures are those of `python -m research.evidence people`, the study drawn smaller. The people are frozen
 (docs/frozen-people.md): nothing of them was set by what anybody did in a robot.
 """
 
 from collections.abc import Iterator
 
-from benchmarks._size import sized
-
 from pellucid.study.results import ResultRow
 from pellucid_lab.papers.able.predicted import PredictionSize
+from research.benchmarks._size import sized
 
 from ._able_predicted import able_rows
 

@@ -9,7 +9,6 @@ Erratum A12 has the bias of means that look back. Robots are drawn around the co
 from collections.abc import Iterator
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.joint.slider.study.identify_slider import fit_slider
@@ -19,6 +18,7 @@ from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, TRIAL_PREFIXES, numbered_names
 from pellucid_lab.study import record_in_memory
+from research.benchmarks._size import sized
 
 SEED = 20261128
 """Seed of the drawn robots and of the recordings."""

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from evidence._healthy import WRITERS, swing
 from pellucid.files.readers import read_columns
 from pellucid.study.results import ResultRow
+from research.evidence._healthy import WRITERS, swing
 
 Found = Mapping[str, np.ndarray]
 """Columns by the name that Pellucid gives them."""

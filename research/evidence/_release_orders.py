@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.numerics.protocols.fourier import play
 from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
@@ -31,6 +30,7 @@ from pellucid_lab.seated.protocol import SeatedTrial, rich_swing
 from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
 from pellucid_lab.seated.subject import draw_subject
 from pellucid_lab.seated.wearer import swing_path
+from research.benchmarks._size import sized
 
 from ._loads import mean_interval, ratio_interval
 

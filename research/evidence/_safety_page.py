@@ -11,7 +11,7 @@ from pellucid._atomic import write_text_atomically
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
 
-PAGE_FILE = Path(__file__).parents[1] / "docs" / "safety.md"
+PAGE_FILE = Path(__file__).parents[2] / "docs" / "safety.md"
 """File of the page that holds the measured tables."""
 
 TABLE_HEAD = ("fault", "what happens", "found", "median", "latest", "safe by", "excess", "peak")
@@ -76,8 +76,8 @@ EXPORTED_SECTION_TEXT = """### Exported controllers
 What `pellucid export` writes, compiled and worn on foreign plants: other equations of friction, transmission, drive
 and straps than the core's, inertia, friction and gravity 0.7 to 1.4 times the card's, wearers' stiffness from 6 to
 120 N m/rad, and instruments with a gain wrong by 5 %, an offset of 1 % of the limit, a lag of 0.3 to 2 ms, noise and a
-quantum (`evidence/_exported`). A fault did something where it was found, gave 0.05 J or more, or changed the drive's
-mean effort by 5 % of its limit.
+quantum (`research/evidence/_exported`). A fault did something where it was found, gave 0.05 J or more, or changed the
+drive's mean effort by 5 % of its limit.
 """
 """Text of the section on exported controllers, before its tables."""
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 SEED = 281126
 """Seed of every random draw. No threshold was set on it."""

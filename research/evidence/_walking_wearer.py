@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
@@ -32,6 +31,7 @@ from pellucid_lab.papers.knee.walking import (
     source_of_strides,
     walked,
 )
+from research.benchmarks._size import sized
 
 from ._loads import mean_interval, ratio_interval
 

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.arm.fit.fit_tree import fit_tree
@@ -54,6 +53,7 @@ from pellucid_lab.papers.able.arm_identification import (
     identified_many,
 )
 from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
+from research.benchmarks._size import sized
 
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""
@@ -389,7 +389,7 @@ def shoulder_rows(rig: ArmRig) -> Iterator[ResultRow]:
 
 def speed_rows() -> Iterator[ResultRow]:
     """Ratios to Pinocchio in one run, a control step of four joints, and the same step on a microcontroller."""
-    from benchmarks import arm
+    from research.benchmarks import arm
 
     for name, value in arm.over_pinocchio().items():
         words = (

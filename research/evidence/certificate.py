@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.special import log_ndtr
 
 from pellucid._processes import ordered_results
@@ -32,6 +31,7 @@ from pellucid.people.equivalence_power import Active, equivalence_power, find_eq
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
 from pellucid.people.survival import looks
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 from . import _certified_files, _doubted
 

@@ -11,12 +11,12 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.people.design_columns import cluster
 from pellucid.study.results import ResultRow
 from pellucid_lab.pointing.prediction import Prediction, predict_effects
 from pellucid_lab.pointing.rig import elbow_participants
+from research.benchmarks._size import sized
 
 PEOPLE_COUNT = sized(10, smallest=1)
 """Number of people of the prediction."""

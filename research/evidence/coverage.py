@@ -34,7 +34,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 import pellucid as pl
 from pellucid._processes import ordered_results
@@ -53,6 +52,7 @@ from pellucid_lab.bench.rig import BenchRig, bench_joint
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from pellucid_lab.study import record_in_memory, write_study
+from research.benchmarks._size import sized
 
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written
 from ._foreign_plants import drawn_plants, record_plant

@@ -17,9 +17,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
-from benchmarks._walking import DATASET as WALKING
-from benchmarks._walking import walking_study
 from scipy import signal
 
 from pellucid.controllers.export.microcontroller import measure, missing_tools
@@ -42,12 +39,15 @@ from pellucid.emg.study.estimator_folder import write_estimator_folder
 from pellucid.files.readers import read_columns
 from pellucid.study import Study
 from pellucid.study.datasets import init
-from pellucid.study.datasets.fetch import DATA_VARIABLE
-from pellucid.study.datasets.fetch import path as data_set
+from pellucid.study.datasets.registry import DATA_VARIABLE
+from pellucid.study.datasets.registry import path as data_set
 from pellucid.study.exporter import OUTPUT_FILE
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import activations, calibrate, check
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
+from research.benchmarks._walking import DATASET as WALKING
+from research.benchmarks._walking import walking_study
 
 from ._emg_onset import onset_rows
 from ._emg_watch import raw_rows as raw_emg_rows

@@ -26,9 +26,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.study.results import ResultRow, read_rows, write_rows
+from research.benchmarks._size import sized
 
 from ._forked import Outcome, tried
 from ._healthy import healthy, muscle_study, pointing_study

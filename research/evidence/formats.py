@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib import import_module
 
-from benchmarks._size import sized
-
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 PARTS = sized(
     ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"),

@@ -13,7 +13,6 @@ one joint. No constant of either was chosen by these figures.
 from collections.abc import Iterator
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
@@ -22,6 +21,7 @@ from pellucid_lab.arm.free_shoulder import LAWS, SHOULDER_CONDITIONS, ShoulderFi
 from pellucid_lab.arm.human_motion import people
 from pellucid_lab.arm.rig import able_arm, drawn_arms
 from pellucid_lab.arm.wearer import drawn_people
+from research.benchmarks._size import sized
 
 ARM_COUNT = sized(5, smallest=1)
 """Number of drawn arms."""

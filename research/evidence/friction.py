@@ -28,7 +28,6 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid import _core
 from pellucid._processes import ordered_results
@@ -46,6 +45,7 @@ from pellucid.study.recorded_motions import drive_model, motions_of
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
 from pellucid_lab.noise import draw_noise
+from research.benchmarks._size import sized
 
 from .coverage import drawn_benches
 

@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.signal import butter, csd, lfilter, welch
 
 from pellucid.numerics.protocols.excitation import RandomPhaseMultisine, random_phase_multisine
 from pellucid.orthosis.transfer.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import bench_joint
+from research.benchmarks._size import sized
 
 EXPERIMENT_COUNT = sized(20, smallest=1)
 """Number of experiments on each nonlinear system; their seeds are 1 to this number."""

@@ -39,7 +39,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.controllers.control_law import Limits
 from pellucid.files.xdf_writer import scan_xdf
@@ -54,6 +53,7 @@ from pellucid.study.results import ResultRow, read_rows, write_rows
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.pointing.conditions import identify_cards
 from pellucid_lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
+from research.benchmarks._size import sized
 
 from ._live_session import begin_motion, rest, session_setup
 

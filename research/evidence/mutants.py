@@ -22,13 +22,13 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid.study.results import ResultRow
+from research.benchmarks._size import sized
 
 from ._source_mutants import Mutant, mutants_of
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 COUNT = sized(60, smallest=2)
 """Number of mutants that are tried."""

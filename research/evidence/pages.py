@@ -18,12 +18,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks._size import sized
-
 from pellucid import audit, init
 from pellucid.study.procedures.audit_page import write_audit_page
 from pellucid.study.procedures.run import report, run
 from pellucid.study.results import ResultRow, read_rows
+from research.benchmarks._size import sized
 
 from ._page_looks import Looks, chromium, look_at
 

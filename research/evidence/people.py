@@ -19,8 +19,6 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
-from benchmarks.people import COMMON_EXPONENTS, study_seconds
 
 from pellucid.files.readers import read_columns
 from pellucid.people.movements import MovementRule, Stretch, kinematics, movements
@@ -33,6 +31,8 @@ from pellucid_lab.pointing.line_pointing import measure_movements
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants, elbow_people
 from pellucid_lab.pointing.session import CONTROL_CONDITION, simulate_session, true_motion
+from research.benchmarks._size import sized
+from research.benchmarks.people import COMMON_EXPONENTS, study_seconds
 
 from ._able_predicted import able_rows
 
@@ -53,7 +53,7 @@ EYES = MovementRule(lowpass=10.0, order=2)
 
 def data() -> Path:
     """The folder of public recordings."""
-    return Path(os.environ.get("PELLUCID_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    return Path(os.environ.get("PELLUCID_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def rows() -> Iterator[ResultRow]:

@@ -3,7 +3,7 @@
 - The sampler: 80 truths are drawn from a prior, data from the equations of the likelihood itself, bound, neglected
   physics and unknown noise included, and each truth's rank among its posterior's draws is counted [1]_. Plant and model
   are the same here: this says that draws are the posterior's, and nothing of a machine.
-- 24 drawn benches with the physics of `evidence/coverage.py` that no model has, recorded for 4 s each instead of 20,
+- 24 drawn benches with the physics of `research/evidence/coverage.py` that no model has, recorded for 4 s, not 20,
   identified as their studies ask: inertia, gravity and the mean share of the load that is lost.
 - 24 drawn muscles, recorded for a second each on one amplitude: where each was held. Its constants are off by 5 %
   (lengths) and 10 % (others) from those the model has, its force sinks by up to 10 % a second, which no model has.
@@ -26,7 +26,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.special import chdtrc
 
 import pellucid as pl
@@ -42,6 +41,7 @@ from pellucid_lab.bench.rig import BenchRig
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.study import record_in_memory, write_study
+from research.benchmarks._size import sized
 
 from .coverage import bench_targets, drawn_benches
 

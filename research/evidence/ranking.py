@@ -19,7 +19,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from benchmarks._size import sized
 
 import pellucid_lab.ranking.elbow as elbow
 from pellucid._processes import ordered_results
@@ -44,8 +43,9 @@ from pellucid_lab.ranking.watched_knee import IdentifiedDrive, WatchedController
 from pellucid_lab.safety.fault_table import draw_worn_robot
 from pellucid_lab.safety.worn_knee import IDENTIFIED_ACTUATOR
 from pellucid_lab.safety.worn_robot import WornRobot
+from research.benchmarks._size import sized
 
-EXAMPLES = Path(__file__).parents[1] / "examples" / "laws"
+EXAMPLES = Path(__file__).parents[2] / "examples" / "laws"
 """Folder of the example of a foreign law, in C and in Python."""
 
 SEED = 29

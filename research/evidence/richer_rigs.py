@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._processes import ordered_results
 from pellucid.models.slider_joint import SliderCard
@@ -30,6 +29,7 @@ from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
+from research.benchmarks._size import sized
 
 ROBOTS = sized(3, smallest=1)
 PEOPLE = sized(3, smallest=1)

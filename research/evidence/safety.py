@@ -1,6 +1,6 @@
 """Single faults on robots that somebody wears, healthy hours, nonsense, and what a supervisor costs.
 
-``python -m evidence.safety`` writes docs/safety.md from the same figures; the table there is this proof's.
+``python -m research.evidence.safety`` writes docs/safety.md from the same figures; the table there is this proof's.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid import _core
 from pellucid.controllers.export.c_folder import write_c_folder
@@ -25,6 +24,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, draw_worn_robot, fault_table
 from pellucid_lab.safety.worn_knee import knee_table
 from pellucid_lab.safety.worn_robot import LAWS, WornRobot
+from research.benchmarks._size import sized
 
 from . import _exported
 from ._arm_faults import ArmOutcome, arm_rows, long_life_rows, long_lives, outcomes
@@ -57,7 +57,7 @@ MAX_HARMLESS_ENERGY_J = 1.5
 EFFORT_LIMIT_NM = 10.0
 """Effort limit of every law here [N m]."""
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 """Root folder of the repository."""
 
 

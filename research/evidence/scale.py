@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._atomic import write_text_atomically
 from pellucid.models.joint import DEFAULT_FAMILIES
@@ -30,6 +29,7 @@ from pellucid.study.study import STUDY_FILE
 from pellucid_lab.bench.rig import BenchRig, bench_joint
 from pellucid_lab.rig import Trial
 from pellucid_lab.study_text import study_text
+from research.benchmarks._size import sized
 
 SEED = 20261121
 """Seed of every random draw."""
@@ -112,7 +112,7 @@ def used(*arguments: str) -> tuple[float, float, float]:
     began = time.perf_counter()
     started = subprocess.Popen(
         [sys.executable, *arguments],
-        cwd=Path(__file__).parents[1],
+        cwd=Path(__file__).parents[2],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={"OPENBLAS_NUM_THREADS": "1", **kept},

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.interpolate import CubicSpline
 
 from pellucid._errors import PellucidError
@@ -28,6 +27,7 @@ from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.run import calibrate, check, identify
 from pellucid.study.results import ResultRow
 from pellucid_lab.simulate import simulate
+from research.benchmarks._size import sized
 
 SEED = 20261122
 """Seed of every random draw."""

@@ -24,7 +24,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid._processes import ordered_results
@@ -42,6 +41,7 @@ from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial
 from pellucid_lab.knee.rig import KneeRig, knee_orthosis
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid_lab.study import record_in_memory
+from research.benchmarks._size import sized
 
 from ._foreign_straps import FEATURES_BY_KIND, WornOrthosis, drawn_strap, record_straps
 

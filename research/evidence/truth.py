@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks._size import is_smallest, sized
 
 import pellucid as pl
 from pellucid._processes import ordered_results
@@ -41,6 +40,7 @@ from pellucid_lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relax
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.seated.rig import load_seated_rig
 from pellucid_lab.study import write_study
+from research.benchmarks._size import is_smallest, sized
 
 from . import _spoilt_recordings
 from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written

@@ -1,14 +1,14 @@
 """Damage of every kind to a recording of every format is answered with its numbers or with a message.
 
-`EACH` files of a format, the same every time; FUZZ=N says how many. ``python -m evidence files`` runs commands on them.
+`EACH` files of a format, the same every time; FUZZ=N says how many. ``research.evidence files`` runs commands on them.
 """
 
 import os
 
 import numpy as np
 import pytest
-from evidence._healthy import healthy
-from evidence._mutations import damaged
+from research.evidence._healthy import healthy
+from research.evidence._mutations import damaged
 
 from pellucid._errors import PellucidError
 from pellucid.files.readers.read import read_columns, readers_by_ending

@@ -55,6 +55,12 @@ def test_a_source_distribution_contains_no_file_twice(sources, name):
     assert (PACKAGE_FILE in package) == (name == "pellucid")
 
 
+@pytest.mark.parametrize("name", ["pellucid", "pellucid-lab"])
+def test_proofs_and_benchmarks_are_in_no_distribution(sources, name):
+    folders = {PurePosixPath(one.name).parts[1] for one in members(sources[name]) if one.isfile()}
+    assert "src" in folders and not folders & {"research", "evidence", "benchmarks"}
+
+
 def test_a_licence_is_a_copy_of_the_first():
     assert (ROOT / "lab/LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
     assert not (ROOT / "lab/LICENSE").is_symlink()

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+RESEARCH = ROOT / "research"
 NAMES = [(folder, path.stem) for folder in ("benchmarks", "evidence")
-         for path in sorted((ROOT / folder).glob("*.py")) if path.stem[0].isalpha()]  # fmt: skip
+         for path in sorted((RESEARCH / folder).glob("*.py")) if path.stem[0].isalpha()]  # fmt: skip
 PEERS = ("casadi", "jax", "mujoco", "numba", "pinocchio")
 """Libraries that benchmarks compare with; none of them has to be there."""
 
-COMPARED = [name for folder, name in NAMES if "_peers import peer" in (ROOT / folder / f"{name}.py").read_text("utf-8")]
+COMPARED = [name for folder, name in NAMES
+            if "_peers import peer" in (RESEARCH / folder / f"{name}.py").read_text("utf-8")]  # fmt: skip
 """Benchmarks that compare with a peer."""
 
 QUICK_BENCHMARKS = ("hill", "kinematic_tree", "plant")
@@ -44,7 +46,7 @@ def without_peers(code: str) -> str:
 
 
 def test_every_file_can_be_imported_without_any_peer(tmp_path):
-    imports = "; ".join(f"import {folder}.{name}" for folder, name in NAMES)
+    imports = "; ".join(f"import research.{folder}.{name}" for folder, name in NAMES)
     done = run_python(tmp_path, "-c", without_peers(imports))
     assert done.returncode == 0, done.stderr
 
@@ -53,7 +55,7 @@ def test_every_file_can_be_imported_without_any_peer(tmp_path):
 @pytest.mark.parametrize(("folder", "name"), RUN)
 def test_the_smallest_size_runs(folder, name, tmp_path, data_folder):
     out = tmp_path / "figures.json"
-    done = run_python(data_folder, "-m", folder, name, "--smallest", "--out", str(out))
+    done = run_python(data_folder, "-m", f"research.{folder}", name, "--smallest", "--out", str(out))
     assert done.returncode == 0, done.stderr[-4000:]
     told = json.loads(out.read_text(encoding="utf-8"))
     figures = told["figures"]
@@ -69,6 +71,7 @@ def test_the_smallest_size_runs(folder, name, tmp_path, data_folder):
                                   for name in COMPARED])  # fmt: skip
 def test_a_peer_that_is_not_installed_is_said_by_name(name, tmp_path, data_folder):
     run = f"import runpy; sys.argv[1:] = [{name!r}, '--smallest', '--out', {str(tmp_path / 'out.json')!r}]; "
-    done = run_python(data_folder, "-c", without_peers(run + "runpy.run_module('benchmarks', run_name='__main__')"))
+    code = without_peers(run + "runpy.run_module('research.benchmarks', run_name='__main__')")
+    done = run_python(data_folder, "-c", code)
     assert done.returncode == 0, done.stderr[-4000:]
     assert f"{name}: not compared with" in done.stdout

@@ -56,7 +56,7 @@ def test_every_page_is_linked():
 @pytest.mark.parametrize("page", FIRST_PAGES)
 def test_files_and_folders_it_names_exist(page):
     rooms = [path.name for path in (ROOT / "src" / "pellucid").iterdir() if path.is_dir()]
-    top = "|".join(("lab", "tests", "docs", "include", "src", "bindings", "benchmarks", "evidence", "pellucid", *rooms))
+    top = "|".join(("lab", "tests", "docs", "include", "src", "bindings", "research", "pellucid", *rooms))
     named = re.findall(rf"`((?:{top})/[\w./-]*)`", PAGES[page])
     missing = [n for n in named if not any((base / n).exists() for base in BASES)]
     assert not missing, missing

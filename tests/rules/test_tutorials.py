@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from page_blocks import LANGUAGES, PageFailed, Reader, blocks_of, first_difference, toml_text
 
-from pellucid.study.datasets.fetch import shipped
+from pellucid.study.datasets.registry import shipped
 from pellucid.study.procedures.registry import study_model
 from pellucid.study.study_file import parse_study_file
 from pellucid_lab.papers.printed import printed

@@ -6,7 +6,7 @@ from time import process_time
 
 import numpy as np
 import pytest
-from evidence._audit_logs import score_logs
+from research.evidence._audit_logs import score_logs
 from typer.testing import CliRunner
 
 import pellucid as pl

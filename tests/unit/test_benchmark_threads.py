@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks._runner import check_one_thread
+from research.benchmarks._runner import check_one_thread
 from threadpoolctl import threadpool_info, threadpool_limits
 
 ROOT = Path(__file__).parents[2]
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 THREADS_OF_RIVALS = """
 import runpy, sys
 from types import SimpleNamespace
-import benchmarks._runner as runner
+import research.benchmarks._runner as runner
 def run():
     import os, subprocess, numpy, scipy.linalg
     from threadpoolctl import threadpool_info
@@ -25,7 +25,7 @@ def run():
     return []
 runner.import_module = lambda name: SimpleNamespace(run=run, __name__=name)
 sys.argv = ["benchmarks", "hill", "--out", sys.argv[1]]
-runpy.run_module("benchmarks", run_name="__main__")
+runpy.run_module("research.benchmarks", run_name="__main__")
 """
 """A benchmark that prints the threads that linear algebra would use in its process and in one that it starts."""
 

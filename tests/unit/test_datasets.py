@@ -14,8 +14,8 @@ import pytest
 
 from pellucid._errors import DatasetError
 from pellucid.study import datasets
-from pellucid.study.datasets import fetch as registry
-from pellucid.study.datasets.fetch import Dataset
+from pellucid.study.datasets import registry
+from pellucid.study.datasets.registry import Dataset
 from pellucid.study.procedures.registry import study_model
 from pellucid.study.study_file import parse_study_file
 
@@ -235,7 +235,7 @@ def test_an_incomplete_folder_is_not_used(toy, tmp_path, monkeypatch):
 def test_folders_that_are_read_are_data_sets_or_explained():
     """A page may cite what `pellucid datasets` knows; of anything else CONTRIBUTING.md says where it is from."""
     root = Path(__file__).parents[2]
-    sources = [path for folder in ("tests", "evidence", "benchmarks") for path in (root / folder).rglob("*.py")]
+    sources = [path for folder in ("tests", "research") for path in (root / folder).rglob("*.py")]
     read = {
         name
         for path in sources

@@ -11,7 +11,7 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.elbow_controllers import BEST_SENSED_CONTROLLER
-from pellucid.study.datasets.fetch import info, shipped
+from pellucid.study.datasets.registry import info, shipped
 from pellucid.study.pages.quantities import number, percent
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import read_rows

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 import pytest
-from evidence import _exported
-from evidence._exported import exports, foreign_people, motion_bounds, table, trials
+from research.evidence import _exported
+from research.evidence._exported import exports, foreign_people, motion_bounds, table, trials
 from test_export_elbow import CARDS, STUDY
 
 import pellucid

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from evidence import _exported_equal
-from evidence._exported_equal import compare_knee_laws, compare_supervisors
+from research.evidence import _exported_equal
+from research.evidence._exported_equal import compare_knee_laws, compare_supervisors
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.export.c_folder import read_constants

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from evidence._replaced import REPLACEMENTS, compare_replacements
 from made_arm import arm_study
+from research.evidence._replaced import REPLACEMENTS, compare_replacements
 from test_activations import leg  # noqa: F401
 from test_activations import study as leg_study
 from test_identify_transfer import study_of as transfer_study

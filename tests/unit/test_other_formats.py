@@ -9,8 +9,8 @@ import numpy as np
 import openpyxl
 import pyarrow
 import pytest
-from evidence._healthy import WRITERS, swing
 from pyarrow import ipc, parquet
+from research.evidence._healthy import WRITERS, swing
 
 from pellucid._errors import PellucidError, RecordingError
 from pellucid.files.readers import Columns, mat, mcap, read_columns, ros_bag

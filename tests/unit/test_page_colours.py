@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from evidence._page_colours import colour_distance, contrast, delta_e
+from research.evidence._page_colours import colour_distance, contrast, delta_e
 
 from pellucid.study.drawing.style import COLOURS
 

@@ -3,7 +3,7 @@
 import hashlib
 
 import pytest
-from evidence._healthy import healthy
+from research.evidence._healthy import healthy
 
 import pellucid
 from pellucid.people.study.paper import write_paper

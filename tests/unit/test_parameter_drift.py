@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from evidence._foreign_joint import drawn_joint, recorded, written
+from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
 from pellucid.joint.fit.friction_drift import find_parameter_drift

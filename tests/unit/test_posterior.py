@@ -182,7 +182,7 @@ def test_the_density_is_that_of_the_normal_distribution_it_stands_for():
 
 @pytest.mark.nightly
 def test_ranks_of_the_truth_among_draws_are_even():
-    """Talts et al. 2018: over truths from the prior each rank is as likely. `evidence/posterior.py` has many more."""
+    """Talts et al. 2018: over truths from the prior each rank is likely; more in `research/evidence/posterior.py`."""
     rng = np.random.default_rng(12)
     prior = Prior(np.zeros(1), np.full(1, np.inf), np.zeros(1), np.ones(1))
     ranks = []

@@ -4,9 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evidence._foreign_joint import ForeignJoint
-from evidence._foreign_plants import record_plant
-from evidence.coverage import Elbow, bench_identified, bench_rows, drawn_benches, elbow_rows, exact_errors, identified
+from research.evidence._foreign_joint import ForeignJoint
+from research.evidence._foreign_plants import record_plant
+from research.evidence.coverage import (
+    Elbow,
+    bench_identified,
+    bench_rows,
+    drawn_benches,
+    elbow_rows,
+    exact_errors,
+    identified,
+)
 
 from pellucid.models.estimates import Parameter
 from pellucid_lab.elbow.rig import able_elbow

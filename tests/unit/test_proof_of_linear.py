@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from evidence.linear import judged, truth, wiener_hammerstein, worst_median
+from research.evidence.linear import judged, truth, wiener_hammerstein, worst_median
 
 
 def test_a_small_proof_has_ratios_near_one_and_its_rival_does_not():

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from evidence._lead import RATE_HZ, Stretch, best_shift, compare_detectors, rows_of
-from evidence._lead_control import LateEmg
-from evidence._loads import ratio_interval
+from research.evidence._lead import RATE_HZ, Stretch, best_shift, compare_detectors, rows_of
+from research.evidence._lead_control import LateEmg
+from research.evidence._loads import ratio_interval
 
 from pellucid.models.anthropometry import point_mass
 from pellucid.models.joint import GRAVITY

@@ -4,8 +4,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from evidence import mutants
-from evidence._source_mutants import Mutant, mutants_of
+from research.evidence import mutants
+from research.evidence._source_mutants import Mutant, mutants_of
 
 HEADER = """
 // a < b in a comment

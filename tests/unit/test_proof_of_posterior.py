@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from evidence.posterior import calibration_rows, coverage_rows, muscle, ranks
+from research.evidence.posterior import calibration_rows, coverage_rows, muscle, ranks
 
 from pellucid.models.estimates import Parameter
 from pellucid.numerics.posterior.posterior import DrawnParameter

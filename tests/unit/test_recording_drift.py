@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from evidence._foreign_joint import drawn_joint, recorded, written
+from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
 

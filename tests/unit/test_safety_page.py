@@ -1,7 +1,7 @@
 """The page of docs/safety.md that a proof writes: every measured fault has its row, and what stood around it stays."""
 
-from evidence import _safety_page
-from evidence._safety_page import BEGIN_MARK, END_MARK, table, write_page
+from research.evidence import _safety_page
+from research.evidence._safety_page import BEGIN_MARK, END_MARK, table, write_page
 
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS, FaultTable, FaultTrial

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evidence._exports_read import (
+from research.evidence._exports_read import (
     FAMILIES,
     difference,
     joint_card,
@@ -138,7 +138,7 @@ def test_what_no_simulator_takes_is_refused(rng):
 
 
 def test_the_command_writes_a_folder_of_its_own(tmp_path):
-    from evidence._healthy import healthy
+    from research.evidence._healthy import healthy
 
     study_folder = next(path for path in healthy(tmp_path, 300, endings=(".csv",)))
     study = pellucid.open(study_folder)

@@ -1,6 +1,6 @@
 """The page of speed tells of every goal whether it is held, and why not."""
 
-from benchmarks._goals import GOALS, goal_table, speed_page
+from research.benchmarks._goals import GOALS, goal_table, speed_page
 
 
 def rows(share):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evidence._foreign_joint import drawn_joint, recorded, written
+from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
 from pellucid._errors import PellucidError

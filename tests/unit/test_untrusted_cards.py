@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evidence._mutations import damaged_json
+from research.evidence._mutations import damaged_json
 
 import pellucid as pl
 from pellucid._errors import PellucidError

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from evidence._mutations import damaged_toml
+from research.evidence._mutations import damaged_toml
 
 from pellucid._errors import PellucidError
 from pellucid_lab.known_rigs import parse_rig

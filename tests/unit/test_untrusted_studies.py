@@ -4,8 +4,8 @@ import os
 
 import numpy as np
 import pytest
-from evidence._healthy import healthy
-from evidence._mutations import damaged_toml
+from research.evidence._healthy import healthy
+from research.evidence._mutations import damaged_toml
 
 import pellucid as pl
 from pellucid._errors import PellucidError, RecordingError, StudyError

@@ -7,9 +7,9 @@ import sys
 
 import numpy as np
 import pytest
-from evidence._mutations import damaged
-from evidence.files import MUSCLE_FILES
 from matplotlib.figure import Figure
+from research.evidence._mutations import damaged
+from research.evidence.files import MUSCLE_FILES
 
 from pellucid._errors import PellucidError, RecordingError
 from pellucid._given import csv_cell, visible_text

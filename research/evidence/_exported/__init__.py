@@ -26,13 +26,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from benchmarks._size import sized
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.supervised import SUPERVISOR_NAMES
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS
 from pellucid_lab.safety.worn_robot import LAWS
+from research.benchmarks._size import sized
 
 from .exports import DATASET_EXPORTS, INSTRUMENT_SETS, RIG_EXPORTS, ExportedLaw, Exports
 from .motion_bounds import bound_lines, measure_bounds

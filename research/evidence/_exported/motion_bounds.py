@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from benchmarks._size import sized
 from scipy.signal import lfilter
+
+from research.benchmarks._size import sized
 
 from .exports import ExportedLaw
 from .foreign_people import TRACE_FIELDS, draw_run, with_mishaps

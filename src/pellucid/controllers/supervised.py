@@ -213,7 +213,7 @@ MODEL_WEIGHT_ERROR_SHARE = 0.4
 LOAD_WEIGHT_ERROR_SHARE = 0.1
 """Largest error of the weight of a load that is stated or was estimated, as a share of it [1].
 
-An estimate of one lift was within 5 % in the virtual lab (`python -m evidence mission`). The smaller this is, the
+An estimate of one lift was within 5 % in the virtual lab (`research.evidence mission`). The smaller this is, the
 lighter a load may be whose fall is found."""
 
 MODEL_INERTIA_ERROR_SHARE = 0.4

@@ -39,7 +39,7 @@ class RicherPlants:
 
 
 RICHER_PLANTS = RicherPlants(240, 97.0, 16.7)
-"""Coverage that `python -m evidence coverage` measured, which takes minutes."""
+"""Coverage that `python -m research.evidence coverage` measured, which takes minutes."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pellucid.joint.slider.three_steps import SliderFit
 from pellucid.joint.study.joint_result import JointResult
 from pellucid.models.slider_joint import SliderCard, read_slider_card
 from pellucid.people.study.assessment_result import AssessmentResult
-from pellucid.study.datasets.fetch import names, shipped
+from pellucid.study.datasets.registry import names, shipped
 from pellucid.study.instruments_table import RUN_FOLDER
 from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.run import assess, identify

@@ -18,7 +18,7 @@ from pellucid.people.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_
 from pellucid.people.study import assessment_figures
 from pellucid.people.study.assessment_page import change_value, known_changes
 from pellucid.people.study.assessment_result import AssessmentResult
-from pellucid.study.datasets.fetch import info
+from pellucid.study.datasets.registry import info
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Answer, Page, Section, Tile, write_page
@@ -329,7 +329,7 @@ def _coverage(made: Demonstration) -> Section:
             "friction that the identified models lack, intervals for coloured residuals alone contain the worst of "
             f"inertia, gravity and load friction in {RICHER_PLANTS.statistical:.0f} %. Intervals are therefore "
             "widened by the effects that residuals show the model to lack, and contain the truth in "
-            f"{RICHER_PLANTS.held:.0f} %; `python -m evidence coverage` measures it.",
+            f"{RICHER_PLANTS.held:.0f} %; `python -m research.evidence coverage` measures it.",
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
     )

@@ -1,6 +1,6 @@
 """Find clipped samples: a channel that is flat at its largest or smallest value, and steep before and after.
 
-The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+The thresholds were chosen by judgement; no measurement is recorded for any. `research/evidence/spoilt.py` counts
 what they miss in recordings with known defects.
 """
 

@@ -21,7 +21,7 @@ LEVEL_SAMPLE_COUNT = 5000
 
 MIN_SILENT_SAMPLES = 50
 """A channel fell silent only if it holds one value for at least this many samples. Chosen by judgement, as the other
-thresholds here; `python -m evidence formats` counts what they miss."""
+thresholds here; `python -m research.evidence formats` counts what they miss."""
 
 MIN_SILENT_SHARE = 0.03
 """A channel fell silent only if it holds one value for at least this share of the log."""

@@ -1,6 +1,6 @@
 """Find dropouts: a lost signal, which repeats one value for a while in a channel that otherwise never rests.
 
-The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+The thresholds were chosen by judgement; no measurement is recorded for any. `research/evidence/spoilt.py` counts
 what they miss in recordings with known defects.
 """
 

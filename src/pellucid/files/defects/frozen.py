@@ -1,6 +1,6 @@
 """Find frozen encoders: a position that repeats the same bits while the machine must have moved.
 
-The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+The thresholds were chosen by judgement; no measurement is recorded for any. `research/evidence/spoilt.py` counts
 what they miss in recordings with known defects.
 """
 

@@ -11,7 +11,7 @@ from .watched import find_runs
 KIND = "saturated"
 
 MIN_LIMITED_SAMPLES = 8
-"""At least this many samples are at the limit. Chosen by judgement, as the other thresholds here; `python -m evidence
+"""At least this many samples are at the limit. Chosen by judgement, as the other thresholds here; `research.evidence
 formats` counts what they miss."""
 
 MIN_LIMITED_SHARE = 0.004

@@ -1,6 +1,6 @@
 """Find spikes: a few samples far from their neighbours on both sides, in a channel without other such jumps.
 
-The thresholds were chosen by judgement; no measurement is recorded for any of them. `python -m evidence spoilt` counts
+The thresholds were chosen by judgement; no measurement is recorded for any. `research/evidence/spoilt.py` counts
 what they miss in recordings with known defects.
 """
 

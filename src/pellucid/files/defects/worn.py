@@ -18,7 +18,7 @@ KIND = "worn"
 @dataclass(frozen=True)
 class WearerTest:
     """Thresholds of the decision that somebody wears a robot. They were chosen by judgement on the public recordings of
-    machines, none of which is worn; `python -m evidence truth` counts what they miss."""
+    machines, none of which is worn; `python -m research.evidence truth` counts what they miss."""
 
     max_explained_share: float = 0.99  # a machine's equation explains more of its effort's variance than this
     max_remaining_share: float = 0.8  # a shift or an impossible machine leaves at most this share of the residual

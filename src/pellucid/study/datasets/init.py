@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..._errors import DatasetError
 from ..._given import require_empty_folder
-from .fetch import fetch, notes, path, template
+from .registry import fetch, notes, path, template
 
 if TYPE_CHECKING:
     from .. import Study

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..._errors import DatasetError
 from ...files.readers.read import read_columns
-from .fetch import gait_names, info, motion_names, path
+from .registry import gait_names, info, motion_names, path
 
 
 @dataclass(frozen=True, eq=False)
