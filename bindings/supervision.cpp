@@ -1,10 +1,8 @@
 // A law of the list under its supervisor, for Python: stepped in double or float, fuzzed, timed.
 #include "supervision.hpp"
 
-#include "laws.hpp"
 #include "random_bits.hpp"
-
-#include <pellucid/incident_recorder.hpp>
+#include "supervised.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -101,125 +99,6 @@ tuple
     Efforts beyond the limits or that are no number, or power while latched (unsafe); faults; cycles with an effort;
     resets that were granted.)";
 constexpr const char* time_doc = R"(Nanoseconds that a supervisor adds to a step of a law on a smooth motion, mean over `cycles`, least of `turns`.)";
-
-/// What Python sees of any supervised law.
-class Supervised {
- public:
-  Supervised() = default;
-  Supervised(const Supervised&) = delete;
-  virtual ~Supervised() = default;
-  virtual std::size_t sensors() const = 0;
-  virtual double step_now(double time, const double* values, double drive, double joint, std::uint32_t token) = 0;
-  virtual double step_samples(std::int64_t now, const p::Sample<double>* from, std::size_t count, std::uint32_t token) = 0;
-  virtual bool configure(nb::handle parameters, nb::handle supervisor) = 0;
-  virtual void adjust(nb::handle parameters) = 0;
-  virtual void stop() = 0;
-  virtual nb::list log() const = 0;
-  virtual void record(std::uint32_t records, std::uint32_t decimation, std::uint32_t after) = 0;
-  virtual bool is_recorded() const = 0;
-  virtual nb::bytes incident(bool slides) = 0;
-  virtual nb::dict estimates() const = 0;
-  virtual nb::tuple probe_answer() const = 0;
-  p::SupervisorOutput<double> out{};
-};
-
-template <class L, class S> class SupervisedIn : public Supervised {
- public:
-  SupervisedIn(nb::handle parameters, nb::handle supervisor) { configure(parameters, supervisor); }
-  std::size_t sensors() const override { return p::sensor_count<L>; }
-  bool configure(nb::handle parameters, nb::handle supervisor) override {
-    const bool sound = p::configure(law_, read_params<typename L::Params, S>("parameters", parameters),
-                                    read_params<p::SupervisorParams<S>, S>("supervisor", supervisor));
-    out.mode = p::mode_of(law_.state);
-    out.fault = p::fault_of(law_.state);
-    return sound;
-  }
-  void adjust(nb::handle parameters) override {
-    p::adjust(law_, read_params<typename L::Params, S>("parameters", parameters));
-  }
-  double step_now(double time, const double* values, double drive, double joint, std::uint32_t token) override {
-    const bool sound = std::fabs(time) < 9e12;  // microseconds that 64 bits hold; false for NaN
-    const std::int64_t now = sound ? std::llround(time * 1e6) : 0;
-    p::Samples<S> samples;
-    for (std::size_t i = 0; i < p::sensor_count<L>; ++i)
-      samples[L::sensors[i].quantity] = {static_cast<S>(values[i]), 0, 0, sound && !std::isnan(values[i])};
-    p::Feedback<S> back;
-    const auto sequence = law_.state.steps;
-    back.drive = {static_cast<S>(drive), now, sequence, sound && !std::isnan(drive)};
-    back.joint = {static_cast<S>(joint), now, sequence, sound && !std::isnan(joint)};
-    back.token = token;
-    return run(p::stamped(law_, samples, now), back, now);
-  }
-  double step_samples(std::int64_t now, const p::Sample<double>* from, std::size_t count, std::uint32_t token) override {
-    const auto sample = [&](std::size_t i) {
-      return i < count ? p::Sample<S>{static_cast<S>(from[i].value), from[i].time, from[i].sequence, from[i].valid}
-                       : p::Sample<S>{};
-    };
-    constexpr std::size_t n = p::sensor_count<L>;
-    p::Samples<S> samples;
-    for (std::size_t i = 0; i < n; ++i) samples[L::sensors[i].quantity] = sample(i);
-    return run(samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now);
-  }
-  void stop() override { p::stop(law_); }
-  nb::tuple probe_answer() const override {
-    const auto& s = law_.state.probe;
-    const auto wave = [&s](int i) { return nb::make_tuple(static_cast<double>(s.known[i].real), static_cast<double>(s.known[i].imaginary)); };
-    return nb::make_tuple(wave(0) + wave(1) + wave(2), s.learnt);
-  }
-  nb::dict estimates() const override { return estimates_of<L>(law_.controller.state); }
-  nb::list log() const override {
-    nb::list list;
-    for (std::uint32_t i = 0; i < p::log_length && i < p::faults_of(law_.state); ++i) {
-      const p::LoggedFault one = p::logged(law_.state, i);
-      list.append(nb::make_tuple(one.step, fault_name(one.fault), p::mode_names[static_cast<std::size_t>(one.mode)]));
-    }
-    return list;
-  }
-
-  void record(std::uint32_t records, std::uint32_t decimation, std::uint32_t after) override {
-    words_.assign(std::size_t(records) * p::record_words<L>, 0);
-    p::start(recorder_, decimation, after);
-  }
-  bool is_recorded() const override { return p::is_frozen(recorder_); }
-  nb::bytes incident(bool slides) override {
-    std::vector<unsigned char> file;
-    p::write(recorder_, memory(), law_, slides, [&](std::uint32_t word) {
-      for (int i = 0; i < 4; ++i) file.push_back(static_cast<unsigned char>(word >> (8 * i)));
-      return true;
-    });
-    p::release(recorder_);
-    return nb::bytes(reinterpret_cast<const char*>(file.data()), file.size());
-  }
-
- private:
-  p::IncidentMemory memory() { return {words_.empty() ? nullptr : words_.data(), words_.size()}; }
-  double run(const p::Samples<S>& samples, const p::Feedback<S>& back, std::int64_t now) {
-    const p::SupervisorOutput<S> o = p::step(law_, samples, back, now);
-    p::note(recorder_, memory(), law_, samples, back, now, o);
-    out = {static_cast<double>(o.effort), o.beat, o.challenge, o.fault, o.mode, o.enable};
-    return out.effort;
-  }
-  p::Supervised<L> law_;
-  p::IncidentState<S> recorder_;
-  std::vector<std::uint32_t> words_;
-};
-
-/// f(LawOf) of the law with that name.
-template <class F> void with_law(const std::string& name, F&& f) {
-  bool known = false;
-  p::Laws::for_each([&](auto of) {
-    if (name == decltype(of)::template law<double>::name) f(of), known = true;
-  });
-  if (!known) throw nb::value_error(("law: found no \"" + name + "\"").c_str());
-}
-
-template <class S> std::unique_ptr<Supervised> make(const std::string& name, nb::handle parameters, nb::handle supervisor) {
-  std::unique_ptr<Supervised> made;
-  with_law(name, [&](auto of) {
-    made = std::make_unique<SupervisedIn<typename decltype(of)::template law<S>, S>>(parameters, supervisor);
-  });
-  return made;
-}
 
 double step(Supervised& law, double time, const nb::args& samples, nb::handle drive, nb::handle joint, std::uint32_t token) {
   if (samples.size() > law.sensors()) throw nb::type_error("step: more samples than the law has sensors");
@@ -427,7 +306,7 @@ void add_supervision(nb::module_& m) {
   m.def(
       "supervised",
       [](const std::string& name, nb::handle parameters, nb::handle supervisor, bool single) {
-        return single ? make<float>(name, parameters, supervisor) : make<double>(name, parameters, supervisor);
+        return single ? make_supervised<float>(name, parameters, supervisor) : make_supervised<double>(name, parameters, supervisor);
       },
       nb::arg("name"), nb::arg("parameters").none(), nb::arg("supervisor").none(), nb::arg("single") = false,
       nb::sig("def supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, single: bool = False) -> Supervised"),

@@ -48,7 +48,7 @@ struct LawCommand {
 
 /// One control period of a supervised law on a robot that somebody wears, at `now` [us]; `out` stays where there is no law.
 /// The samples and the feedback pass through `fault` first; the drive measures an effort of `drive` [N m], a second
-/// encoder an angle of `joint` [rad]. A `command` gives the law's effort. Compiled once for all models of a person, in worn_laws.cpp.
+/// encoder an angle of `joint` [rad]. A `command` gives the law's effort. Compiled once for all models of a person (worn_laws.hpp).
 template <class Fault>
 void step_worn_law(AnySupervised<double>& law, const pellucid::Samples<double>& samples, double drive, double joint,
                    std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out, LawCommand* command = nullptr);

@@ -303,6 +303,27 @@ template <class Stream> struct PutFields {
   void operator()(const std::uint32_t& x, const Field&) noexcept { to.word(float_word(static_cast<float>(x))); }
 };
 
+/// What the file says of a supervisor, which is the same for every law: the rest of its text, and the numbers.
+template <class S, class Stream>
+void put_supervisor(const WatchedPeriod<S>& period, Stream& to) noexcept {
+  for (const char* name : mode_names) {
+    to.say("mode ");
+    to.say(name);
+    to.say("\n");
+  }
+  for (const char* name : safety_fault_names) {
+    to.say("fault ");
+    to.say(name);
+    to.say("\n");
+  }
+  walk_watches(period, period.before, SayWatches<Stream>{to});
+  SayFields<Stream> fields{to};
+  walk(period.c.params, fields);
+  to.end_text();
+  PutFields<Stream> numbers{to};
+  walk(period.c.params, numbers);
+}
+
 /// Everything of the file but its last word. `total` is how many words the file has.
 template <class L, class S, class Stream>
 void put_incident(const IncidentState<S>& state, const IncidentMemory& memory, const Supervised<L>& s, bool slides,
@@ -353,24 +374,8 @@ void put_incident(const IncidentState<S>& state, const IncidentMemory& memory, c
   to.say("\nsensor joint");
   to.say(unit::coordinate);
   to.say("\n");
-  for (const char* name : mode_names) {
-    to.say("mode ");
-    to.say(name);
-    to.say("\n");
-  }
-  for (const char* name : safety_fault_names) {
-    to.say("fault ");
-    to.say(name);
-    to.say("\n");
-  }
   const Samples<S> nothing{};
-  walk_watches(WatchedPeriod<S>{s.supervisor, s.controller.law.gate, s.state, state.before, nothing, {}, 0}, state.before,
-               SayWatches<Stream>{to});
-  SayFields<Stream> fields{to};
-  walk(s.supervisor.params, fields);
-  to.end_text();
-  PutFields<Stream> numbers{to};
-  walk(s.supervisor.params, numbers);
+  put_supervisor(WatchedPeriod<S>{s.supervisor, s.controller.law.gate, s.state, state.before, nothing, {}, 0}, to);
   for (std::uint32_t k = 0; k < whole + part; ++k) {
     const std::uint32_t place = first + k < places ? first + k : first + k - places;
     for (std::size_t i = 0; i < record_words<L>; ++i) to.word(memory.words[place * record_words<L> + i]);

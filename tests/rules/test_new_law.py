@@ -186,7 +186,9 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
         f"-I{tmp_path / 'include'}", f"-I{tmp_path / 'bindings'}", f"-I{folder / 'include'}",
         f"-I{folder / 'ext' / 'robin_map' / 'include'}", f"-I{sysconfig.get_paths()['include']}",
     ]  # fmt: skip
-    own = [f"bindings/{name}.cpp" for name in ("laws", "read_laws", "worn_laws", "elbow", "supervision")]
+    units = ("laws", "read_laws", "healthy_laws", "faulty_laws", "elbow",
+             "supervision", "supervised_double", "supervised_float")  # fmt: skip
+    own = [f"bindings/{name}.cpp" for name in units]
     sources = ["module.cpp", *own, str(folder / "src" / "nb_combined.cpp")]
     module = tmp_path / f"new_laws{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run(["c++", *options, *where, *sources, "-o", str(module)], cwd=tmp_path, check=True)

@@ -1,5 +1,8 @@
-// One control period of every supervised law on a robot that somebody wears, for all models of a person.
-#include "single_fault.hpp"
+// One control period of every supervised law on a robot that somebody wears, for all models of a person: what
+// healthy_laws.cpp and faulty_laws.cpp compile.
+#pragma once
+
+#include "worn_arm.hpp"
 
 namespace bindings {
 namespace {
@@ -27,10 +30,5 @@ void step_worn_law(AnySupervised<double>& law, const pellucid::Samples<double>& 
                    std::int64_t now, Fault& fault, pellucid::SupervisorOutput<double>& out, LawCommand* command) {
   of_law(law, 0, [&](auto& one) { return out = step_one(one, samples, drive, joint, now, fault, command), 0; });
 }
-
-template void step_worn_law(AnySupervised<double>&, const pellucid::Samples<double>&, double, double, std::int64_t,
-                            Healthy&, pellucid::SupervisorOutput<double>&, LawCommand*);
-template void step_worn_law(AnySupervised<double>&, const pellucid::Samples<double>&, double, double, std::int64_t,
-                            SingleFault&, pellucid::SupervisorOutput<double>&, LawCommand*);
 
 }  // namespace bindings
