@@ -1,4 +1,4 @@
-// Signatures and docstrings of pellucid._core; bindings/write_stub.py makes src/pellucid/_core.pyi of them.
+// Signatures and docstrings of pellucid._core; the build makes _core.pyi of them.
 #pragma once
 
 namespace bindings::docs {
