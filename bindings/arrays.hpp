@@ -101,7 +101,7 @@ using Result = BasicResult<double>;
 inline nb::object tuple_of(const std::vector<Result>& results) {
   nb::object tuple = nb::steal(PyTuple_New(static_cast<Py_ssize_t>(results.size())));
   for (std::size_t i = 0; i < results.size(); ++i)
-    PyTuple_SET_ITEM(tuple.ptr(), static_cast<Py_ssize_t>(i), results[i].array().release().ptr());
+    PyTuple_SetItem(tuple.ptr(), static_cast<Py_ssize_t>(i), results[i].array().release().ptr());
   return tuple;
 }
 

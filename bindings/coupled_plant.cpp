@@ -85,7 +85,7 @@ class CoupledPlant {
     constexpr std::size_t n = sizeof values / sizeof values[0];
     nb::object result = nb::steal(PyTuple_New(n));
     for (std::size_t i = 0; i < n; ++i)
-      PyTuple_SET_ITEM(result.ptr(), static_cast<Py_ssize_t>(i), PyFloat_FromDouble(values[i]));
+      PyTuple_SetItem(result.ptr(), static_cast<Py_ssize_t>(i), PyFloat_FromDouble(values[i]));
     return result;
   }
 

@@ -57,8 +57,8 @@ def main(folder: Path) -> dict[str, float]:
         If anything asks for a compiler, a network or a library that is not there.
     """
     wheels = sorted(folder.glob("*.whl"))
-    here = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    ours = [w for w in wheels if f"-{here}-" in w.name or "-none-any" in w.name]
+    here = "-abi3-" if sys.version_info >= (3, 12) else "-cp311-"
+    ours = [w for w in wheels if here in w.name or "-none-any" in w.name]
     with tempfile.TemporaryDirectory() as made:
         root = Path(made)
         python = copy_python(root)

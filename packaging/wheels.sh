@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Build both distributions' wheels into dist/, or the folder WHEELS: packaging/wheels.sh [PYTHON...]; without one, of the
 # Python in .venv.
-# The wheel of `pellucid` holds the compiled core, so there is one for each Python; auditwheel names the oldest Linux on
-# which it runs, and puts in what that Linux lacks. `pellucid-lab` is Python alone.
+# The wheel of `pellucid` holds the compiled core, so there is one for Python 3.11 and one for 3.12 and all later ones;
+# auditwheel names the oldest Linux on which it runs, and puts in what that Linux lacks. `pellucid-lab` is Python alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 uv=.venv/bin/uv
