@@ -22,6 +22,9 @@ ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "build" / "gallery"
 """Where `make site` lets the demo write its pages, whole reports that the gallery shows."""
 
+PACKAGES = (ROOT / "src" / "pellucid", ROOT / "lab" / "src" / "pellucid_lab")
+"""Packages whose stubs list the public names."""
+
 ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md",
               "packaging/README.md": "packaging.md", "examples/board/README.md": "board.md"}  # fmt: skip
 """Pages of the root, and their names on the site."""
@@ -90,15 +93,19 @@ def api_page() -> Iterator[str]:
     """Every public name, with what its docstring says."""
     yield "# Public functions and classes\n"
     yield "`import pellucid as pl`; each name below is an attribute of it. Units are SI, angles in rad.\n"
-    tree = ast.parse((ROOT / "src" / "pellucid" / "__init__.py").read_text("utf-8"))
-    named = {
-        t.id: n.value for n in tree.body if isinstance(n, ast.Assign) for t in n.targets if isinstance(t, ast.Name)
-    }
-    sources = ast.literal_eval(named["_PUBLIC_SOURCES"])
+    sources = {name: source for package in PACKAGES for name, source in stub_sources(package)}
+    sources["open"] = sources.pop("open_study")
     for name in sorted(sources, key=str.lower):
-        module, attribute = sources[name]
-        yield f"::: pellucid.{module}{f'.{attribute}' if attribute else ''}\n"
+        yield f"::: {sources[name]}\n"
         yield f"    options:\n      heading: pl.{name}\n      toc_label: {name}\n"
+
+
+def stub_sources(package: Path) -> Iterator[tuple[str, str]]:
+    """Yield each name that a package's stub imports, with its full path."""
+    for node in ast.parse((package / "__init__.pyi").read_text("utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                yield alias.name, f"{package.name}.{node.module}.{alias.name}"
 
 
 def gallery_page() -> Iterator[str]:

@@ -5,6 +5,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html import unescape
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from pellucid.cli import app
 from pellucid.models.anthropometry import point_mass
 from pellucid.start_study import init
 from pellucid.study.results import read_rows
-from pellucid_lab import predict as prediction_of_folder
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.pointing import prediction, sensitivity
 from pellucid_lab.pointing.conditions import identify_cards
@@ -163,7 +163,7 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
         asked.update(settings, rigs=rigs)
         return fabricated(tuple(settings["controllers"]), models=len(rigs))
 
-    monkeypatch.setattr(prediction_of_folder, "predict_effects", drawn)
+    monkeypatch.setattr(import_module("pellucid_lab.predict"), "predict_effects", drawn)
     for name in ("these", "those"):
         init(tmp_path / name, rig="elbow-participants")
     these, those = str(tmp_path / "these"), str(tmp_path / "those")
