@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BLOCKED = ("pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba", "opensim",
-           "mcap", "rosbags", "matio", "mne")  # fmt: skip
+BLOCKED = ("pyarrow", "pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba",
+           "opensim", "mcap", "rosbags", "matio", "mne")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
 
 BEFORE = f"""
@@ -50,18 +50,39 @@ assert pl.cocontraction(envelope["a"], envelope["b"], fs=1000.0) is not None
 assert pl.synergies(envelope, fs=1000.0) is not None
 """
 
+TEXT_TABLE = """
+import tempfile
+from pathlib import Path
+import numpy as np
+import pellucid as pl
+samples = np.random.default_rng(1).standard_normal((20_000, 3))
+with tempfile.TemporaryDirectory() as folder:
+    path = Path(folder, "long.csv")
+    path.write_text("t,q,tau\\n" + "".join(f"{a!r},{b!r},{c!r}\\n" for a, b, c in samples.tolist()))
+    columns = pl.read(path)
+assert np.array_equal(np.stack([columns[name] for name in ("t", "q", "tau")], axis=1), samples)
+"""
+
 MISSING = """
+from pathlib import Path
 import pytest
 import pellucid as pl
 from pellucid._tabular import data_frame
+from pellucid.files.readers import parquet
 from pellucid.numerics.posterior.ensemble import require_sampler
-for ask, extra in ((lambda: data_frame({"a": [1]}), "tables"), (require_sampler, "posterior")):
+for ask, extra in (
+    (lambda: data_frame({"a": [1]}), "tables"),
+    (require_sampler, "posterior"),
+    (lambda: parquet.read(Path("a.parquet")), "files"),
+):
     with pytest.raises(pl.PellucidError, match=rf"pip install .*\\[{extra}\\]"):
         ask()
 """
 
 
-@pytest.mark.parametrize("script", [EVERY_MODULE, ARRAY_FUNCTIONS, MISSING], ids=["modules", "arrays", "missing"])
+@pytest.mark.parametrize(
+    "script", [EVERY_MODULE, ARRAY_FUNCTIONS, TEXT_TABLE, MISSING], ids=["modules", "arrays", "text", "missing"]
+)
 def test_no_extra_is_needed(script):
     done = subprocess.run([sys.executable, "-c", BEFORE + script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

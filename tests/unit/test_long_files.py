@@ -1,13 +1,14 @@
-"""Files of hours: Arrow's reader finds the bits of the tolerant one, or leaves the file to it; columns are kept."""
+"""Files of hours: Arrow, NumPy and the reader that goes from field to field find the same bits; columns are kept."""
 
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pellucid.files import kept_columns as keeping
-from pellucid.files.readers import _number_table, csv
+from pellucid.files.readers import _number_blocks, csv
 from pellucid.files.readers.read import read_columns
 
 DRAWN = np.random.default_rng(7)
@@ -22,16 +23,8 @@ NUMBERS = [
 ROWS = "\n".join(f"{i * 0.001:.3f},{x},{DRAWN.normal():.4f}" for i, x in enumerate(NUMBERS)) + "\n"
 
 
-def both(path, monkeypatch):
-    """What each reader makes of a file, and whether the fast one took it."""
-    slow = csv.read(path)
-    monkeypatch.setattr(csv, "MIN_LONG_FILE_BYTES", 1)
-    taken = csv._read_long(path) is not None
-    return csv.read(path), slow, taken
-
-
 @pytest.mark.parametrize(
-    ("content", "fast"),
+    ("content", "plain"),
     [
         (f"t,q,i\n{ROWS}", True),
         (f"# a comment\nTitle\nt [s],q [deg],i\ns,deg,A\n{ROWS}", True),
@@ -39,26 +32,46 @@ def both(path, monkeypatch):
         ("t,q,i\n" + ROWS.replace("\n", "\r\n"), True),
         ("t;q;i\n" + ROWS.replace(",", ";").replace(".", ","), True),
         ("t\tq\ti\n" + ROWS.replace(",", "\t"), True),
-        ("t\tq\ti\n" + ROWS.replace(",", "\t") + "0.9\t1\t\n\t\t\n", False),  # a line of tabs alone is no row
+        ("t\tq\ti\n" + ROWS.replace(",", "\t") + "0.9\t1\t\n\t\t\n", True),  # a line of tabs alone is no row
         ("\ufefft,q,i\n" + ROWS, True),
         (f"t,q,i\n{ROWS}0.9,,NaN\n1.0,NA,null\n", True),
         (f"t,q,i\n\n{ROWS}\n", True),
-        (f"t,q,i\n{ROWS}# a comment\n0.9,1,2\n", False),
+        (f"t,q,i\n{ROWS}# a comment\n0.9,1,2\n", True),
         (f"t,q,i\n{ROWS}0.9,true,word\n", False),
         (f't,q,i\n{ROWS}"0.9","1","2"\n', False),
         ("t,q,i,\n" + ROWS.replace("\n", ",\n"), False),
-        ("t q i\n" + ROWS.replace(",", "  "), False),
+        ("t q i\n" + ROWS.replace(",", "  "), True),
         ("t\u00b0,q,i\n" + ROWS, True),
     ],
 )
-def test_both_readers_find_the_same_bits(tmp_path, monkeypatch, content, fast):
+def test_all_readers_find_the_same_bits(tmp_path, monkeypatch, content, plain):
     path = tmp_path / "a.csv"
     path.write_bytes(content.encode())
-    found, slow, taken = both(path, monkeypatch)
-    assert taken == fast
-    assert found.names == slow.names
-    for name in slow.names:
-        a, b = found.values[name], slow.values[name]
+    read_plain, taken = csv._plain_columns, []
+
+    def plain_columns(*arguments, **options):
+        columns = read_plain(*arguments, **options)
+        taken.append(columns is not None)
+        return columns
+
+    monkeypatch.setattr(csv, "_plain_columns", plain_columns)
+    by_numpy = csv.read(path)
+    monkeypatch.setattr(csv, "MIN_ARROW_FILE_BYTES", 1)
+    by_arrow = csv.read(path)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    without_arrow = csv.read(path)
+    assert taken == [plain] * 3
+    monkeypatch.setattr(csv, "_plain_columns", lambda *_, **__: None)
+    by_field = csv.read(path)
+    for found in (by_numpy, by_arrow, without_arrow):
+        assert_same_bits(found, by_field)
+
+
+def assert_same_bits(found, expected):
+    """Compare the names, numbers and texts of columns."""
+    assert found.names == expected.names
+    for name in expected.names:
+        a, b = found.values[name], expected.values[name]
         if isinstance(b, str):
             assert a == b
         else:
@@ -66,14 +79,35 @@ def test_both_readers_find_the_same_bits(tmp_path, monkeypatch, content, fast):
             np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
 
 
-def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch):
+LABELLED = "t;q;i;when;phase\n" + "".join(
+    f"{row.replace('.', ',')};12:00:{i % 60:02d};{'' if i % 3 else 'swing'}\n"
+    for i, row in enumerate(ROWS.replace(",", ";").splitlines())
+)
+"""A table with stamps of a wall clock and labels."""
+
+
+@pytest.mark.parametrize("content", [f"t,q,i\n{ROWS * 40}", LABELLED, f"t,q,i\n{ROWS}# a comment\n0.9,,2\n"])
+@pytest.mark.parametrize("arrow", [True, False])
+def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch, content, arrow):
     path = tmp_path / "a.csv"
-    path.write_text(ROWS * 40)
-    whole = _number_table.number_table(path, 0, 3, delimiter=",", decimal=".")
-    monkeypatch.setattr(_number_table, "BLOCK_BYTES", 700)
-    for a, b in zip(whole, _number_table.number_table(path, 0, 3, delimiter=",", decimal="."), strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert len(whole[0]) == 40 * len(NUMBERS)
+    path.write_text(content)
+    whole = csv.read(path)
+    monkeypatch.setattr(csv, "MIN_ARROW_FILE_BYTES", 1 if arrow else np.inf)
+    monkeypatch.setattr(_number_blocks, "BLOCK_BYTES", 700)
+    assert_same_bits(csv.read(path), whole)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_are_whole_in_every_block(tmp_path, monkeypatch, end):
+    content = "".join(f"{'x' * (i % 40)}{end}" for i in range(400)).encode() + b"last"
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    monkeypatch.setattr(_number_blocks, "BLOCK_BYTES", 64)
+    with path.open("rb") as file:
+        blocks = list(_number_blocks.line_blocks(file))
+        assert b"".join(_number_blocks.line_blocks(file, len(content) - 4)) == content[:-4]
+    assert b"".join(blocks) == content
+    assert [line for block in blocks for line in block.splitlines()] == content.splitlines()
 
 
 @pytest.fixture

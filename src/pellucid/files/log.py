@@ -27,7 +27,7 @@ from .defects.watched import INERTIAL_CHANNELS, find_runs
 from .personal_fields import PersonalField, find_personal_columns, find_personal_lines
 from .quantity import EFFORT_QUANTITIES, Quantity, joint_words, quantity_of
 from .readers._columns import Columns
-from .readers.csv import ENDINGS, MAX_HEADER_BYTES, MAX_HEADER_LINES
+from .readers.csv import ENDINGS, MAX_HEADER_LINES
 from .recording import Channel
 
 ALARM_LEVEL = "alarm"
@@ -35,6 +35,9 @@ ALARM_LEVEL = "alarm"
 
 NOTE_LEVEL = "note"
 """Level of a finding that a user should know and that needs no repair."""
+
+MAX_HEADER_BYTES = 1 << 16
+"""Everything above the numbers of a text file lies within this many bytes."""
 
 MIN_LOG_SAMPLES = 20
 """Shorter columns are settings, not channels."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,62 +48,70 @@ _GROUPED_NUMBER = re.compile(r"([-+]?\d{1,3}(?:['\u2019 \u00a0\u2009\u202f]\d{3}
 """Numbers with apostrophes or blanks between thousands: 9'990.00 and 9 990,00."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class CommaEvidence:
-    """Numbers that tell what a comma and a full stop mean.
+    """What the fields of a column tell of its commas and full stops; `add` takes them in parts.
 
     Attributes
     ----------
     comma, point : str
         First number with a decimal comma, and first with a decimal point; "" without one.
-    either : str
-        First number that has both readings and stands in doubt: with a comma, or with a full stop beside whole numbers
-        below a thousand; "" without one.
-    thousands : str
-        The mark that stands between thousands as the column's whole numbers show; "" if they do not.
+    ambiguous : dict of str to str
+        First number with both readings, by its mark; "" without one.
+    whole : set of str
+        Some different whole numbers below a thousand, at most `MIN_WHOLE_NUMBERS`.
+    keeps_zeros : bool
+        Whether a number with both readings ends in a zero.
     """
 
     comma: str = ""
     point: str = ""
-    either: str = ""
-    thousands: str = ""
+    ambiguous: dict[str, str] = field(default_factory=lambda: {",": "", ".": ""})
+    whole: set[str] = field(default_factory=set)
+    keeps_zeros: bool = False
+
+    def add(self, fields: Sequence[str]) -> None:
+        """Take more fields of the column."""
+        if self.point and plain_numbers(fields) is not None:
+            return  # no comma can be among them, and points are known
+        for field_text in dict.fromkeys(fields):
+            text = _without_groups(field_text)
+            if "," not in text and "." not in text:
+                if len(self.whole) < MIN_WHOLE_NUMBERS and _WHOLE_BELOW_THOUSAND.fullmatch(text):
+                    self.whole.add(text)
+            elif _AMBIGUOUS_NUMBER.fullmatch(text):
+                mark = "," if "," in text else "."
+                self.ambiguous[mark] = self.ambiguous[mark] or field_text
+                self.keeps_zeros |= text.endswith("0")
+            elif not self.comma and "," in text and _DECIMAL_COMMA.fullmatch(text):
+                self.comma = field_text
+            elif not self.point and _DECIMAL_POINT.fullmatch(text):
+                self.point = field_text
+            elif not self.comma and _DECIMAL_COMMA.fullmatch(text):
+                self.comma = field_text
+
+    @property
+    def either(self) -> str:
+        """First number in doubt: with a comma, or with a full stop beside whole numbers below a thousand."""
+        return self.ambiguous[","] or (self.ambiguous["."] if self.whole else "")
 
     @property
     def decimal(self) -> str | None:
         """The decimal mark; None if no number tells it, or numbers contradict each other."""
-        if self.comma and self.point:
-            return None
         if self.comma or self.point:
-            return "," if self.comma else "."
-        return {"": None, ".": ",", ",": "."}[self.thousands]
+            return None if self.comma and self.point else "," if self.comma else "."
+        marks = [mark for mark, text in self.ambiguous.items() if text]
+        if len(marks) == 1 and self.keeps_zeros and len(self.whole) >= MIN_WHOLE_NUMBERS:
+            return {".": ",", ",": "."}[marks[0]]
+        return None
 
 
-def comma_evidence(fields: Iterable[str]) -> CommaEvidence:
-    """Return what a column's fields tell of its commas and full stops."""
-    comma = point = ""
-    ambiguous = {",": "", ".": ""}
-    whole: set[str] = set()
-    keeps_zeros = False
-    for field in fields:
-        text = _without_groups(field)
-        if "," not in text and "." not in text:
-            if len(whole) < MIN_WHOLE_NUMBERS and _WHOLE_BELOW_THOUSAND.fullmatch(text):
-                whole.add(text)
-            continue
-        if _AMBIGUOUS_NUMBER.fullmatch(text):
-            mark = "," if "," in text else "."
-            ambiguous[mark] = ambiguous[mark] or field
-            keeps_zeros |= text.endswith("0")
-        elif not comma and "," in text and _DECIMAL_COMMA.fullmatch(text):
-            comma = field
-        elif not point and _DECIMAL_POINT.fullmatch(text):
-            point = field
-        elif not comma and _DECIMAL_COMMA.fullmatch(text):
-            comma = field
-    marks = [mark for mark, text in ambiguous.items() if text]
-    shown = len(marks) == 1 and keeps_zeros and len(whole) >= MIN_WHOLE_NUMBERS and not (comma or point)
-    either = ambiguous[","] or (ambiguous["."] if whole else "")
-    return CommaEvidence(comma, point, either, marks[0] if shown else "")
+def plain_numbers(fields: Sequence[str]) -> np.ndarray | None:
+    """Return the numbers of fields that Python reads without help, shape (n,); None if one is none."""
+    try:
+        return np.array(fields, dtype=np.float64)
+    except ValueError:
+        return None
 
 
 def may_hold_thousands(columns: Iterable[np.ndarray]) -> bool:
@@ -121,6 +129,12 @@ def may_hold_thousands(columns: Iterable[np.ndarray]) -> bool:
             return False
         found |= bool(np.any(known != np.rint(known)))
     return found
+
+
+def has_whole_numbers(column: np.ndarray) -> bool:
+    """Return whether a column, shape (n,), has as many different whole numbers as show a mark between thousands."""
+    whole = column[(column == np.rint(column)) & (column != 0.0) & (np.abs(column) < 1000.0)]
+    return len(np.unique(whole)) >= MIN_WHOLE_NUMBERS
 
 
 def decimal_marks(columns: Sequence[CommaEvidence]) -> list[str | None]:

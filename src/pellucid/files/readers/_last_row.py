@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,36 +67,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-class FilePart(io.RawIOBase):
-    """A readable file that ends at byte `end` of the file `path`."""
-
-    def __init__(self, path: Path, end: int):
-        self._file, self._end = path.open("rb"), end
-
-    def readable(self) -> bool:
-        """Return True."""
-        return True
-
-    def seekable(self) -> bool:
-        """Return True."""
-        return True
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Set the position and return it, as `io.RawIOBase.seek` does."""
-        return self._file.seek(offset if whence == 0 else self._end + offset if whence == 2 else self.tell() + offset)
-
-    def tell(self) -> int:
-        """Return the position, as `io.RawIOBase.tell` does."""
-        return self._file.tell()
-
-    def read(self, size: int = -1) -> bytes:
-        """Read at most `size` bytes, up to `end`; all of them if `size` is negative."""
-        left = max(self._end - self.tell(), 0)
-        return self._file.read(left if size < 0 else min(size, left))
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-        super().close()

@@ -20,6 +20,11 @@ _YEAR_LAST_PATTERN = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P
 _TIME_PATTERN = re.compile(_CLOCK_PATTERN)
 
 
+def is_stamp(text: str) -> bool:
+    """Return whether a text has the form of a stamp, with a date or without."""
+    return any(form.fullmatch(text.strip()) for form in (_YEAR_FIRST_PATTERN, _YEAR_LAST_PATTERN, _TIME_PATTERN))
+
+
 def stamp_seconds(stamps: Sequence[str]) -> np.ndarray | None:
     """Return the times of stamps, shape (n,) [s], or None if one of them is not a stamp of the others' form.
 

@@ -1,11 +1,19 @@
-"""Read text tables: comma, semicolon, tab or blanks between columns, any or no header, decimal point or comma."""
+"""Read text tables: comma, semicolon, tab or blanks between columns, any or no header, decimal point or comma.
+
+The first lines tell the layout. A table of plain numbers is then read in blocks by a library (`_number_blocks.py`), any
+other field by field. Both go through the file in blocks, so that a file of any size needs little beside its numbers.
+"""
 
 from __future__ import annotations
 
 import csv
+import io
 import re
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise, zip_longest
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -14,25 +22,57 @@ from ..personal_fields import find_personal_columns, find_personal_lines, search
 from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
-from ._comma import comma_evidence, decimal_marks, may_hold_thousands, read_number, two_readings
+from ._comma import (
+    CommaEvidence,
+    decimal_marks,
+    has_whole_numbers,
+    may_hold_thousands,
+    plain_numbers,
+    read_number,
+    two_readings,
+)
 from ._last_row import cut_row
-from ._number_table import MIN_LONG_FILE_BYTES, number_table
-from ._wall_clock import stamp_seconds
+from ._number_blocks import (
+    MIN_ARROW_FILE_BYTES,
+    MISSING_WORDS,
+    is_comment,
+    is_empty,
+    line_blocks,
+    read_numbers,
+    text_of,
+)
+from ._wall_clock import is_stamp, stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 
 MAX_HEADER_LINES = 40
 """The first row of numbers is searched among this many lines that are neither empty nor comments."""
 
-MAX_HEADER_BYTES = 1 << 16
-"""In a long file, everything above the numbers lies within this many bytes."""
+MAX_SAMPLED_ROWS = 1000
+"""The first rows of a table, at most so many, tell its decimal mark."""
 
-_COMMENT_MARKS = ("#", "%", "//", "!")
-_MISSING_WORDS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
 _CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'(?:.*engineering units: ([^,]+),)?")
 _LABELLED_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What the first lines of a file tell about its table."""
+
+    delimiter: str | None  # None: blanks
+    skipped: int  # lines above the first row
+    width: int  # fields of the first row
+    decimal: str | None  # None if only all rows can tell it
+    header: list[str] | None
+    unit_texts: list[str] | None
+    above: list[str]  # comments, and lines above the first row
+
+    @property
+    def is_last_named(self) -> bool:
+        """Whether the last column has a name; one without may be a surplus delimiter."""
+        return self.header is not None and len(self.header) == self.width and bool(self.header[-1])
 
 
 def read(path: Path) -> Columns:
@@ -46,17 +86,55 @@ def read(path: Path) -> Columns:
     An incomplete last row is left out, too. Columns may also be named on one line each, ``Channel 1: 'RF'``, as
     Biometrics' DataLOG does. Titles without a delimiter name no columns.
     """
-    if path.stat().st_size >= MIN_LONG_FILE_BYTES and (columns := _read_long(path)) is not None:
-        return columns
-    # A byte order mark may also stand within the text of a file that was put together.
-    lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip("\ufeff \t\r")]
-    return read_lines(path, lines)
+    cut = cut_row(path)
+    end = None if cut is None else cut.start
+    with path.open("rb") as file:
+        start = file.read(4096)
+        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            text = path.read_bytes().decode("utf-16", errors="replace")
+            return read_table(path, io.BytesIO(text.encode()))
+        if b"\0" in start:
+            raise RecordingError(f"{path.name}: found binary content, expected text")
+        return read_table(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
 
 
-def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None = None) -> Columns:
-    """Return the columns of a table's numbered lines that are not empty; without a `delimiter`, it is found."""
-    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
-    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
+def read_table(
+    path: Path, file: BinaryIO, end: int | None = None, delimiter: str | None = None, *, arrow: bool = False
+) -> Columns:
+    """Return the columns of the table in an open file up to its byte `end`; without a `delimiter`, it is found."""
+    layout = _find_layout(path, line_blocks(file, end), delimiter)
+    columns: Sequence[np.ndarray | _Cells] | None = _plain_columns(layout, file, end, arrow=arrow)
+    if columns is None:
+        columns = _cell_columns(path, layout, file, end)
+    names = _names(path, layout.header, len(columns))
+    values: dict[str, np.ndarray | str] = {}
+    units = _units(names, layout.unit_texts)
+    personal = find_personal_lines(layout.above)
+    for name, column in zip(names, columns, strict=True):
+        if isinstance(column, np.ndarray):
+            values[name] = column
+        elif (times := column.times()) is not None:
+            values[name], units[name] = times, "s"
+        elif column.text and column.decimal and (found := find_personal_columns([(name, column.text[1])])):
+            personal += found
+            values[name] = f"a column of text that tells who was recorded ({found[0].kind}), which is not shown"
+        else:
+            values[name] = column.numbers() if column.text is None else column.complaint()
+    return Columns(path, values, units=units, facts=_facts(layout.above, names), personal=tuple(personal))
+
+
+def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> _Layout:
+    """Return the layout of a table, from as many blocks as hold the lines that tell it."""
+    comments: list[str] = []
+    lines: list[tuple[int, str]] = []
+    read = 0
+    for block in blocks:
+        texts = text_of(block).splitlines()
+        comments += [line for line in texts if is_comment(line)]
+        lines += _data_lines(texts, read)
+        read += len(texts)
+        if len(lines) >= MAX_HEADER_LINES:
+            break
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data")
     require_narrow_lines(path, (line for _, line in lines[:20]))
@@ -70,43 +148,149 @@ def read_lines(path: Path, lines: list[tuple[int, str]], delimiter: str | None =
         numbers := _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])
     ):
         header, first = numbers, first + 1
-    rows = lines[first:]
-    # A last column with a name may be empty throughout; one without a name is only a surplus delimiter.
-    named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
-    try:
-        table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
-        texts, unclear = None, set[int]()
-    except ValueError:
-        table, texts, unclear = _read_with_empty_cells(rows, delimiter, named) or _read_fields(
-            path, rows, delimiter, named
-        )
-    if texts is None and may_hold_thousands(table.T):
-        table, texts, unclear = _read_fields(path, rows, delimiter, named)
-    names = _names(path, header, table.shape[1])
-    values: dict[str, np.ndarray | str] = {}
-    units = _units(names, unit_texts)
-    above = [*comments, *(line for _, line in lines[:first])]
-    personal = find_personal_lines(above)
-    for i, name in enumerate(names):
-        if i in unclear and texts is not None:
-            number, text = texts[i][0]
-            values[name] = f"line {number} {text}"
-            continue
-        times = stamp_seconds([text for _, text in texts[i]]) if texts is not None and texts[i] else None
-        if texts is not None and times is not None:
-            # An empty cell among the stamps stays a missing sample.
-            table[np.isin([number for number, _ in rows], [number for number, _ in texts[i]]), i] = times
-            values[name], units[name] = np.ascontiguousarray(table[:, i]), "s"
-        elif texts is not None and texts[i] and (found := find_personal_columns([(name, texts[i][0][1])])):
-            personal += found
-            values[name] = f"a column of text that tells who was recorded ({found[0].kind}), which is not shown"
-        elif texts is not None and texts[i]:
-            number, text = texts[i][0]
-            # Labels beside numbers are common; they matter only if a channel uses the column.
-            values[name] = f'line {number} holds the text "{text}" where a number is expected'
-        else:
-            values[name] = np.ascontiguousarray(table[:, i])
-    return Columns(path, values, units=units, facts=_facts(above, names), personal=tuple(personal))
+    return _Layout(
+        delimiter,
+        skipped=lines[first][0] - 1,
+        width=len(_split(lines[first][1], delimiter)),
+        decimal=_certain_mark([_split(line, delimiter) for _, line in lines[first : first + MAX_SAMPLED_ROWS]]),
+        header=header,
+        unit_texts=unit_texts,
+        above=[*comments, *(line for _, line in lines[:first])],
+    )
+
+
+def _data_lines(lines: list[str], before: int) -> list[tuple[int, str]]:
+    """Return the lines that are neither empty nor comments, each with its number; `before` lines came before them."""
+    return [(i, line) for i, line in enumerate(lines, before + 1) if not (is_empty(line) or is_comment(line))]
+
+
+def _certain_mark(rows: list[list[str]]) -> str | None:
+    """Return the decimal mark of the first rows of a table; None if only all of its rows can tell it."""
+    evidence = CommaEvidence()
+    evidence.add([text for fields in rows for text in fields])
+    if evidence.comma:
+        return None if evidence.point else ","
+    return None if "," in evidence.either else "."
+
+
+def _plain_columns(layout: _Layout, file: BinaryIO, end: int | None, *, arrow: bool) -> list[np.ndarray] | None:
+    """Return the columns of a table of plain numbers, shape (n,) each; None if it is not certain that it is one."""
+    if layout.decimal is None:
+        return None
+    columns = read_numbers(
+        file, end, layout.skipped, layout.width, layout.delimiter, decimal=layout.decimal, arrow=arrow
+    )
+    if columns is None:
+        return None
+    if layout.width > 1 and not layout.is_last_named and np.isnan(columns[-1]).all():
+        return None  # perhaps only a surplus delimiter
+    if layout.decimal == ".":
+        return None if may_hold_thousands(columns) else columns
+    return None if any(may_hold_thousands([x]) and has_whole_numbers(x) for x in columns) else columns
+
+
+def _split_rows(layout: _Layout, file: BinaryIO, end: int | None) -> Iterator[tuple[list[int], list[list[str]]]]:
+    """Yield the numbers of the lines of a table, and the fields of each, block by block."""
+    before = 0
+    for block in line_blocks(file, end):
+        texts = text_of(block).splitlines()
+        lines = [(number, line) for number, line in _data_lines(texts, before) if number > layout.skipped]
+        before += len(texts)
+        yield [number for number, _ in lines], [_split(line, layout.delimiter) for _, line in lines]
+
+
+@dataclass
+class _Cells:
+    """A column that is read field by field: its numbers, and what is known of its texts.
+
+    Attributes
+    ----------
+    evidence : CommaEvidence
+        What all fields tell of their commas and full stops.
+    decimal : str or None
+        Decimal mark of the column; None if its numbers have two readings.
+    text : tuple of int and str, or None
+        First field that is no number, after the number of its line.
+    """
+
+    evidence: CommaEvidence
+    decimal: str | None
+    text: tuple[int, str] | None = None
+    _parts: list[np.ndarray] = field(default_factory=list)
+    _stamps: dict[int, str] | None = field(default_factory=dict)  # by row; None once a text is no stamp
+    _row_count: int = 0
+
+    def add(self, lines: Sequence[int], fields: Sequence[str]) -> None:
+        """Take more fields of the column, each of a line."""
+        if self.decimal is None:
+            doubtful = self.evidence.either or self.evidence.comma
+            if self.text is None and doubtful in fields:
+                self.text = lines[fields.index(doubtful)], two_readings(self.evidence)
+            return
+        numbers = plain_numbers(fields) if self.decimal == "." else None
+        if numbers is None:
+            number_by_text = {text: _marked_number(text, self.decimal) for text in set(fields)}
+            numbers = np.array([number_by_text[text] for text in fields], dtype=np.float64)
+            self._add_texts([(i, text) for i, text in enumerate(fields) if number_by_text[text] is None], lines)
+        self._parts.append(numbers)
+        self._row_count += len(fields)
+
+    def _add_texts(self, texts: Sequence[tuple[int, str]], lines: Sequence[int]) -> None:
+        """Take texts with their places in a block whose rows have the numbers `lines`."""
+        for i, text in texts:
+            self.text = self.text or (lines[i], text)
+            if self._stamps is None or not is_stamp(text):
+                self._stamps = None
+                return
+            self._stamps[self._row_count + i] = text
+
+    def numbers(self) -> np.ndarray:
+        """Return the column, shape (n,), NaN where it has no number."""
+        return np.concatenate(self._parts)
+
+    def times(self) -> np.ndarray | None:
+        """Return the column's stamps of a wall clock in seconds, shape (n,); None if its texts are no stamps."""
+        seconds = stamp_seconds(list(self._stamps.values())) if self._stamps else None
+        if seconds is None or self._stamps is None:
+            return None
+        # An empty cell among the stamps stays a missing sample.
+        times = self.numbers()
+        times[list(self._stamps)] = seconds
+        return times
+
+    def complaint(self) -> str:
+        """Return what is wrong with the column, for a message.
+
+        Labels beside numbers are common; they matter only if a channel uses the column.
+        """
+        number, text = self.text or (0, "")
+        if self.decimal is None:
+            return f"line {number} {text}"
+        return f'line {number} holds the text "{text}" where a number is expected'
+
+
+def _cell_columns(path: Path, layout: _Layout, file: BinaryIO, end: int | None) -> list[_Cells]:
+    """Return the columns of a table of any fields, which is gone through twice."""
+    evidence = [CommaEvidence() for _ in range(layout.width)]
+    lines_by_width: dict[int, int] = {}
+    is_surplus = layout.width > 1 and not layout.is_last_named
+    for numbers, rows in _split_rows(layout, file, end):
+        for number, fields in zip(numbers, rows, strict=True):
+            lines_by_width.setdefault(len(fields), number)
+        is_surplus = is_surplus and not any(fields[-1] for fields in rows if len(fields) == layout.width)
+        for each, column in zip(evidence, zip_longest(*rows, fillvalue=""), strict=False):
+            each.add(column)
+    width = layout.width - is_surplus
+    wrong = [(number, found) for found, number in lines_by_width.items() if found not in (width, width + is_surplus)]
+    if wrong:
+        number, found = min(wrong)
+        raise RecordingError(f"{path.name}: line {number} has {found} fields, expected {width}")
+    marks = decimal_marks(evidence[:width])
+    columns = [_Cells(each, mark) for each, mark in zip(evidence, marks, strict=False)]
+    for numbers, rows in _split_rows(layout, file, end):
+        for cells, column in zip(columns, zip_longest(*rows, fillvalue=""), strict=False):
+            cells.add(numbers, column)
+    return columns
 
 
 def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
@@ -129,87 +313,12 @@ def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     return facts
 
 
-def _read_long(path: Path) -> Columns | None:
-    """Return the columns of a file that has only numbers below its header; None if that is not certain."""
-    with path.open("rb") as file:
-        head = file.read(MAX_HEADER_BYTES).splitlines(keepends=True)[:-1]
-    if any(b"\0" in line or not line.endswith(b"\n") for line in head):
-        return None
-    try:
-        text = [line.decode("utf-8" if i else "utf-8-sig") for i, line in enumerate(head)]
-    except UnicodeDecodeError:
-        return None
-    lines = [(i, line) for i, line in enumerate(text) if line.strip()]
-    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT_MARKS)]
-    lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT_MARKS)]
-    delimiter = _delimiter(_body([line for _, line in lines]))
-    first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
-    if delimiter is None or first is None:
-        return None
-    at, row = lines[first]
-    fields = _split(row, delimiter)
-    header, unit_texts = _header(lines[:first], comments, delimiter, len(fields))
-    numbers = _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])
-    if header is None and numbers and first + 1 < len(lines):
-        header, at = numbers, lines[first + 1][0]
-    names = _names(path, header, len(fields))
-    decimal = _certain_mark([_split(line, delimiter) for _, line in lines[first:]])
-    if decimal is None:
-        return None
-    cut = cut_row(path)
-    end = cut.start if cut is not None else None
-    start = sum(map(len, head[:at]))
-    columns = number_table(path, start, len(fields), delimiter=delimiter, decimal=decimal, end=end)
-    if columns is None or (delimiter.isspace() and _has_empty_row(columns)):
-        return None  # a line of tabs alone is no row, which Arrow does not tell from one of missing samples
-    if decimal == "." and may_hold_thousands(columns):
-        return None  # the texts tell
-    above = [*comments, *(line for _, line in lines[:first])]
-    return Columns(
-        path,
-        dict(zip(names, columns, strict=True)),
-        units=_units(names, unit_texts),
-        facts=_facts(above, names),
-        personal=tuple(find_personal_lines(above)),
-    )
-
-
 def lost_end(path: Path) -> str:
     """Return the incomplete row at the end of a file whose writer was killed; "" for a whole file."""
     cut = cut_row(path)
     if cut is None:
         return ""
     return f'an incomplete last row, "{cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."}"'
-
-
-def _certain_mark(rows: list[list[str]]) -> str | None:
-    """Return the decimal mark of the first rows of a table; None if only all of its rows can tell it."""
-    evidence = comma_evidence(field for fields in rows for field in fields)
-    if evidence.comma:
-        return None if evidence.point else ","
-    return None if "," in evidence.either else "."
-
-
-def _has_empty_row(columns: list[np.ndarray]) -> bool:
-    """Whether some row holds missing samples alone."""
-    missing = np.isnan(columns[0])
-    for column in columns[1:]:
-        missing &= np.isnan(column)
-    return bool(missing.any())
-
-
-def _decode(path: Path) -> str:
-    raw, cut = path.read_bytes(), cut_row(path)
-    raw = raw if cut is None else raw[: cut.start]
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return raw.decode("utf-16", errors="replace")
-    if b"\0" in raw[:4096]:
-        raise RecordingError(f"{path.name}: found binary content, expected text")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # A degree or micro sign in a header written on Windows.
-        return raw.decode("latin-1")
 
 
 def _body(lines: list[str]) -> list[str]:
@@ -330,56 +439,9 @@ def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
     return [f"{name}.{i}" if name in repeated else name for i, name in enumerate(names)]
 
 
-def _read_with_empty_cells(rows, delimiter, named):
-    """Return the table if it has only numbers and empty cells, as a lost marker leaves them; else None."""
-    if delimiter in (None, "\t") or not (named or any(not line.rstrip().endswith(delimiter) for _, line in rows)):
-        return None
-    filled, nan = [], f"{delimiter}nan{delimiter}"
-    for _, line in rows:
-        # Neighbouring empty cells share a delimiter, so the replacement runs twice. A delimiter added at either end
-        # makes every cell an inner one.
-        text = f"{delimiter}{line.strip()}{delimiter}"
-        if 2 * delimiter in text:
-            text = text.replace(2 * delimiter, nan).replace(2 * delimiter, nan)
-        filled.append(text[1:-1])
-    try:
-        table = np.loadtxt(filled, delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
-    except ValueError:
-        return None
-    return table, None, set()
-
-
-def _read_fields(path, rows, delimiter, named):
-    split = [(number, _split(line, delimiter)) for number, line in rows]
-    width = len(split[0][1])
-    if width > 1 and not named and all(not fields[-1] for _, fields in split if len(fields) == width):
-        split = [(number, fields[:-1] if len(fields) == width else fields) for number, fields in split]
-        width -= 1
-    table = np.full((len(split), width), np.nan)
-    texts: list[list[tuple[int, str]]] = [[] for _ in range(width)]
-    for number, fields in split:
-        if len(fields) != width:
-            raise RecordingError(f"{path.name}: line {number} has {len(fields)} fields, expected {width}")
-    evidence = [comma_evidence(fields[j] for _, fields in split) for j in range(width)]
-    marks = decimal_marks(evidence)
-    for j, mark in enumerate(marks):
-        if mark is None:
-            wanted = evidence[j].either or evidence[j].comma
-            at = next(number for number, fields in split if fields[j] == wanted)
-            texts[j].append((at, two_readings(evidence[j])))
-            continue
-        for i, (number, fields) in enumerate(split):
-            value = _marked_number(fields[j], mark)
-            if value is None:
-                texts[j].append((number, fields[j]))
-            else:
-                table[i, j] = value
-    return table, texts, {j for j, mark in enumerate(marks) if mark is None}
-
-
 def _marked_number(text: str, decimal: str) -> float | None:
     """Return the number of a field with the decimal mark of its column, NaN for a missing one; None if it is a word."""
     folded = text.strip().casefold()
-    if folded in _MISSING_WORDS:
+    if folded in MISSING_WORDS:
         return float("nan")
     return _NUMBER_WORDS[folded] if folded in _NUMBER_WORDS else read_number(folded, decimal)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, missing_package
 from ._caps import require_few_columns, require_unpacked_size
 from ._columns import Columns
 
@@ -35,6 +35,8 @@ def read(path: Path) -> Columns:
             return _columns(path, _load(path))
     except (RecordingError, MemoryError):
         raise
+    except ImportError:
+        raise RecordingError(str(missing_package(f"{path.name}: Parquet and Feather", "pyarrow", "files"))) from None
     except Exception as error:  # the library's C++ code may raise anything
         raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error}") from error
 

@@ -7,6 +7,7 @@ stamps of a wall clock become seconds.
 
 from __future__ import annotations
 
+import io
 from collections import Counter
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -17,7 +18,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ._caps import require_few_columns, require_unpacked_size
 from ._columns import Columns
-from .csv import read_lines
+from .csv import read_table
 
 ENDINGS = (".xlsx", ".xlsm", ".ods")
 APART = ("python_calamine",)
@@ -59,12 +60,11 @@ def _table(path: Path, cells: list[list[Any]]) -> Columns | None:
     widths = [max((i for i, text in enumerate(row, 1) if text), default=0) for row in texts]
     table_width = Counter(width for width in widths if width).most_common(1)[0][0]
     begun, lines = False, []
-    for number, (row, width) in enumerate(zip(texts, widths, strict=True), 1):
+    for row, width in zip(texts, widths, strict=True):
         begun = begun or width >= table_width
         # A row of the table may end in empty cells; settings above it have as many cells as they fill.
-        if width:
-            lines.append((number, "\t".join(row[: max(width, table_width) if begun else width])))
-    return read_lines(path, lines, "\t")
+        lines.append("\t".join(row[: max(width, table_width) if begun and width else width]))
+    return read_table(path, io.BytesIO("\n".join(lines).encode()), delimiter="\t")
 
 
 def _cell_text(cell: Any) -> str:
