@@ -1,19 +1,26 @@
-"""Run jobs in several processes with one thread each, since more threads than processors would wait for each other."""
+"""Run jobs in several processes with one thread each, since more threads than processors would wait for each other.
+
+The processes are those of loky, which neither inherit the locks of libraries, as forked ones would, nor run the script
+again that calls Pellucid, as spawned ones do.
+"""
 
 from __future__ import annotations
 
 import operator
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, nullcontext
 from contextvars import ContextVar
 from functools import partial, wraps
 from multiprocessing import parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Lock
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from loky import ProcessPoolExecutor
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables from which libraries of linear algebra and of trees read their number of threads when they are
@@ -27,6 +34,10 @@ Returned = TypeVar("Returned")
 
 SHARE_INTERVAL_S = 1.0
 """Time after which the shares that jobs tell are read again [s]."""
+
+MAX_PROCESS_GROWTH_BYTES = 1e12
+"""loky replaces a process whose memory grows by more than this. No job does: what a process keeps for later jobs is no
+leak."""
 
 _share_of_job: ContextVar[Callable[[float], None]] = ContextVar("_share_of_job", default=lambda share: None)
 _shares: Any = None  # share done of each job, in a helper process that `shared_results` started
@@ -128,10 +139,7 @@ def shared_results(
             before += weight
             tell(i + 1, before / whole)
         return found
-    shares = _HelperContext().RawArray("d", len(jobs))
-    with one_thread_each(), ProcessPoolExecutor(
-        workers, mp_context=_HelperContext(), initializer=_take_shares, initargs=(shares,)
-    ) as pool:  # fmt: skip
+    with _shared_numbers(len(jobs)) as (path, shares), processes(workers, _take_shares, path) as pool:
         begun = [pool.submit(_run_sharing, i, *job) for i, job in enumerate(jobs)]
         left = set(begun)
         while left:
@@ -148,10 +156,23 @@ def _tell_share(tell: Callable[[int, float], None], done: int, before: float, we
     tell(done, before + share * weight)
 
 
-def _take_shares(shares: Any) -> None:
-    """Keep, in a helper process, the array to which its jobs write their shares."""
+@contextmanager
+def _shared_numbers(count: int) -> Iterator[tuple[Path, Any]]:
+    """Provide a file of numbers that processes share, with the numbers, shape (count,), first 0."""
+    import numpy as np
+
+    # Windows keeps a file as long as it is mapped.
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "numbers"
+        yield path, np.memmap(path, np.float64, "w+", shape=(count,))
+
+
+def _take_shares(path: Path) -> None:
+    """Keep, in a helper process, the numbers to which its jobs write their shares."""
+    import numpy as np
+
     global _shares
-    _shares = shares
+    _shares = np.memmap(path, np.float64, "r+")
 
 
 def _run_sharing(index: int, make: Callable, *arguments: Any) -> Any:
@@ -236,43 +257,14 @@ def _helper_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     yield pools[0]
 
 
-class _HelperProcess(SpawnProcess):
-    """Process that does not import the script which calls Pellucid, because no job needs it."""
+def processes(
+    workers: int | None = None, initializer: Callable[..., None] | None = None, *arguments: Any
+) -> ProcessPoolExecutor:
+    """Return a pool of `workers` processes, by default one for each processor; a context that ends them.
 
-    def start(self) -> None:
-        script = sys.modules["__main__"]
-        path = vars(script).pop("__file__", None) if getattr(script, "__spec__", None) is None else None
-        try:
-            super().start()
-        finally:
-            if path is not None:
-                script.__file__ = path
-
-
-class _HelperContext(SpawnContext):
-    Process = _HelperProcess
-
-
-@contextmanager
-def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """Provide a pool of `workers` processes, by default one for each processor.
-
-    The processes are spawned, because forked ones would inherit the locks of libraries.
+    Each process calls the `initializer`, if any, with its `arguments` before its first job.
     """
-    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=_HelperContext()) as pool:
-        yield pool
+    from loky import ProcessPoolExecutor
 
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Let the processes that are started in this context use one thread each."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    environment = dict.fromkeys(THREAD_VARIABLES, "1") | {"LOKY_MAX_MEMORY_LEAK_SIZE": str(MAX_PROCESS_GROWTH_BYTES)}
+    return ProcessPoolExecutor(workers or os.cpu_count(), env=environment, initializer=initializer, initargs=arguments)

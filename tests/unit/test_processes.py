@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 import subprocess
 import sys
 import time
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import parent_process
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -14,8 +17,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import pellucid as pl
 from pellucid import _processes
 from pellucid._processes import (
+    THREAD_VARIABLES,
     job_part,
     keep_helpers,
+    ordered_results,
     results_with_helpers,
     shared_results,
     tell_job_share,
@@ -92,6 +97,23 @@ def test_a_script_is_not_run_again_by_its_helpers(tmp_path):
     path.write_text(SCRIPT, encoding="utf-8")
     said = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True).stdout
     assert said.splitlines() == [f"[1, 1, 2, 6, 24, 120] {path}"]
+
+
+def thread_numbers():
+    """Return whether this is a helper process, and how many threads its libraries get."""
+    return parent_process() is not None, [os.environ.get(name) for name in THREAD_VARIABLES]
+
+
+def test_each_process_has_one_thread_and_this_one_its_own_number(monkeypatch):
+    monkeypatch.setenv(THREAD_VARIABLES[0], "2")
+    assert ordered_results([(thread_numbers,)] * 3, 2) == [(True, ["1"] * len(THREAD_VARIABLES))] * 3
+    assert os.environ[THREAD_VARIABLES[0]] == "2"
+
+
+@pytest.mark.parametrize("run", [ordered_results, lambda jobs, n: shared_results(jobs, n, lambda *_: None, [1.0] * 3)])
+def test_a_process_that_dies_is_an_error(run):
+    with pytest.raises(BrokenProcessPool):
+        run([(os._exit, 3), (math.factorial, 3), (math.factorial, 4)], 2)
 
 
 def test_linear_algebra_has_one_thread_within_and_its_own_number_after():
