@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..._errors import RecordingError
 from ...numerics.clocks import Alignment, align
@@ -42,11 +43,8 @@ def segment_angle(quaternions: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 def euler_angles(quaternions: np.ndarray) -> np.ndarray:
     """Roll, pitch and yaw (about z, then y, then x), shape (n, 3), unwrapped [rad]: what a filter's display shows."""
-    w, x, y, z = np.asarray(quaternions, float).T
-    roll = np.unwrap(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    turns = Rotation.from_quat(quaternions, scalar_first=True)
+    return np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
