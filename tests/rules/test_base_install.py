@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BLOCKED = ("pyarrow", "pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio", "numba",
-           "opensim", "mcap", "rosbags", "matio", "mne")  # fmt: skip
+BLOCKED = ("pyarrow", "h5py", "pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio",
+           "numba", "opensim", "mcap", "rosbags", "matio", "mne")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
 
 BEFORE = f"""
@@ -68,12 +68,13 @@ from pathlib import Path
 import pytest
 import pellucid as pl
 from pellucid._tabular import data_frame
-from pellucid.files.readers import parquet
+from pellucid.files.readers import hdf5, parquet
 from pellucid.numerics.posterior.ensemble import require_sampler
 for ask, extra in (
     (lambda: data_frame({"a": [1]}), "tables"),
     (require_sampler, "posterior"),
     (lambda: parquet.read(Path("a.parquet")), "files"),
+    (lambda: hdf5.read(Path("a.h5")), "files"),
 ):
     with pytest.raises(pl.PellucidError, match=rf"pip install .*\\[{extra}\\]"):
         ask()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError
+from ..._errors import RecordingError, missing_package
 from ._caps import require_unpacked_size
 from ._columns import Columns
 from ._flatten import flatten, with_samples_down
@@ -23,8 +23,10 @@ def read_datasets(path: Path, *, kind: str, columns_first: bool) -> Columns:
     Samples run along the longer side of a matrix, or along its last axis where the writer stores `columns_first`, as
     MATLAB does. A field of a compound dataset is a column of its own. `kind` says in messages what the file is.
     """
-    import h5py
-
+    try:
+        import h5py
+    except ImportError:
+        raise RecordingError(str(missing_package(f"{path.name}: a file in HDF5", "h5py", "files"))) from None
     into: dict[str, np.ndarray] = {}
     units: dict[str | int, str] = {}
     number_count = 0.0

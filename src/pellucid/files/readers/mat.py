@@ -99,9 +99,9 @@ def _with_remark(columns: Columns, has_objects: bool) -> Columns:
 
 def _has_objects_in_hdf5(path: Path) -> bool:
     """Whether a file of version 7.3 holds tables or other objects."""
-    import h5py
-
     try:
+        import h5py
+
         with h5py.File(path, "r") as file:
             found = file.visititems(lambda _, item: True if is_matlab_object(item) else None)
     except Exception:  # the reader itself says what is wrong with the file

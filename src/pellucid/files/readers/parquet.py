@@ -36,7 +36,9 @@ def read(path: Path) -> Columns:
     except (RecordingError, MemoryError):
         raise
     except ImportError:
-        raise RecordingError(str(missing_package(f"{path.name}: Parquet and Feather", "pyarrow", "files"))) from None
+        raise RecordingError(
+            str(missing_package(f"{path.name}: a file of Arrow, Parquet or Feather", "pyarrow", "files"))
+        ) from None
     except Exception as error:  # the library's C++ code may raise anything
         raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error}") from error
 
