@@ -3,14 +3,21 @@
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+
+from pellucid import _core
 
 ROOT = Path(__file__).parents[2]
 BLOCKED = ("pyarrow", "h5py", "pandas", "statsmodels", "dask", "distributed", "emcee", "SALib", "mujoco", "pinocchio",
            "numba", "opensim", "mcap", "rosbags", "matio", "mne")  # fmt: skip
 """Packages of extras, which the base installation lacks."""
+
+MAX_BASE_BYTES = 350e6
+"""Largest size of an installation without extras, its dependencies included."""
 
 BEFORE = f"""
 import sys
@@ -92,3 +99,25 @@ def test_no_extra_is_needed(script):
 def test_no_package_of_an_extra_is_a_dependency():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert not [line for line in project["dependencies"] if line.lower().startswith(tuple(map(str.lower, BLOCKED)))]
+
+
+def required_distributions(requirements: list[str]) -> set[str]:
+    """Return the names of the distributions that `requirements` bring, with what those require."""
+    found: set[str] = set()
+    waiting = [Requirement(line) for line in requirements]
+    while waiting:
+        each = waiting.pop()
+        if each.name.lower() in found or (each.marker and not each.marker.evaluate({"extra": ""})):
+            continue
+        found.add(each.name.lower())
+        waiting += map(Requirement, distribution(each.name).requires or ())
+    return found
+
+
+def test_the_base_installation_is_small():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = required_distributions(project["dependencies"])
+    files = [each.locate() for name in names for each in distribution(name).files or ()]
+    files += [*(ROOT / "src/pellucid").rglob("*"), *Path(_core.__file__).parent.rglob("*")]
+    size = sum(Path(file).stat().st_size for file in files if Path(file).is_file() and Path(file).suffix != ".pyc")
+    assert size < MAX_BASE_BYTES, f"{1e-6 * size:.0f} MB"

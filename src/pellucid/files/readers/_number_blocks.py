@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import BinaryIO
 
@@ -24,6 +24,7 @@ MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 """Words that mean a missing sample, in lower case."""
 
 _COMMENT_MARKS = ("#", "%", "//", "!")
+_OTHER_LINE = re.compile(r"^[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
 _ARROW_MISSING_WORDS = ["NaN", *(spell(word) for word in MISSING_WORDS for spell in (str, str.upper, str.title))]
 
 
@@ -60,9 +61,13 @@ def is_comment(line: str) -> bool:
     return line.lstrip().startswith(_COMMENT_MARKS)
 
 
-def is_empty(line: str) -> bool:
-    """Return whether a line is empty; a byte order mark may stand within a file that was put together."""
-    return not line.strip("\ufeff \t\r\n")
+def data_lines(lines: Sequence[str], before: int = 0) -> list[tuple[int, str]]:
+    """Return the lines that are neither empty nor comments, each with its number; `before` lines came before them."""
+    numbered = enumerate(lines, before + 1)
+    if _OTHER_LINE.search("\n".join(lines)) is None:
+        return list(numbered)
+    # A byte order mark may stand within a file that was put together.
+    return [(i, line) for i, line in numbered if line.strip("\ufeff \t\r\n") and not is_comment(line)]
 
 
 def read_numbers(
@@ -142,7 +147,7 @@ def _has_empty_row(columns: list[np.ndarray]) -> bool:
 
 def _numpy_numbers(block: bytes, width: int, delimiter: str | None, decimal: str) -> list[np.ndarray] | None:
     """Return the columns of a block by NumPy; none of a block without rows."""
-    lines = [line for line in text_of(block).splitlines() if not (is_empty(line) or is_comment(line))]
+    lines = [line for _, line in data_lines(text_of(block).splitlines())]
     if not lines:
         return []
     if decimal != ".":

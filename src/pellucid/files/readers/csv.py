@@ -35,8 +35,8 @@ from ._last_row import cut_row
 from ._number_blocks import (
     MIN_ARROW_FILE_BYTES,
     MISSING_WORDS,
+    data_lines,
     is_comment,
-    is_empty,
     line_blocks,
     read_numbers,
     text_of,
@@ -48,7 +48,7 @@ ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 MAX_HEADER_LINES = 40
 """The first row of numbers is searched among this many lines that are neither empty nor comments."""
 
-MAX_SAMPLED_ROWS = 1000
+MAX_SAMPLED_ROWS = 200
 """The first rows of a table, at most so many, tell its decimal mark."""
 
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
@@ -130,8 +130,10 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
     read = 0
     for block in blocks:
         texts = text_of(block).splitlines()
-        comments += [line for line in texts if is_comment(line)]
-        lines += _data_lines(texts, read)
+        found = data_lines(texts, read)
+        if len(found) < len(texts):
+            comments += filter(is_comment, texts)
+        lines += found
         read += len(texts)
         if len(lines) >= MAX_HEADER_LINES:
             break
@@ -159,15 +161,13 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
     )
 
 
-def _data_lines(lines: list[str], before: int) -> list[tuple[int, str]]:
-    """Return the lines that are neither empty nor comments, each with its number; `before` lines came before them."""
-    return [(i, line) for i, line in enumerate(lines, before + 1) if not (is_empty(line) or is_comment(line))]
-
-
 def _certain_mark(rows: list[list[str]]) -> str | None:
     """Return the decimal mark of the first rows of a table; None if only all of its rows can tell it."""
+    texts = [text for fields in rows for text in fields]
+    if not any("," in text for text in texts):
+        return "."
     evidence = CommaEvidence()
-    evidence.add([text for fields in rows for text in fields])
+    evidence.add(texts)
     if evidence.comma:
         return None if evidence.point else ","
     return None if "," in evidence.either else "."
@@ -194,7 +194,7 @@ def _split_rows(layout: _Layout, file: BinaryIO, end: int | None) -> Iterator[tu
     before = 0
     for block in line_blocks(file, end):
         texts = text_of(block).splitlines()
-        lines = [(number, line) for number, line in _data_lines(texts, before) if number > layout.skipped]
+        lines = [(number, line) for number, line in data_lines(texts, before) if number > layout.skipped]
         before += len(texts)
         yield [number for number, _ in lines], [_split(line, layout.delimiter) for _, line in lines]
 
