@@ -5,8 +5,8 @@ mkdocs calls the functions whose names begin with ``on_``. Nothing is written in
 
 from __future__ import annotations
 
-import ast
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from mkdocs.exceptions import PluginError
 from mkdocs.plugins import event_priority
 from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
+
+import pellucid
 
 ROOT = Path(__file__).parents[1]
 
@@ -28,6 +30,9 @@ PACKAGES = (ROOT / "src" / "pellucid", ROOT / "lab" / "src" / "pellucid_lab")
 ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CHANGELOG.md": "CHANGELOG.md",
               "packaging/README.md": "packaging.md", "examples/board/README.md": "board.md"}  # fmt: skip
 """Pages of the root, and their names on the site."""
+
+GENERATED = runpy.run_path(str(Path(__file__).with_name("generated.py")))
+"""The module of pages that are made of the code."""
 
 TEX = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 """An equation as the Markdown extension leaves it: TeX between brackets, `\\(` within a line and `\\[` on its own."""
@@ -45,6 +50,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         # A file with its folder, not a generated one, whose content mkdocs-jupyter does not find.
         place = notebook.relative_to(ROOT).as_posix()
         files.append(File(place, str(ROOT), config.site_dir, config.use_directory_urls))
+    for name, (file, _) in GENERATED["PAGES"].items():
+        files.append(File.generated(config, file, content=GENERATED["page"](name)))
     files.append(File.generated(config, "api.md", content="\n".join(api_page())))
     files.append(File.generated(config, "gallery.md", content="\n".join(gallery_page())))
     files.append(File.generated(config, "site.css", abs_src_path=str(Path(__file__).with_name("site.css"))))
@@ -56,7 +63,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links of docs/ to pages of the root find them on the site."""
+    """Let links of docs/ to pages of the root, and commands that print a page, lead to that page of the site."""
+    for name, (file, _) in GENERATED["PAGES"].items():
+        markdown = markdown.replace(f"`python website/generated.py {name}`", f"[this page]({file})")
     for source, name in ROOT_PAGES.items():
         markdown = markdown.replace(f"](../{source}", f"]({name}")
     return markdown

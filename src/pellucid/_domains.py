@@ -31,13 +31,6 @@ from typing import Any
 
 from ._errors import PellucidError
 
-OFFER_KINDS = (
-    "PROCEDURE_FOLDERS", "ARRAY_FUNCTIONS", "EXPORTER_CLASSES", "PARAMETER_DRAWINGS", "TORQUE_EVALUATIONS",
-    "WORN_BODIES",
-)  # fmt: skip
-"""What a `domain.py` may offer."""
-
-
 DOMAIN_NAMES = ("arm", "controllers", "emg", "joint", "orthosis", "people")
 """Folders of domains. Each may be missing; what needs it then says so."""
 

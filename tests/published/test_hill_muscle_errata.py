@@ -2,11 +2,11 @@
 
 import math
 
+import hill_as_published as published
 import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.emg.models import hill_as_published as published
 from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
 from pellucid.emg.models.muscle_geometry import muscle_table
 from pellucid_lab.papers.printed import printed

@@ -81,9 +81,6 @@ PAGE_ROOMS = ("study/pages", "study/drawing")
 """Folders that draw; elsewhere only files of figures import Matplotlib."""
 
 CORE_USERS = {"models", "numerics", *DOMAINS}
-DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
-
-
 def sources(root: Path = ROOT):
     return sorted(path for path in root.rglob("*.py") if "__pycache__" not in path.parts)
 
@@ -272,27 +269,4 @@ def test_only_readers_open_data_files():
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             if OPENERS.search(line.split("#")[0]) and "pellucid.open" not in line and ">>>" not in line:
                 found.append(f"{where}:{number}: {line.strip()}")
-    assert not found, "\n".join(found)
-
-
-def test_one_concept_one_file():
-    names = [p for p in sources() if p.stem != "__init__"]
-    assert [p.name for p in names if DRAWER.fullmatch(p.stem)] == []
-    assert [p.name for p in ROOT.rglob("*") if p.is_dir() and DRAWER.fullmatch(p.name)] == []
-
-
-def test_no_data_set_is_named_in_code():
-    """A lab's recording and a public one take the same way: names of data sets are data."""
-    from pellucid.study import datasets
-
-    # The first part of a name would do, were it not an English word, or the beginning of many, in some of them.
-    parts = {n.split("_")[0] for n in datasets.names()} - {"human", "lower", "lumbar", "rat"}
-    # Not in the middle of a word: the house's own name ends in that of a collection.
-    words = re.compile(f"(?<![a-z])(?:{'|'.join(sorted({*datasets.names(), *parts}))})", re.IGNORECASE)
-    found = [
-        f"{path.relative_to(ROOT).as_posix()}:{number}: {line.strip()}"
-        for path in sources()
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
-        if words.search(line)
-    ]
     assert not found, "\n".join(found)

@@ -1,7 +1,6 @@
 """A new procedure is one folder: a copy of the package with it checks, runs, prints, saves and reports its result."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from pellucid.study.procedures.procedure import Procedure
 from pellucid.study.procedures.result import Result
 from pellucid.study.study_fields import ProcedureTable
 
-MAX_LINES_OF_THE_SMALLEST = 300
 FOLDER = '''"""The largest torque of every recording."""
 
 from ...study.procedures.command import Command
@@ -147,14 +145,6 @@ def test_a_procedure_is_one_folder(tmp_path):
     (row,) = json.loads((folder / "results.json").read_text(encoding="utf-8"))["figures"]
     assert (row["id"], row["command"]) == ("arm.one.peak", "peak")
     assert "The largest torque is 2.5" in (folder / "report" / "index.html").read_text(encoding="utf-8")
-
-
-def test_the_smallest_procedure_has_300_lines_at_most():
-    def lines(folder: Path) -> int:
-        return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in folder.rglob("*.py"))
-
-    sizes = {each.__name__: lines(Path(each.__file__).parent) for each in command.procedure_folders()}
-    assert min(sizes.values()) <= MAX_LINES_OF_THE_SMALLEST, sizes
 
 
 def test_every_folder_has_one_procedure_and_an_order_of_its_own():

@@ -1,6 +1,7 @@
 """The site has every page of docs/ and every notebook, and asks no other server for anything."""
 
 import re
+import runpy
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -10,10 +11,11 @@ LISTED = re.findall(r": ([\w./-]+\.(?:md|ipynb))$", SETTINGS, flags=re.MULTILINE
 
 def test_every_page_is_in_the_menu_once():
     made = {"index.md", "api.md", "gallery.md", "CONTRIBUTING.md", "CHANGELOG.md", "packaging.md", "board.md"}
+    generated = {file for file, _ in runpy.run_path(str(ROOT / "website" / "generated.py"))["PAGES"].values()}
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
     notebooks = {f"examples/{path.name}" for path in (ROOT / "examples").glob("*.ipynb")}
     assert len(LISTED) == len(set(LISTED))
-    assert set(LISTED) == made | pages | notebooks
+    assert set(LISTED) == made | generated | pages | notebooks
 
 
 def test_no_page_asks_another_server():

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 import pellucid as pl
 from pellucid.cli import app
 from pellucid.start.given_files import read_given
-from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.start.inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
 from pellucid.start.propose_study import propose_study, require_agreeing_units
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "turn": 1.0, "counts": 4096.0}
@@ -121,7 +121,7 @@ def test_a_speed_follows_from_the_answer_by_the_ratio_of_both(tmp_path):
 
 def test_a_joint_that_hardly_moves_is_not_decided():
     t, q, tau = joint(0.1)
-    assert unit_by_weight(tau, motion_samples(q, t)) is None
+    assert not weigh_turns(tau, motion_samples(q, t), FULL_TURNS).is_decided()
 
 
 def random_joint(seed, per_turn, is_count):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from made_emg import FS, emg_recording, raw_emg
 
-from pellucid._errors import RecordingError
 from pellucid.emg.signals.emg_chain import emg_chain
 from pellucid.emg.signals.emg_quality import (
     contrast_faults,
@@ -13,7 +12,6 @@ from pellucid.emg.signals.emg_quality import (
     hum_share,
     inspect_emg,
     relaxed_faults,
-    require_rate,
     resting_level,
     swapped_faults,
 )
@@ -72,13 +70,6 @@ def test_relative_envelopes_stay_near_their_maximum(top, found):
 
 def test_an_envelope_that_never_moves_is_no_muscle():
     assert kinds(emg_recording(unit="1", fs=100.0, biceps=np.full(500, 0.4))) == [("refuse", "detached_electrode")]
-
-
-def test_a_rate_that_contradicts_the_clock_is_refused():
-    recording = emg_recording(biceps=SOUND)
-    require_rate(recording, "emg.biceps", 2048.0)
-    with pytest.raises(RecordingError, match=r"trial.csv .*emg.biceps: found 2048 Hz .* expected 1000 Hz"):
-        require_rate(recording, "emg.biceps", 1000.0)
 
 
 def test_work_that_does_not_stand_out_is_told():

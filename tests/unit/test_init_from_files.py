@@ -19,7 +19,7 @@ from pellucid.start.inference.assign_roles import TableHints, assign_roles
 from pellucid.start.inference.clocks import find_clock
 from pellucid.start.inference.derivatives import find_derivatives, find_repeated_motion
 from pellucid.start.inference.emg_spectrum import find_flat_shape, is_raw_emg
-from pellucid.start.inference.motion_efforts import motion_samples, unit_by_weight
+from pellucid.start.inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
 from pellucid.start.propose_study import propose_study
 from pellucid.start.questions import MAX_QUESTION_COUNT
 from pellucid.start.study_text import study_text
@@ -188,9 +188,10 @@ def test_weight_tells_degrees_from_radians():
     p = made_layouts.swing(3)
     q = 3.0 * p["q"]
     effort = 2.0 * np.sin(q) + 0.1 * np.tanh(p["dq"])
-    assert unit_by_weight(effort, motion_samples(np.degrees(q), p["t"]))[0] == "deg"
-    assert unit_by_weight(effort, motion_samples(q, p["t"]))[0] == "rad"
-    assert unit_by_weight(p["dq"], motion_samples(0.01 * q, p["t"])) is None
+    for unit, angle in (("deg", np.degrees(q)), ("rad", q)):
+        weighed = weigh_turns(effort, motion_samples(angle, p["t"]), FULL_TURNS)
+        assert (weighed.best, weighed.is_decided()) == (unit, True)
+    assert not weigh_turns(p["dq"], motion_samples(0.01 * q, p["t"]), FULL_TURNS).is_decided()
 
 
 def test_emg_is_told_by_its_spectrum():

@@ -7,8 +7,9 @@ from pellucid._errors import StudyError
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.worn import WornCompensator
 from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS, leg_conditions
-from pellucid_lab.knee_pointing.rig import KneePointingRig, knee_participants
+from pellucid_lab.knee_pointing.rig import KneePointingRig
 from pellucid_lab.knee_pointing.session import CONTROL_CONDITION, LegSession
+from pellucid_lab.known_rigs import load_rig
 from pellucid_lab.safety.worn_knee import draw_worn_knee
 from pellucid_lab.study import write_study
 
@@ -17,7 +18,7 @@ FEW = {"people.count": 1, "pointing.repetitions": 1, "pointing.amplitudes": (30.
 
 
 def one_person() -> KneePointingRig:
-    return knee_participants().changed(FEW).prepared(["zero_impedance", "no_power"])
+    return load_rig("knee-participants").changed(FEW).prepared(["zero_impedance", "no_power"])
 
 
 def session(rig: KneePointingRig, condition: str, controller=None) -> LegSession:

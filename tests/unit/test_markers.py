@@ -8,7 +8,7 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.files import Channel, OpticalRecording, Recording
-from pellucid.joint.slider.markers import axis_of_rotation, clock_offset, geometry_faults, slider_geometry
+from pellucid.joint.slider.markers import clock_offset, geometry_faults, slider_geometry
 from pellucid.study.study_file import Slider
 
 FS, ROBOT_FS = 179.0, 500.0
@@ -328,14 +328,3 @@ def test_an_axis_along_gravity_hangs_nowhere():
     upright = replace(recording, optical=replace(recording.optical, down=AXIS))
     with pytest.raises(RecordingError, match=r"within .* degrees of \[optical\] down, expected one across it"):
         slider_geometry([upright])
-
-
-def test_the_axis_of_several_recordings():
-    recordings = [trial("a", delay=0.0), trial("b", delay=0.0)]
-    angles = [swing(r.optical.time) for r in recordings]
-    axis = axis_of_rotation(angles, [r.optical.markers for r in recordings])
-    assert axis.direction == pytest.approx(AXIS, abs=2e-4)
-    assert off_axis(axis.origin) < 0.0002
-    assert axis.residual == pytest.approx(NOISE, rel=0.1)
-    back = axis_of_rotation([-a for a in angles], [r.optical.markers for r in recordings])
-    assert back.direction == pytest.approx(-AXIS, abs=2e-4)

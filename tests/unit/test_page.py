@@ -44,8 +44,6 @@ def made() -> dict[str, tuple]:
     inertia = 0.021 + 2.1 * (0.11 + slider) ** 2
     torque = np.linspace(-6.0, 6.0, 41)
     amplitude = np.array([10.0, 20.0, 30.0, 45.0, 60.0])
-    turn = np.radians(np.linspace(-50.0, 70.0, 200))
-    arc = np.column_stack([np.cos(turn), np.sin(turn)])
     errors = trials()
     return {
         "paired-errors": (figures.paired_errors, errors, PROTOCOLS),
@@ -100,14 +98,6 @@ def made() -> dict[str, tuple]:
             figures.cycle_energy,
             amplitude,
             {"without": 0.021 * amplitude, "directional": 0.011 * amplitude, "consistent": 0.0 * amplitude},
-        ),
-        "geometry": (
-            figures.geometry,
-            {
-                f"slider at {1e3 * x:.0f} mm": (0.02, -0.01) + (0.18 + x) * arc + 4e-4 * rng.standard_normal((200, 2))
-                for x in slider
-            },
-            np.array([0.02, -0.01]),
         ),
     }
 

@@ -7,7 +7,7 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.numerics.posterior.ensemble import drawn, settled
-from pellucid.numerics.posterior.posterior import MarginalLikelihood, Noise, Prior, posterior_of
+from pellucid.numerics.posterior.posterior import MarginalLikelihood, Noise, Prior, summary
 from pellucid.numerics.uncertainty import sandwich_covariance
 
 WIDE = 1e6
@@ -32,8 +32,8 @@ def linear(w, y, columns=None, *, prior=None, noise=None, **more):
 
 
 def sampled(likelihood, values, covariance, **more):
-    p = len(values)
-    return posterior_of([f"b{i}" for i in range(p)], ["1"] * p, likelihood, values, covariance, **more)
+    p, found = len(values), drawn(likelihood, likelihood.start(values, covariance), **more)
+    return summary([f"b{i}" for i in range(p)], ["1"] * p, found, likelihood.prior)
 
 
 @pytest.fixture(scope="module")

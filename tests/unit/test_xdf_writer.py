@@ -27,7 +27,6 @@ def write(path, seal=True):
         writer.write_samples(1, time, np.column_stack([time, -time]))
         writer.write_samples(2, time, np.full((5, 1), 0.1 * k))
         writer.write_texts(3, [time[0]], [f'{{"kind": "cue", "word": "ü{k}"}}'])
-        writer.write_boundary()
     writer.write_clock_offset(1, 100.0, 0.0)
     if seal:
         writer.seal()

@@ -314,9 +314,9 @@ def fuzz(law: ControlLaw, cycles: int, *, seed: int = 1, single: bool = False) -
     return Fuzzed(cycles, *_core.fuzz_law(law.kind, law.parameters, cycles, seed, single))
 
 
-def step_times(law: ControlLaw, cycles: int = 200_000, *, single: bool = False) -> np.ndarray:
+def step_times(law: ControlLaw, cycles: int = 200_000) -> np.ndarray:
     """How long single steps of a law take here. Gives (cycles,) [s]."""
-    return 1e-9 * _core.time_law(law.kind, law.parameters, cycles, single)
+    return 1e-9 * _core.time_law(law.kind, law.parameters, cycles)
 
 
 @dataclass(frozen=True)

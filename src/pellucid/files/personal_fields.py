@@ -95,7 +95,7 @@ def personal_kind(label: str, value: str = "") -> str | None:
     parts = re.split(r"\.(?=\w)", label)
     folded, last = _folded(" ".join(parts[-2:])), _folded(parts[-1])
     for kind, words in _WORDS_BY_KIND.items():
-        if (folded in words or last in words) and (kind != "name" or _may_be_name(last, value)):
+        if (folded in words or last in words) and (kind != "name" or _may_be_name(value)):
             return kind
     words_of = set(folded.split())
     names_something = words_of & {"name", "names"} and not words_of & _THING_WORDS
@@ -141,7 +141,7 @@ def _folded(label: str) -> str:
     return " ".join(re.sub(r"[\W_]+", " ", spaced).casefold().split())
 
 
-def _may_be_name(label: str, value: str) -> bool:
+def _may_be_name(value: str) -> bool:
     """Whether a value under a label such as "patient" may be a name: a code such as P07 names nobody."""
     text = value.strip()
     if not text:

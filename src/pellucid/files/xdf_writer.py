@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import struct
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,14 +37,8 @@ SAMPLES_TAG = 3
 CLOCK_OFFSET_TAG = 4
 """Tag of the chunk with a measured offset of a stream's clock."""
 
-BOUNDARY_TAG = 5
-"""Tag of a boundary, at which a reader finds its way again in a damaged file."""
-
 FOOTER_TAG = 6
 """Tag of the chunk with a stream's footer."""
-
-BOUNDARY_BYTES = uuid.UUID("43a546dc-cbf5-410f-b30e-d546738d6e43").bytes
-"""The constant bytes of a boundary chunk, as the format states them."""
 
 FILE_MODE = 0o600
 """Mode of a new file: a recording of a person, which no other user of this computer may read."""
@@ -170,10 +163,6 @@ class XdfWriter:
     def write_clock_offset(self, identity: int, time: float, offset: float) -> None:
         """Append a measurement of a stream's clock: `offset` is to be added to its time stamps [s]."""
         self._write(CLOCK_OFFSET_TAG, struct.pack("<Idd", identity, time, offset))
-
-    def write_boundary(self) -> None:
-        """Append a boundary."""
-        self._write(BOUNDARY_TAG, BOUNDARY_BYTES)
 
     def seal(self) -> None:
         """Append every stream's footer, flush the file to the disk, and close it."""

@@ -27,9 +27,6 @@ JUMP_THRESHOLD_S = 0.02
 MIN_GAP_PERIODS = 1.5
 """Two stamps that are farther apart than this many periods have lost samples between them."""
 
-BATCH_PERIODS = 5.0
-"""Samples that share one stamp, or arrive after so many periods of silence at once, are a batch."""
-
 MIN_BATCH_SAMPLES = 4
 """Smallest number of samples with one stamp that is a batch; in pairs a coarse clock is likelier."""
 

@@ -475,10 +475,6 @@ class LiveEngine:
         """Ask for a contraction with a share of the strength, positive flexes [1]; a frame holds the limb until 0."""
         self._give(Task("contract", float(self.region.last_command()["target"]), share=float(share)))
 
-    def relax(self) -> None:
-        """Ask the wearer to let go."""
-        self._give(Task("relax", float(self.region.last_command()["target"])))
-
     # Recording and events --------------------------------------------------------------------------------------------
 
     def mark(self, kind: str, data: Mapping[str, Any] | None = None, time_s: float | None = None) -> None:

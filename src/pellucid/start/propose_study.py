@@ -150,7 +150,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if spring is not None:
         main = replace(main, roles=with_locked_spring(main.roles, spring))
         recordings = [replace(r, protocol=LOCKED_SPRING_PROTOCOL) for r in recordings]
-    motion, motion_sure, gravity = _motion(main, streams, drive)
+    motion, motion_sure, gravity = _motion(main, drive)
     if spring is not None:
         motion, gravity = ("rotary", "none") if _is_torque(main, drive) else (motion, "none")
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
@@ -161,7 +161,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         facts["limit"] = limit
     # The same deflection with another torque is another spring, and no payload.
     repeated = _repeated(recordings, main, drive) if spring is None else None
-    questions = list(_questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity))
+    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity))
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts":
         possible.add("counts_per_turn")
@@ -175,7 +175,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     robot_joints = _robot_joints(given, main.roles.joints)
-    remarks += _remarks(given, main, streams)
+    remarks += _remarks(given, main)
     if given.robots and not robot_joints:
         count = max(len(main.roles.joints), 1)
         remarks.append(f"{given.robots[0].name}: not used: the recordings have {count} joints, and the file other ones")
@@ -704,7 +704,7 @@ def duty_without_supply(
     return next((role for role in channels if role.quantity == "duty" and role.label not in supplied), None)
 
 
-def _motion(main: Layout, streams: Sequence[Layout], drive: str | None) -> tuple[str, bool, str | None]:
+def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
     """Return whether the joint turns or slides, whether that is certain, and how gravity acts on it."""
     positions = [r for r in main.channels if r.quantity in ("position", "angle", "reference")]
     lengths = [r for r in positions if r.unit in ("m", "mm", "cm", "um")]
@@ -880,7 +880,7 @@ def _motion_and_effort(recording, main: Layout, position: ColumnRole, effort: Co
     return recording.name, own[position.column], own[effort.column]
 
 
-def _questions(main, streams, recordings, drive, facts, motion_sure, person, repeated, gravity):
+def _questions(main, streams, recordings, drive, facts, person, repeated, gravity):
     """Yield what only the lab can answer, with defaults."""
     layouts = [main, *streams]
     if any(layout.roles.rate is None for layout in layouts):
@@ -1156,7 +1156,7 @@ def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: 
     return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)
 
 
-def _remarks(given: GivenFiles, main: Layout, streams: Sequence[Layout]) -> list[str]:
+def _remarks(given: GivenFiles, main: Layout) -> list[str]:
     said = []
     for path, why in given.unread:
         if path.suffix.lower() not in (".md", ".pdf", ".py") and not path.name.casefold().startswith(

@@ -25,11 +25,6 @@ MARK_ASKED = "ASKED"
 MAX_JOINTS_IN_TABLE = 40
 """A study names at most so many joints of a person in its table for EMG and torque."""
 
-_KNOWN_NAMES = frozenset(
-    {"position", "velocity", "acceleration", "torque", "force", "current", "voltage", "duty", "reference"}
-)
-"""Channels of a joint, which end in its name where there are several."""
-
 
 def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
     """Return the text of study.toml; `files` are the tables' paths in the study's folder, by the tables' ids."""
@@ -42,7 +37,7 @@ def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
         *_notes(proposal),
         "",
         *_questions(proposal),
-        *_tree(proposal, files),
+        *_tree(proposal),
         *_rig(proposal),
         *_participants(proposal),
         *_channels(proposal.main, proposal, "[channels]"),
@@ -117,7 +112,7 @@ def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, 116, initial_indent="# ", subsequent_indent="#   ")
 
 
-def _tree(proposal: Proposal, files: Mapping[int, str]) -> list[str]:
+def _tree(proposal: Proposal) -> list[str]:
     if not proposal.robot_joints:
         return []
     return ["[tree]", f'urdf = "recordings/{proposal.given.robots[0].name}"  # where joints are', ""]

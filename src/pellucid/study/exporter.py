@@ -74,7 +74,7 @@ class Exporter(ABC):
         """Write the product and return its folder or file."""
 
 
-def find_exporter(request: ExportRequest, kind: type[Exporter] = Exporter) -> Exporter:
+def find_exporter(request: ExportRequest, kind: type = Exporter) -> Exporter:
     """Return the exporter that a request is for, with its options checked.
 
     Raises

@@ -194,8 +194,3 @@ class KneePointingRig(Rig):
     def truth(self, seed: int = 1) -> dict[str, Any]:
         """Return the orthosis's name and the people that a `seed` draws."""
         return {"robot": self.robot.name, "people": [vars(person) for person in self.people(seed)]}
-
-
-def knee_participants() -> KneePointingRig:
-    """Return the people of ``rigs/knee-participants.toml``."""
-    return KneePointingRig.parse(shipped_rig(KneePointingRig.kind), KneePointingRig.kind)

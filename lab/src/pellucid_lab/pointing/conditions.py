@@ -94,10 +94,6 @@ def controller_builder(
     return build
 
 
-condition_of = controller_builder
-"""Earlier name of `controller_builder`."""
-
-
 def offered_controller(cards: Cards, controller: str) -> str:
     """Return the name of a controller, or of its form without dither if the robot's card does not permit dither."""
     if controller != BEST_CONTROLLER:

@@ -18,13 +18,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-LOAD_NAMES = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
-"""Parameters of the expected load, in the order of every array: kg*m^2, N*m*s/rad, N*m, N*m, N*m."""
-
 
 def load_regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
-    """Return the torque of a load per unit of each of `LOAD_NAMES` along a motion, shape (n, 5).
+    """Return the torque of a load per unit of each of its parameters along a motion, shape (n, 5).
 
+    They are inertia [kg m^2], viscous friction [N m s/rad], Coulomb friction, and gravity's sine and cosine [N m].
     Position [rad], velocity [rad/s] and acceleration [rad/s^2] have shape (n,). The sign of friction changes smoothly
     over the velocity `width` [rad/s].
     """
@@ -36,7 +34,7 @@ def load_regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.
 def update_expected_load(
     expected: np.ndarray, regressor: np.ndarray, torque: np.ndarray, learning: Mapping
 ) -> np.ndarray:
-    """Return the load that a person expects after a movement, shape (5,) in the order of `LOAD_NAMES`.
+    """Return the load that a person expects after a movement, shape (5,) in the order of `load_regressor`.
 
     Parameters
     ----------

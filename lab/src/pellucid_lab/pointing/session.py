@@ -91,7 +91,7 @@ class Reach:
     duration: float  # duration of the primary movement, as the person chose it [s]
     begin: int  # index of the first sample, in which the target steps
     end: int  # index after the last sample, in which the next target appears
-    expected: np.ndarray  # (5,) load that the person expected, in the order of `load_learning.LOAD_NAMES`
+    expected: np.ndarray  # (5,) load that the person expected, in the order of `load_learning.load_regressor`
     held: bool = True  # whether the person held the target; if not, the time for the movement ran out
     # State of the person after the movement, as `_core.WornElbow.lasting` names it: co-contraction and fatigue [1],
     # effort [s], late error [rad], number of corrections, whether the person gave up

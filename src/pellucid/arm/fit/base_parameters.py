@@ -88,11 +88,6 @@ class BaseParameters:
         """Number of base parameters that belong to links."""
         return sum(not name.endswith((".rotor_inertia", ".motor_inertia")) for name in self.names)
 
-    @property
-    def rotors(self) -> int:
-        """Number of base parameters that are rotor inertias."""
-        return sum(name.endswith(".rotor_inertia") for name in self.names)
-
     def reading(self, name: str) -> str:
         """Return the combination of a base parameter in words: "link_2.moment_x + 0.225 link_3.mass"."""
         row = self.combination[self.names.index(name)]
@@ -122,7 +117,7 @@ def find_base_parameters(robot: Robot) -> BaseParameters:
     seen = size > MIN_COLUMN_REMAINDER * size.max()
     y = np.divide(y, size, where=seen, out=np.zeros_like(y))
     square = np.asarray(np.linalg.qr(y, mode="r"))
-    order = sorted(np.flatnonzero(seen).tolist(), key=lambda i: _choice_order(i, members[i], len(robot.tree.order)))
+    order = sorted(np.flatnonzero(seen).tolist(), key=lambda i: _choice_order(i, len(robot.tree.order)))
     leading, spanned = [], np.zeros((len(square), 0))
     for i in order:
         column = square[:, i]
@@ -151,7 +146,7 @@ def _rank(square: np.ndarray) -> int:
     return int(np.sum(diagonal > MIN_COLUMN_REMAINDER))
 
 
-def _choice_order(index: int, name: str, links: int) -> tuple[int, int]:
+def _choice_order(index: int, links: int) -> tuple[int, int]:
     """Return the sort key of an inertial parameter in the order in which columns are chosen."""
     link, number = divmod(index, len(BODY_QUANTITIES))
     return (link, LINK_PARAMETER_ORDER.index(BODY_QUANTITIES[number])) if link < links else (links, index)

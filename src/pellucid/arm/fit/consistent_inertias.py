@@ -48,6 +48,9 @@ SCALING_LENGTH_M = 0.1
 MIN_EIGENVALUE = 1e-8
 """Eigenvalue that a consistent body's pseudo-inertia has at least, with `SCALING_LENGTH_M` [kg m^2]: 1 mg at 10 cm."""
 
+EIGENVALUE_TOLERANCE = 1e-12
+"""A least eigenvalue may be this far below 0: rounding of a body of one point, which is just allowed [kg m^2]."""
+
 
 def pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
     """P of bodies, shape (..., 10) in the order of `kinematic_tree.BODY`; gives (..., 4, 4) in SI."""
@@ -87,34 +90,6 @@ def triangle_matrix() -> np.ndarray:
 def least_eigenvalue(bodies: np.ndarray) -> np.ndarray:
     """Return the least eigenvalue of `scaled_pseudo_inertia`, (...,) [kg m^2]; below 0 no body has these numbers."""
     return np.linalg.eigvalsh(scaled_pseudo_inertia(bodies))[..., 0]
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """Physical consistency of links: `eigenvalues` are the least of each link's pseudo-inertia [kg m^2]."""
-
-    names: tuple[str, ...]
-    eigenvalues: np.ndarray
-
-    @property
-    def consistent(self) -> bool:
-        """Whether all of them could."""
-        return not self.wrong
-
-    @property
-    def wrong(self) -> tuple[str, ...]:
-        """Names of links that no body can be; a body of one point, or none, is just allowed."""
-        return tuple(
-            n for n, value in zip(self.names, self.eigenvalues, strict=True) if not value > -EIGENVALUE_TOLERANCE
-        )
-
-
-EIGENVALUE_TOLERANCE = 1e-12  # kg m^2
-
-
-def consistency(names: Sequence[str], bodies: np.ndarray) -> Consistency:
-    """Return the consistency of links from their ten numbers, shape (links, 10)."""
-    return Consistency(tuple(names), least_eigenvalue(bodies))
 
 
 BODY_PARAMETER_COUNT = 10
@@ -464,12 +439,10 @@ def fit_consistent(
     *,
     start: TreeSolution | None = None,
     nearest: np.ndarray | None = None,
-    name: str = "consistent",
 ) -> TreeEstimate:
     """Fit physically consistent links, with intervals from the jackknife over segments."""
-    return make_consistent_estimate(
-        name, rows, solve_consistent(model, rows, start=start, nearest=nearest), nearest=nearest
-    )
+    found = solve_consistent(model, rows, start=start, nearest=nearest)
+    return make_consistent_estimate("consistent", rows, found, nearest=nearest)
 
 
 def make_consistent_estimate(

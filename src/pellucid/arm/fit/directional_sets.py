@@ -209,20 +209,16 @@ def compare_directional(
     robot: Robot,
     fitted: Sequence[TreeMotion],
     judged: Sequence[TreeMotion],
-    *,
-    width: float = 0.0,
-    families: Sequence[Sequence[str]] | None = None,
 ) -> tuple[DirectionalRow, ...]:
     """Compare rigid-body models with direction-dependent ones, fitted to the same rows and tested on the same others.
 
-    The first has load friction (or other `families`), the second plain friction. The others have sets by each joint's
+    The first has load friction, the second plain friction. The others have sets by each joint's
     own direction, as printed in the paper, and as in its errata.
     """
-    rows = collect_rows(robot, fitted, width=width)
+    rows = collect_rows(robot, fitted)
     n = len(robot.names)
-    load = tuple((*PLAIN_TERMS, "load") for _ in range(n)) if families is None else families
-    body = fit_tree(robot, fitted, load, name="load", width=width)
-    plain = fit_tree(robot, fitted, None, name="plain", width=width)
+    body = fit_tree(robot, fitted, tuple((*PLAIN_TERMS, "load") for _ in range(n)), name="load")
+    plain = fit_tree(robot, fitted, None, name="plain")
     paths = draw_closed_paths(rows)
     lost = _dissipated_energy(body.effort, paths)
     made = [

@@ -47,7 +47,7 @@ from .consistent_inertias import (
     triangle_matrix,
 )
 from .tree_estimate import TreeEstimate
-from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution, fit_rows
+from .tree_regression import NormalEquations, TreeModel, TreeRows, fit_rows
 
 PRIOR_WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
 """Weights of the prior that are tried, on the scale of the weighted sum of squares."""
@@ -238,10 +238,8 @@ def fit_with_prior(
     model: TreeModel,
     rows: TreeRows,
     *,
-    start: TreeSolution | None = None,
     maker: np.ndarray | None = None,
     distance: str = "entropic",
-    name: str = "prior",
 ) -> tuple[TreeEstimate, PriorChoice]:
     """Fit a model with a prior at the `maker`'s bodies, (links, 10), by default those of the robot's description.
 
@@ -251,7 +249,7 @@ def fit_with_prior(
         raise IdentificationError(
             f"found distance {distance!r} of a prior, expected one of {', '.join(DISTANCE_SOLVERS)}"
         )
-    start = fit_rows(model, rows)[0] if start is None else start
+    start = fit_rows(model, rows)[0]
     maker = FullParametrisation.of(model).maker if maker is None else maker
     plain = solve_consistent(model, rows, start=start, nearest=maker)
     choice = choose_weight(plain, maker, distance)
@@ -261,4 +259,4 @@ def fit_with_prior(
         f"the maker's inertias weigh {choice.weight:g} ({distance}): what is missed on segments left out is then least"
     )
     told = share >= MIN_EFFORT_SHARE
-    return make_consistent_estimate(name, rows, found, nearest=maker, told=told, notes=(note,)), choice
+    return make_consistent_estimate("prior", rows, found, nearest=maker, told=told, notes=(note,)), choice

@@ -58,7 +58,6 @@ class SpectralLine:
 
     motor: int  # index of the motor
     order: float  # periods per turn
-    prominence: float  # power divided by the mean power of neighbouring orders
     p_value: float  # probability of such a line anywhere in noise
 
 
@@ -91,7 +90,7 @@ def find_strongest_line(
     best = int(inside[np.argmax(prominence)])
     x = float(prominence.max())
     order = _refine_order(angle, residual, float(orders[best]), 1.0 / turns / ORDER_OVERSAMPLING)
-    return SpectralLine(motor, order, x, float(-np.expm1(independent * np.log1p(-np.exp(-max(x, 1e-9))))))
+    return SpectralLine(motor, order, float(-np.expm1(independent * np.log1p(-np.exp(-max(x, 1e-9))))))
 
 
 def _neighbour_mean(power: np.ndarray, half: int) -> np.ndarray:

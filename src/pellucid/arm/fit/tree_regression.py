@@ -324,10 +324,8 @@ class NormalEquations:
         return np.maximum(left, 0.0)
 
 
-def sum_normal_equations(
-    at: LinearisedModel, weights: Sequence[np.ndarray] | None = None, apart: bool = True
-) -> NormalEquations:
-    """Sum the normal equations of each segment, or of all as one unless `apart`; `weights`, (n_j,), are of squares."""
+def sum_normal_equations(at: LinearisedModel, apart: bool = True) -> NormalEquations:
+    """Sum the normal equations of each segment, or of all as one unless `apart`."""
     rows, p = at.rows, len(at.model.names)
     count = rows.segments if apart else 1
     m = len(rows.robot.names)
@@ -335,15 +333,13 @@ def sum_normal_equations(
     square, number = np.zeros((count, m)), np.zeros((count, m))
     for j, (place, x, target) in enumerate(zip(at.places, at.columns, at.targets, strict=True)):
         segment = rows.segment[rows.lines[j]] if apart else np.zeros(len(x), int)
-        w = np.ones(len(x)) if weights is None else weights[j]
         for s in np.unique(segment):
             mine = segment == s if apart else slice(None)
             own, wanted = x[mine], target[mine]
-            weighted = own if weights is None else own * w[mine][:, None]
-            gram[s, j][np.ix_(place, place)] = weighted.T @ own
-            moment[s, j, place] = weighted.T @ wanted
-            square[s, j] = wanted @ (wanted if weights is None else w[mine] * wanted)
-            number[s, j] = w[mine].sum() if weights is not None else len(wanted)
+            gram[s, j][np.ix_(place, place)] = own.T @ own
+            moment[s, j, place] = own.T @ wanted
+            square[s, j] = wanted @ wanted
+            number[s, j] = len(wanted)
     return NormalEquations(gram, moment, square, number)
 
 
@@ -369,8 +365,8 @@ def solve_normal_equations(
 ) -> TreeSolution:
     """Solve normal equations with joints weighted by their residual standard deviation.
 
-    The weights start from `sd`, (m,), or equal, and are updated in `rounds`; with 0 rounds they stay. No standard
-    deviation is taken to be less than its `floor`, (m,).
+    The weights start from `sd`, (m,), or equal, and are updated in `rounds`. No standard deviation is taken to be less
+    than its `floor`, (m,).
     """
     whole = equations.total()
     sd = np.ones(whole.gram.shape[1]) if sd is None else sd
@@ -378,8 +374,6 @@ def solve_normal_equations(
     for _ in range(rounds):
         sd = np.maximum(np.sqrt(whole.squares(values)[0] / np.maximum(whole.count[0], 1.0)), floor)
         values, seen, held = _solve_weighted(whole, sd, bounds)
-    if not rounds:
-        sd = np.sqrt(whole.squares(values)[0] / np.maximum(whole.count[0], 1.0))
     return TreeSolution(values, sd, seen, held)
 
 
@@ -490,21 +484,16 @@ def fit_rows(
     rows: TreeRows,
     *,
     load: np.ndarray | None = None,
-    weights: Sequence[np.ndarray] | None = None,
-    rounds: int = WEIGHT_ROUND_COUNT,
     start: TreeSolution | None = None,
 ) -> tuple[TreeSolution, LinearisedModel]:
     """Fit a `model` over `rows` by weighted least squares.
 
-    `weights`, (n_j,), multiply the squares of rows in addition to the weights of joints. The first `load`, (N, m), is
-    by default that of `start` or of a fit without load terms.
+    The first `load`, (N, m), is by default that of `start` or of a fit without load terms.
     """
     floor = residual_floor(rows)
     if not model.loads:
         at = linearise_rows(model, rows)
-        return solve_normal_equations(
-            sum_normal_equations(at, weights, apart=False), model.bounds, floor=floor, rounds=rounds
-        ), at
+        return solve_normal_equations(sum_normal_equations(at, apart=False), model.bounds, floor=floor), at
     alpha, sd = (None, None) if start is None else (model.alpha(start.values), start.sd)
     if load is None:
         if start is None:
@@ -512,16 +501,16 @@ def fit_rows(
             load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
         else:
             load = compute_loads(rows, model, start.values)
+    rounds = WEIGHT_ROUND_COUNT
     for step in range(1, MAX_STEPS + 1):
         at = linearise_rows(model, rows, load, alpha)
-        found = solve_normal_equations(
-            sum_normal_equations(at, weights, apart=False), model.bounds, floor=floor, sd=sd, rounds=rounds
-        )
+        equations = sum_normal_equations(at, apart=False)
+        found = solve_normal_equations(equations, model.bounds, floor=floor, sd=sd, rounds=rounds)
         before, load = load, compute_loads(rows, model, found.values)
         moved = np.sqrt(np.mean((load - before) ** 2, axis=0)) + np.abs(
             model.alpha(found.values) - (0.0 if alpha is None else alpha)
         ) * np.sqrt(np.mean(load**2, axis=0))
-        alpha, sd, rounds = model.alpha(found.values), found.sd, min(rounds, 1)
+        alpha, sd, rounds = model.alpha(found.values), found.sd, 1
         converged = step > 1 and bool(np.all(moved <= LOAD_CHANGE_TOLERANCE * np.maximum(rows.size, 1e-12)))
         if converged:
             break

@@ -223,11 +223,10 @@ class Excitation:
     drawn: np.ndarray  # costs of the random motions within the same limits, in ascending order
 
 
-def information_cost(information: np.ndarray, criterion: str = "D", scales: np.ndarray | None = None) -> float:
+def information_cost(information: np.ndarray, criterion: str = "D") -> float:
     """Return the log of the determinant of the covariance (D), or of the sum of variances (A).
 
-    `information` (p, p). With A each variance is divided by its parameter's `scales`, (p,), squared. The cost is
-    infinite if a parameter cannot be estimated.
+    `information` (p, p). The cost is infinite if a parameter cannot be estimated.
     """
     if criterion not in INFORMATION_CRITERIA:
         raise PellucidError(f"criterion: found {criterion!r}, expected one of {', '.join(INFORMATION_CRITERIA)}")
@@ -241,7 +240,7 @@ def information_cost(information: np.ndarray, criterion: str = "D", scales: np.n
     if criterion == "D":
         return float(-2.0 * (np.log(np.diag(factor)).sum() + np.log(size).sum()))
     spread = np.square(np.linalg.inv(factor)).sum(axis=0) / size**2
-    return float(np.log((spread / (1.0 if scales is None else np.square(scales))).sum()))
+    return float(np.log(spread.sum()))
 
 
 def random_tree_fourier(
@@ -286,15 +285,11 @@ def optimised_tree_fourier(
     fundamental: float,
     harmonics: int = 5,
     criterion: str = "D",
-    scales: np.ndarray | None = None,
     drawn: int = _DEFAULT_DRAW_COUNT,
-    refined: int = 1,
 ) -> Excitation:
-    """Return the best motion within the limits: the best `refined` of `drawn` random ones, each improved by a search.
+    """Return the best motion within the limits: the best of `drawn` random ones, improved by a search.
 
-    A search is bounded by counts, not by the clock, so that equal seeds give equal motions.
-
-    `fundamental` [Hz]; `scales` (p,), of A alone.
+    The search is bounded by counts, not by the clock, so that equal seeds give equal motions. `fundamental` [Hz].
     """
     if harmonics < 2:
         raise PellucidError(f"harmonics: found {harmonics}, expected at least 2: one cannot start and end at rest")
@@ -315,7 +310,7 @@ def optimised_tree_fourier(
         return np.concatenate([(series.centre - limits.low) / half - 1.0, shape.ravel()])
 
     def cost(series: TreeFourier) -> float:
-        return information_cost(information(*series.motion(time)), criterion, scales)
+        return information_cost(information(*series.motion(time)), criterion)
 
     def aim(x: np.ndarray, weight: float) -> float:
         moved = motion(x)
@@ -324,7 +319,7 @@ def optimised_tree_fourier(
             return np.inf
         # A slack of a whole range or more has no effect on the barrier.
         barrier = -np.log(np.minimum(left, 1.0)).mean(axis=0).sum()
-        return information_cost(information(*moved), criterion, scales) + weight * barrier
+        return information_cost(information(*moved), criterion) + weight * barrier
 
     tried = [random_tree_fourier(limits, rng, fundamental=fundamental, harmonics=harmonics) for _ in range(drawn)]
     ranked = sorted(((cost(series), i, series) for i, series in enumerate(tried)), key=lambda one: one[:2])
@@ -335,14 +330,13 @@ def optimised_tree_fourier(
         )
     best, least = ranked[0][2], ranked[0][0]
     parameters = len(information(*best.motion(time)))
-    for _, _, series in ranked[:refined]:
-        x = numbers(_shrink_inside_limits(series, limits, time))
-        for share in _BARRIER_WEIGHTS:
-            x = interior_search(partial(aim, weight=share * parameters), x, steps=_MAX_STEPS, least=_MIN_GAIN)
-        a, b = np.split(speed[:, None] * (x[count:].reshape(count, free) @ at_rest.T), 2, axis=1)
-        found = shrink_within_limits(TreeFourier(fundamental, limits.low + half * (1.0 + x[:count]), a, b), limits)
-        if cost(found) < least:
-            best, least = found, cost(found)
+    x = numbers(_shrink_inside_limits(best, limits, time))
+    for share in _BARRIER_WEIGHTS:
+        x = interior_search(partial(aim, weight=share * parameters), x, steps=_MAX_STEPS, least=_MIN_GAIN)
+    a, b = np.split(speed[:, None] * (x[count:].reshape(count, free) @ at_rest.T), 2, axis=1)
+    found = shrink_within_limits(TreeFourier(fundamental, limits.low + half * (1.0 + x[:count]), a, b), limits)
+    if cost(found) < least:
+        best, least = found, cost(found)
     return Excitation(shrink_within_limits(best, limits), least, np.array([one[0] for one in ranked]))
 
 

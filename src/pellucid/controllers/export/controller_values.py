@@ -9,7 +9,7 @@ from hashlib import sha256
 
 from ..._errors import PellucidError
 from ...models.anthropometry import Segment
-from ...models.card import Card, read_card, read_table
+from ...models.card import ModelCard, read_card, read_table
 from ...models.fields import COORDINATE_UNITS
 from ...models.slider_joint import SliderCard, read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
@@ -132,12 +132,15 @@ class ControllerValues:
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:
     """Return the limits of the safety gate, `otherwise` those that the study does not state, and notes about them."""
     given = study.rig.limits
-    stops = zip((given.position_min, given.position_max), otherwise.position, strict=True)
+    low, high = otherwise.position
     limits = Limits(
         effort=otherwise.effort if given.effort is None else min(given.effort, otherwise.effort),
         rate=otherwise.rate,
         velocity=otherwise.velocity if given.velocity is None else given.velocity,
-        position=tuple(float(plain if stop is None else stop) for stop, plain in stops),
+        position=(
+            float(low if given.position_min is None else given.position_min),
+            float(high if given.position_max is None else given.position_max),
+        ),
         stop_margin=otherwise.stop_margin,
         emg_torque=otherwise.emg_torque,
     )
@@ -176,14 +179,14 @@ def joint_values(
     try:
         usual = suggested_limits(found, slider)
         effort = usual.effort if given.effort is None else given.effort
-        stops = (given.position_min, given.position_max)
+        low, high = given.position_min, given.position_max
         limits = replace(
             usual,
             effort=effort,
             rate=effort / EFFORT_RISE_S,
             velocity=usual.velocity if given.velocity is None else given.velocity,
-            position=tuple(u if x is None else x for x, u in zip(stops, usual.position, strict=True)),
-            stop_margin=0.0 if None in stops else 0.02 * (stops[1] - stops[0]),
+            position=(usual.position[0] if low is None else low, usual.position[1] if high is None else high),
+            stop_margin=0.0 if low is None or high is None else 0.02 * (high - low),
         )
         law = compensation(found, slider=slider, limits=limits, period=period)
     except PellucidError as error:
@@ -210,7 +213,7 @@ def joint_values(
     if isinstance(found, SliderCard):
         place = place_on_rail(found, slider)
         notes += (f"The carriage is at {place:.4g} m: inertia and gravity hold there only.",)
-    if None in stops:
+    if low is None or high is None:
         notes += ("The study names no stops: set position_min, position_max and stop_margin before switching on.",)
     return ControllerValues(
         law=law.kind,
@@ -227,7 +230,7 @@ def joint_values(
     )
 
 
-def drive_notes(card: Card) -> tuple[str, ...]:
+def drive_notes(card: ModelCard | SliderCard) -> tuple[str, ...]:
     """Return a note with the gain from the drive's command to the effort, if it is known."""
     gain = card.drive.get("gain", 1.0)
     if gain == 1.0 or card.effort_unit not in ("N*m", "N"):

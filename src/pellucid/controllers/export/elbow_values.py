@@ -183,8 +183,8 @@ def _limb(study: Study, controller: str, named: ElbowController, participant: st
             f"{', '.join(people) or 'nobody'}; {controller} needs their mass and height"
         )
     who = people[participant]
-    missing = [key for key in ("mass", "height") if getattr(who, key) is None]
-    if missing:
+    if who.mass is None or who.height is None:
+        missing = [key for key in ("mass", "height") if getattr(who, key) is None]
         raise PellucidError(f"{study.name}: [participants.{participant}] lacks {' and '.join(missing)}")
     return {"limb": forearm(who.mass, who.height)}
 
@@ -219,7 +219,7 @@ def _notes(
         yield f"Of its optional inputs it uses {used or 'none'}; leave the others not valid."
     if law.emg:
         yield "muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
-    if law.values.get("dither"):
+    if law.values.get("dither") and card.presliding_travel is not None:
         yield (
             "The motor dithers against sticking, which is heard and warms it: begin with dither = 0, and watch what "
             "the drive makes of more. Friction was measured to build up over "

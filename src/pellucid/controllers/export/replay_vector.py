@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -194,11 +195,19 @@ class StepInputs:
         return f"{{{self.before}u, {self.token}u, 0x{drive:08x}u, {self.now}, {{{made}}}}}"
 
 
+class InputsOfStep(Protocol):
+    """Inputs of one step of any controller."""
+
+    @property
+    def text(self) -> str:
+        """The inputs as a C initialiser."""
+
+
 @dataclass(frozen=True)
 class ReplayVector:
     """Inputs of all steps; the motion comes first."""
 
-    steps: tuple[StepInputs, ...]
+    steps: tuple[InputsOfStep, ...]
     motion: int  # number of steps of the motion
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -124,7 +125,7 @@ class TreeStepInputs:
     def text(self) -> str:
         """The inputs as a C initialiser."""
 
-        def bits(x: float) -> str:
+        def bits(x: float | np.float32) -> str:
             return f"0x{int(np.float32(x).view(np.uint32)):08x}u"
 
         made = ", ".join(f"{{{bits(s.value)}, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}" for s in self.read)
@@ -218,7 +219,7 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
             continue
         steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
     motion = len(steps)
-    for variant, wrong, length in _blocks(len(swings), values, period):
+    for variant, wrong, length in _blocks(values, period):
         at = POWER_ON_EVENT + list(SUPERVISOR_VARIANTS).index(variant)
         for i in range(length):
             made = wrong(i, row(i))
@@ -227,7 +228,7 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
 
 
 def _blocks(
-    joints: int, values: TreeValues, period: int
+    values: TreeValues, period: int
 ) -> Iterator[tuple[str, Callable[[int, TreeStepInputs], TreeStepInputs], int]]:
     """Yield faults of the last joint and of all joints, and attempts to end a stop."""
 
@@ -238,7 +239,7 @@ def _blocks(
         return replace(row, read=read)
 
     for value in (np.nan, np.inf, -np.inf):
-        yield "law", lambda i, row, x=value: changed(i, row, value=np.float32(x)), 3 * FAULT_STEPS
+        yield "law", partial(changed, value=np.float32(value)), 3 * FAULT_STEPS
     yield "law", lambda i, row: changed(i, row, valid=0), 3 * FAULT_STEPS
     yield "law", lambda i, row: changed(i, row, time=row.read[-1].time - 10**6), 3 * FAULT_STEPS
     yield "law", lambda i, row: changed(i, row, sequence=row.read[-1].sequence - 20), 3 * FAULT_STEPS

@@ -79,13 +79,6 @@ DEFAULT_QUANTITIES = (
 QUANTITY_UNITS: Mapping[str, str] = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 """Units of the quantities that are not dimensionless."""
 
-CALIBRATION_STAGES: tuple[tuple[str, ...], ...] = (
-    ("strength",),
-    ("strength", "shape", "time_constant", "delay"),
-    DEFAULT_QUANTITIES,
-)
-"""Quantities that are free in each stage of a staged calibration: those that the torque determines best come first."""
-
 
 @dataclass(frozen=True)
 class Prior:
@@ -358,8 +351,6 @@ def solve_calibration(
     *,
     method: str = "least_squares",
     starts: int = DEFAULT_START_COUNT,
-    stages: Sequence[Sequence[str]] | None = None,
-    seed: int = START_SEED,
     iterations: int | None = None,
     near: np.ndarray | None = None,
 ) -> MuscleFit:
@@ -371,18 +362,18 @@ def solve_calibration(
         raise IdentificationError(
             f"calibration: found the method {method!r}, expected one of {', '.join(CALIBRATION_METHODS)}"
         )
-    began, rng = time.perf_counter(), np.random.default_rng(seed)
+    began, rng = time.perf_counter(), np.random.default_rng(START_SEED)
     low, high = problem.lower, problem.upper
     if method == "least_squares":
         first = np.zeros(len(low)) if near is None else near
         begin = [first, *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
         begin = [np.clip(z, low, high) for z in begin]
         most = iterations or 60
-        found = [_descend(problem, z, stages, SCREENING_EVALUATIONS if starts > 1 else most) for z in begin]
+        found = [_descend(problem, z, SCREENING_EVALUATIONS if starts > 1 else most) for z in begin]
         evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
         end = found[int(np.argmin(costs))]
         if starts > 1 and not end.converged:
-            end = _descend(problem, end.x, None, most)
+            end = _descend(problem, end.x, most)
             evaluations += end.evaluations
         cost, z, normal = end.cost, end.x, end.normal
     else:
@@ -408,21 +399,8 @@ def solve_calibration(
     return MuscleFit(problem, z, normal, cost, method, costs, evaluations, time.perf_counter() - began)
 
 
-def _descend(
-    problem: MuscleProblem, start: np.ndarray, stages: Sequence[Sequence[str]] | None, iterations: int
-) -> Descent:
-    """Run bounded least squares from one start through all stages."""
-    z, spent = start, 0
-    for frozen in _frozen_by_stage(problem, stages):
-        low, high = np.where(frozen, z, problem.lower), np.where(frozen, z, problem.upper)
-        end = bounded_least_squares(problem.equations, z, low, high, iterations=iterations, tolerance=COST_TOLERANCE)
-        z, spent = end.x, spent + end.evaluations
-    return replace(end, evaluations=spent)
-
-
-def _frozen_by_stage(problem: MuscleProblem, stages: Sequence[Sequence[str]] | None) -> list[np.ndarray]:
-    """Return which parameters are fixed in each stage; those of the passive tissue never are."""
-    tissue = np.zeros(len(problem.names) - len(problem.priors), bool)
-    if stages is None:
-        return [np.zeros(len(problem.names), bool)]
-    return [np.concatenate(([p.free.quantity not in stage for p in problem.priors], tissue)) for stage in stages]
+def _descend(problem: MuscleProblem, start: np.ndarray, iterations: int) -> Descent:
+    """Run bounded least squares from one start."""
+    return bounded_least_squares(
+        problem.equations, start, problem.lower, problem.upper, iterations=iterations, tolerance=COST_TOLERANCE
+    )

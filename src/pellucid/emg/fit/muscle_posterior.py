@@ -16,7 +16,6 @@ import numpy as np
 from ...models.estimates import Parameter, Verdict
 from ...numerics.posterior.ensemble import drawn
 from ...numerics.posterior.posterior import MarginalLikelihood, Noise, Posterior, Prior, summary
-from ...numerics.searches.bounded_least_squares import bounded_least_squares
 from ...numerics.uncertainty import (
     block_length,
     correlation_time,
@@ -130,22 +129,6 @@ AT_BOUND_REFUSAL = "on a physiological bound: not identifiable"
 """Reason why a parameter on a bound has no standard error: its value follows from the choice of the bound."""
 
 
-@dataclass(frozen=True, eq=False)
-class CostProfile:
-    """Profile of the cost along one parameter, with all others refitted."""
-
-    name: str
-    values: np.ndarray  # (k,) values at which the parameter was fixed, in its unit
-    costs: np.ndarray  # (k,) lowest cost at each of them
-
-
-def information(fit: MuscleFit) -> np.ndarray:
-    """Return the Fisher information of the recording alone, per squared standard deviation among people, (p, p)."""
-    data, scores, _ = recording_information(fit)
-    inverse = np.linalg.pinv(scores, hermitian=True, rcond=1e-10)
-    return data @ inverse @ data
-
-
 def covariance(fit: MuscleFit) -> np.ndarray:
     """Return the covariance of the estimate in squared standard deviations among people, shape (p, p)."""
     _, scores, _ = recording_information(fit)
@@ -186,19 +169,6 @@ def count_bounds_reported_as_estimates(fit: MuscleFit, reported: Sequence[Parame
         found[name].identifiable or found[name].trusted or bool(np.isfinite(found[name].standard_error))
         for name in np.array(fit.problem.names)[fit.at_bound]
     )
-
-
-def cost_profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
-    """Fix one parameter at each of `values`, shape (k,), and refit all others."""
-    problem, i = fit.problem, fit.problem.names.index(name)
-    costs = []
-    for value in np.asarray(values, float):
-        held = problem.values(fit.z)
-        held[i] = value
-        low, high = problem.lower.copy(), problem.upper.copy()
-        low[i] = high[i] = np.clip(problem.deviations(held)[i], low[i], high[i])
-        costs.append(bounded_least_squares(problem.equations, fit.z, low, high).cost)
-    return CostProfile(name, np.asarray(values, float), np.array(costs))
 
 
 def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:

@@ -45,12 +45,6 @@ MAX_WATCHED_LOSS = 0.1
 It was chosen by its consequence: half of the loss of 0.2 in R² that a wearer should never meet.
 """
 
-MAX_DELAY_SAMPLES = 509
-"""Longest electromechanical delay that the core's module has room for [samples]."""
-
-MAX_LAG_SAMPLES = 511
-"""Longest lag of an envelope that the core's module has room for [samples]."""
-
 
 @dataclass(frozen=True)
 class EstimatorChannel:

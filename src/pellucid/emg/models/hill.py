@@ -10,7 +10,7 @@ For every muscle, with envelope e, electromechanical delay d and poles :math:`c_
    \tilde l = \frac{l}{l_o(\lambda(1 - a) + 1)}, \quad \tilde v = \frac{\dot l}{v_{max} l_o} \\
    l\cos\varphi &= l_{mt} - l_{ts}, \qquad l\sin\varphi = l_o\sin\varphi_o, \qquad \tau = \sum r F
 
-The published form of this model is in `hill_as_published`. Geometry (l_mt, its rate, r) comes from `muscle_geometry`.
+Geometry (l_mt, its rate, r) comes from `muscle_geometry`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import signal
 
-from ..._errors import RecordingError
 from ...files.fault import Fault
 from ...files.recording import Recording
 from ...numerics.filters import runs
@@ -61,15 +60,6 @@ RATE_TOLERANCE = 0.01
 """Share by which a declared rate may differ from the file's own clock."""
 
 
-def require_rate(recording: Recording, channel: str, declared: float) -> None:
-    """Do nothing where the file's clock agrees with what its rate is said to be. `declared` [Hz]."""
-    if abs(recording.fs - declared) > RATE_TOLERANCE * declared:
-        raise RecordingError(
-            f"{_where(recording, channel)}: found {recording.fs:.5g} Hz on the file's own clock, expected {declared:g} "
-            "Hz as was declared"
-        )
-
-
 def find_mains(recording: Recording) -> float:
     """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
     shares = _hum_shares([recording])
@@ -94,15 +84,12 @@ def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
     return found
 
 
-def inspect_emg(
-    recording: Recording, *, mains: float | None = None, notches: Sequence[float] | None = None
-) -> list[Fault]:
+def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None) -> list[Fault]:
     """Find what is wrong with the EMG channels of one file, the refusing faults first.
 
-    `mains` [Hz]; None: that of `find_mains`. `notches` [Hz]: what the study's chain takes out; None where study.toml
-    cannot ask for it.
+    `notches` [Hz]: what the study's chain takes out; None where study.toml cannot ask for it.
     """
-    mains = find_mains(recording) if mains is None else mains
+    mains = find_mains(recording)
     faults: list[Fault] = []
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):

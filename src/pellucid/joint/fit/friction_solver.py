@@ -373,16 +373,16 @@ def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) 
     return 1.0 / np.maximum(sd, floor)
 
 
-def solve_weighted(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
+def solve_weighted(model: JointModel, data: Stack[Motion], first: Solution) -> Solution:
     """Solve weighted least squares with weights from the residuals of `first`, refined twice."""
     found = first
     for _ in range(3):
         w = speed_weights(model, data, found.residual)
-        found = solve_family(model, data, weights=w, consistent=consistent, after=found)
+        found = solve_family(model, data, weights=w, after=found)
     return found
 
 
-def solve_robust(model: JointModel, data: Stack[Motion], first: Solution, consistent: bool = True) -> Solution:
+def solve_robust(model: JointModel, data: Stack[Motion], first: Solution) -> Solution:
     """Solve iteratively reweighted least squares with Huber's weights.
 
     Iterations end when no parameter changes by more than 1e-4 of its value.
@@ -390,7 +390,7 @@ def solve_robust(model: JointModel, data: Stack[Motion], first: Solution, consis
     found = first
     for iteration in range(MAX_REWEIGHTINGS):
         w = robust_weights(found.residual)
-        before, found = found, solve_family(model, data, weights=w, consistent=consistent, after=found)
+        before, found = found, solve_family(model, data, weights=w, after=found)
         step = np.max(np.abs(found.values - before.values) / np.maximum(np.abs(before.values), 1e-9))
         if step < 1e-4:
             return replace(found, iterations=iteration + 1, converged=True)

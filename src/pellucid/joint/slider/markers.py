@@ -185,12 +185,6 @@ def clock_offset(
     return found
 
 
-def axis_of_rotation(angles: Sequence[np.ndarray], markers: Sequence[Mapping[str, np.ndarray]]) -> Axis:
-    """A joint's axis in the lab, from markers that turned about it in one recording or several. `angles` (n,) [rad];
-    `markers` (n, 3) [m]."""
-    return _axis([_Track(angle, seen) for angle, seen in zip(angles, markers, strict=True)])
-
-
 def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) -> Geometry:
     """Locate the axis, and the carriage in each recording; clocks are aligned on the way.
 

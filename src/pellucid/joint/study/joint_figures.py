@@ -307,7 +307,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
     ends = []
     reading = MOTION_READINGS[fit.motion]
     for family in fit.families.values():
-        velocity = _velocities(fit, family)
+        velocity = _velocities(family)
         is_best = family.family == fit.best
         for branch in _branches(velocity):
             curve = _curve(family, branch, 0.0)
@@ -373,7 +373,7 @@ def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:
     y = np.concatenate([p.effort - p.load - offset for p in chosen])
     dots(axis, x, y, colour("muted"), alpha=0.32, size=1.8 if len(x) > 600 else 2.4)
     tone = colour(FAMILIES_BY_NAME[family.family].colour)
-    velocity = _velocities(fit, family)
+    velocity = _velocities(family)
     top = 0.0
     for branch in _branches(velocity):
         curve = _curve(family, branch, 0.0)
@@ -403,7 +403,7 @@ def _curve(family: FamilyFit, velocity: np.ndarray, load: float) -> FrictionCurv
     return friction_curve(family.model, estimate.array, estimate.covariance, velocity, load)
 
 
-def _velocities(fit: JointResult, family: FamilyFit) -> tuple[float, float]:
+def _velocities(family: FamilyFit) -> tuple[float, float]:
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     speed = np.concatenate([p.velocity for p in chosen])
     return float(np.quantile(speed, 0.003)), float(np.quantile(speed, 0.997))

@@ -43,7 +43,7 @@ from .running_task import (
     first_angle,
     running_task,
 )
-from .session_engine import EngineSamples, SessionEngine
+from .session_engine import SessionEngine
 from .trial_plan import EmgLevels, EmgSource, PlannedTrial
 
 
@@ -635,7 +635,7 @@ class LiveSession:
         self._status = self.engine.status()
         fault = self._status.fault
         if fault != self._told_fault and fault not in (NO_FAULT, ""):
-            self._tell(f"supervisor: {fault}{self._why_stopped(fault, now)}")
+            self._tell(f"supervisor: {fault}{self._why_stopped(fault)}")
         self._told_fault = fault
         self._watch_silence(now)
         alive = dict(self.engine.alive)
@@ -678,7 +678,7 @@ class LiveSession:
             except (PellucidError, OSError) as error:
                 self._tell(f"the recorder could not be started again: {error}")
 
-    def _why_stopped(self, fault: str, now: float) -> str:
+    def _why_stopped(self, fault: str) -> str:
         """Return what this computer did where it, and not robot or person, made the supervisor stop."""
         times = self.engine.read_since(self._cursor).time
         gap = float(np.max(np.diff(times, prepend=self._last_time))) if len(times) else 0.0
@@ -705,12 +705,12 @@ class LiveSession:
             self.levels.take(emg)
             emg_levels = {m: np.array([level]) for m, level in self.levels.levels.items()}
         if self.phase == Phase.running and self.attempt is not None and len(samples.time) and emg_levels:
-            self._keep_for_estimate(self.attempt, samples, emg_levels)
+            self._keep_for_estimate(self.attempt, emg_levels)
         if now - self._estimated_at >= 1.0 / RATE_HZ and self.levels is not None:
             self._estimated_at = now
             self._tell_estimate(self.levels.levels)
 
-    def _keep_for_estimate(self, attempt: Attempt, samples: EngineSamples, levels: Mapping[str, np.ndarray]) -> None:
+    def _keep_for_estimate(self, attempt: Attempt, levels: Mapping[str, np.ndarray]) -> None:
         """Keep the last sample for the torque estimate, some `RATE_HZ` times a second."""
         now, interaction = self._last_time, self._last.get("interaction", math.nan)
         if now - attempt.kept_at < 1.0 / RATE_HZ:

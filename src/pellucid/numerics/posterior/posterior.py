@@ -241,27 +241,6 @@ class Posterior(Estimates):
         return (self.settled, *(f"{a} and {b} trade off (correlation {r:+.2f})" for a, b, r in self.pairs))
 
 
-def posterior_of(
-    names: Sequence[str],
-    units: Sequence[str],
-    likelihood: MarginalLikelihood,
-    values: np.ndarray,
-    covariance: np.ndarray,
-    *,
-    scale: np.ndarray | None = None,
-    level: float = 0.95,
-    title: str = "",
-    **sampling,
-) -> Posterior:
-    """Sample a `likelihood` and return the posterior of the parameters `names` in `units`.
-
-    The likelihood's parameters are `scale`, shape (p,), times the reported ones. Walkers start around `values`, (p,),
-    with `covariance`, (p, p), both in the likelihood's scale. `sampling` is passed on to `drawn`.
-    """
-    found = drawn(likelihood, likelihood.start(values, covariance), **sampling)
-    return summary(names, units, found, likelihood.prior, scale=scale, level=level, title=title)
-
-
 def summary(
     names: Sequence[str],
     units: Sequence[str],
@@ -272,7 +251,10 @@ def summary(
     level: float = 0.95,
     title: str = "",
 ) -> Posterior:
-    """Summarise draws as a `Posterior`; the arguments are those of `posterior_of`."""
+    """Summarise draws as a `Posterior` of the parameters `names` in `units`.
+
+    The draws' parameters are `scale`, shape (p,), times the reported ones.
+    """
     p = len(names)
     scale = np.ones(p) if scale is None else scale
     # Thinning uses evenly spaced indices: a stride that divides the number of walkers would drop whole walkers.

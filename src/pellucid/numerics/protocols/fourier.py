@@ -117,17 +117,6 @@ def scaled_to_limits(
     return FourierSeries(fundamental, centre, factor * shape.a, factor * shape.b)
 
 
-def excitation_cost(matrix: np.ndarray, criterion: str = "condition", *, scales: np.ndarray | None = None) -> float:
-    r"""Return the cost of an excitation; less is better. `matrix` is the regressor (n, p); `scales` (p,)."""
-    _require_criterion(criterion)
-    matrix = np.asarray(matrix, dtype=float)
-    if matrix.ndim != 2 or not 0 < matrix.shape[1] <= len(matrix):
-        raise ValueError(f"the regressor has shape {matrix.shape}; expected (n, p), n >= p > 0")
-    if not np.isfinite(matrix).all():
-        raise ValueError("the regressor holds values that are not finite")
-    return _cost(matrix, criterion, _checked_scales(scales, matrix.shape[1]))
-
-
 def optimised_fourier(
     regressor: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     *,

@@ -24,9 +24,6 @@ from ..._errors import PellucidError
 from .excitation import trapezoid
 from .tree_limits import TreeLimits
 
-STEP_KINDS = ("hold", "constant", "slow", "sweep", "coupling")
-"""Kinds of steps of the protocol, in their order."""
-
 _LIMIT_SHARE = 0.95
 """Steps use this share of each limit."""
 
@@ -50,7 +47,7 @@ _EASE_DURATION_S = 2.0
 class Step:
     """One step of the protocol."""
 
-    kind: str  # one of STEP_KINDS
+    kind: str  # "hold", "constant", "slow", "sweep" or "coupling", in this order
     joints: tuple[int, ...]  # joints that move
     first: int  # first sample
     last: int  # sample after the last one

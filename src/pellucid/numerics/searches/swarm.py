@@ -62,7 +62,7 @@ class Search:
 class _CountedCost:
     """A cost function that counts its evaluations and keeps the best parameters."""
 
-    def __init__(self, cost: Cost | None, with_gradient: CostAndGradient | None):
+    def __init__(self, cost: Cost | None, with_gradient: CostAndGradient):
         self._cost, self._with_gradient = cost, with_gradient
         self.evaluations = self.gradients = 0
         self.best: np.ndarray | None = None
@@ -70,16 +70,11 @@ class _CountedCost:
         self.trail: list[tuple[int, float]] = []
 
     def value(self, x: np.ndarray) -> float:
-        found = self._cost(x) if self._cost is not None else self._found_with_gradient(x)[0]
+        found = self._cost(x) if self._cost is not None else self._with_gradient(x)[0]
         return self._seen(x, float(found))
 
-    def _found_with_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        if self._with_gradient is None:
-            raise TypeError("found a cost without its gradient, expected both")
-        return self._with_gradient(x)
-
     def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
-        found, gradient = self._found_with_gradient(x)
+        found, gradient = self._with_gradient(x)
         self.gradients += 1
         return self._seen(x, float(found)), np.asarray(gradient, dtype=float)
 
@@ -96,24 +91,6 @@ class _CountedCost:
             raise IdentificationError("found no place with a finite cost within the bounds, expected at least one")
         trail = np.array(self.trail, dtype=float)
         return Search(self.best, self.lowest, self.evaluations, self.gradients, trail)
-
-
-def particle_swarm(
-    cost: Cost,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    *,
-    rng: np.random.Generator,
-    particles: int = 20,
-    iterations: int = 100,
-    pull: tuple[float, float] = (1.8, 1.8),
-    start: np.ndarray | None = None,
-) -> Search:
-    """Search within bounds by a stochastic particle swarm [1]_; `lower`, `upper` and `start` have shape (p,)."""
-    low, high = _bounds(lower, upper)
-    counted = _CountedCost(cost, None)
-    _swarm(counted, low, high, rng, particles, iterations, pull, start)
-    return counted.search()
 
 
 def conjugate_gradient(

@@ -167,15 +167,13 @@ def fit_records(
     return _result_at(experiment, found, units)
 
 
-def evaluate_transfer_function(
-    transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False
-) -> Response:
-    """Simulate a record with fixed coefficients; its initial state, and its offset if asked for, are estimated."""
-    _require(record, transfer_function.order + offset, moving=False)
+def evaluate_transfer_function(transfer_function: TransferFunction, record: InputOutput, *, hold: str) -> Response:
+    """Simulate a record with fixed coefficients; its initial state is estimated."""
+    _require(record, transfer_function.order, moving=False)
     zeros = len(transfer_function.numerator) - 1
     basis = response_basis(transfer_function.denominator, zeros, record.time, record.input, hold=hold)
     forced = basis.numerator @ np.asarray(transfer_function.numerator)
-    columns = np.column_stack([basis.initial, np.ones(len(record))]) if offset else basis.initial
+    columns = basis.initial
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     own = np.linalg.lstsq(columns / scale, record.output - forced, rcond=None)[0] / scale
     return _response(record, forced + columns @ own, own, transfer_function.order)

@@ -122,7 +122,6 @@ class TableHints:
     angle_unit: str | None = None  # unit of all angles that the file's header states
     rate: float | None = None  # sampling rate that the file states [Hz]
     quantity: str | None = None  # quantity that the file's name or folder says of all its columns
-    has_emg_elsewhere: bool = False  # whether another file of the recording holds EMG
     is_person: bool = False  # whether the recording is of a person's joints, without a drive
     joint: str | None = None  # joint that the file's name says of all its columns
 
@@ -762,8 +761,8 @@ class _Assignment:
         others = max(efforts, speeds, key=len)
         family = motion if len(motion) > 1 else others if len(others) > 1 and not by_quantity.get("position") else []
         if len(family) < 2:
-            for quantity, names in by_quantity.items():
-                self._choose_main(quantity, names)
+            for names in by_quantity.values():
+                self._choose_main(names)
             return
         joints = self._joint_names(family)
         self.joints = tuple(joints)
@@ -791,7 +790,7 @@ class _Assignment:
             families.setdefault(key, []).append(name)
         return max(families.values(), key=len, default=[])
 
-    def _choose_main(self, quantity: str, names: list[str]) -> None:
+    def _choose_main(self, names: list[str]) -> None:
         """Keep one column for a channel of a single joint, and give the others names of their own."""
         if len(names) < 2:
             return

@@ -163,19 +163,6 @@ def _left_shares(effort: np.ndarray, motion: MotionSamples, turn: float | None) 
     return np.array([float(part @ part) / power for part in np.array_split(residuals, WEIGHED_BLOCKS)])
 
 
-def unit_by_weight(effort: np.ndarray, motion: MotionSamples) -> tuple[str, float, float] | None:
-    """Return the unit of an angle by which gravity weighs the joint best, and the shares explained in it and at most in
-    the others.
-
-    None if no unit is clearly better: little motion, or no gravity, cannot decide.
-    """
-    weighed = weigh_turns(effort, motion, FULL_TURNS)
-    if weighed is None or not weighed.is_decided():
-        return None
-    others = min(weighed.left_share(unit) for unit in FULL_TURNS if unit != weighed.best)
-    return weighed.best, 1.0 - weighed.left_share(weighed.best), 1.0 - others
-
-
 def _usual(values: np.ndarray) -> float:
     return float(np.quantile(np.abs(values), 0.3)) or float(np.max(np.abs(values))) or 1.0
 

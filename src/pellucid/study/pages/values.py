@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from ..drawing.drawing import VALUE_GID_PREFIX
 from .quantities import without_negative_zero
 
 _HIDDEN_START = "\uf8f0"
@@ -46,11 +45,6 @@ class Value:
         """Return the digits with the id and the number, for the text of a page."""
         hidden = f"{self.id}{_ID_SEPARATOR}{self.number!r}".translate(_HIDDEN_CHARACTERS)
         return f"{_HIDDEN_START}{hidden}{_HIDDEN_END}{self.text}{_VALUE_END}"
-
-    @property
-    def gid(self) -> str:
-        """Group id of a figure's text that shows the digits."""
-        return f"{VALUE_GID_PREFIX}{self.id}"
 
 
 def plain_text(text: str) -> str:

@@ -31,9 +31,17 @@ UNUSED_TABLES = frozenset({"name", "citation", "notes"})
 class CardWithSources(Protocol):
     """Fields that every kind of card has."""
 
-    study: str
-    checksums: Mapping[str, str]
-    made_from: Mapping[str, str]
+    @property
+    def study(self) -> str:
+        """Name of the study that it was made in."""
+
+    @property
+    def checksums(self) -> Mapping[str, str]:
+        """SHA-256 of the recordings that it was made from."""
+
+    @property
+    def made_from(self) -> Mapping[str, str]:
+        """Checksums of all inputs, by name; empty for an old card."""
 
 
 Made = TypeVar("Made", bound=CardWithSources)

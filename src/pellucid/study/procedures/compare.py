@@ -117,7 +117,7 @@ def compare(
     free = sd > 0.0
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
     joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
-    return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p, level))
+    return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p))
 
 
 def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stale: bool) -> Card | TreeCard:
@@ -160,7 +160,7 @@ def _holm(p: np.ndarray) -> np.ndarray:
     return out
 
 
-def _sentences(rows: tuple[ComparedParameter, ...], p_value: float, level: float) -> tuple[Verdict, ...]:
+def _sentences(rows: tuple[ComparedParameter, ...], p_value: float) -> tuple[Verdict, ...]:
     changed = [r for r in rows if r.changed]
     if not changed:
         shares = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from math import nan, prod
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -72,17 +72,6 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
         processing=f"sees {found.choice.words}; angles low-passed at {lowpass:g} Hz before they are differentiated",
         checksums={trial.name: trial.checksum for trial in trials},
         pellucid=version("pellucid"),
-    )
-
-
-def predict_by_card(card: ParameterCard, values: Mapping[str, float]) -> float:
-    """Return the torque that a card predicts from `values` of its features by name [N m]."""
-    terms = {name: name.split(PRODUCT_SEPARATOR) for name in card.values if name != "offset"}
-    missing = sorted({factor for factors in terms.values() for factor in factors} - set(values))
-    if missing:
-        raise PellucidError(f"the card {card.name} needs {', '.join(missing)}; found {', '.join(sorted(values))}")
-    return card.values["offset"] + sum(
-        card.values[name] * prod(values[factor] for factor in factors) for name, factors in terms.items()
     )
 
 

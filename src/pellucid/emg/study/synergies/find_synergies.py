@@ -115,7 +115,7 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
         study=study.name,
         headline=_headline(groups, alike),
         tables=(*_tables(groups), *_similarity_table(alike)),
-        verdicts=_verdicts(groups, alike, table.number),
+        verdicts=_verdicts(groups, table.number),
         rows=tuple(_rows(study.name, groups, alike, checksum)),
         cards={},
         checksums={each.name: each.checksum for members in grouped.values() for each in members},
@@ -216,9 +216,7 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
     return (FigureTable("How alike synergies are", heads, rows),)
 
 
-def _verdicts(
-    groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], asked: int | None
-) -> tuple[Verdict, ...]:
+def _verdicts(groups: list[GroupSynergies], asked: int | None) -> tuple[Verdict, ...]:
     verdicts = []
     for g in groups:
         name, c = f"{g.name}: " if g.name else "", g.count

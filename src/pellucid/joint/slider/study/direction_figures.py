@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.ticker import MaxNLocator
 
 from ....study.drawing.drawing import Drawing, line, one_panel, origin, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
@@ -315,60 +315,6 @@ def cycle_energy(
         caption
         or "Net energy of one closed cycle against its amplitude. Gravity gives back what it takes, so a model of "
         "gravity that leaves zero is none.",
-    )
-
-
-def geometry(
-    trajectories: Mapping[str, np.ndarray],
-    axis_point: np.ndarray,
-    name: str = "geometry",
-    *,
-    caption: str = "",
-) -> Drawing:
-    """Markers in the plane of rotation: the carriage's trajectory at each slider position, and the fitted axis.
-    `trajectories` (n, 2) [m]; `axis_point` (2,) [m]."""
-    centre = 1e3 * np.asarray(axis_point, float)
-    figure, axis = one_panel(5.0)
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    drawn = [centre[None, :]]
-    entries = []
-    for k, (position, points) in enumerate(trajectories.items()):
-        points = 1e3 * np.asarray(points, float)
-        tone = colour(FREE_COLOUR_ROLES[k % len(FREE_COLOUR_ROLES)])
-        radius = float(np.nanmean(np.hypot(*(points - centre).T)))
-        circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        axis.plot(*circle.T, color=colour("rule"), linewidth=0.8, zorder=1)
-        kept = points[:: max(1, len(points) // 300)]
-        axis.plot(*kept.T, color=tone, marker="o", markersize=2.6, markeredgewidth=0.0, linestyle="none", zorder=3)
-        drawn.append(points)
-        entries.append((f"{position}, radius {number(radius, digits=4)} mm", tone))
-    axis.plot(*centre, color=colour("ink"), marker="+", markersize=13, markeredgewidth=1.8, zorder=4)
-    axis.annotate(
-        "fitted axis", centre, xytext=(9, 6), textcoords="offset points", color=colour("ink"), fontsize=9,
-    )  # fmt: skip
-    reached = np.concatenate(drawn)
-    low, high = np.nanmin(reached, axis=0), np.nanmax(reached, axis=0)
-    pad = 0.07 * float(np.max(high - low))
-    step = float(np.diff(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, float(np.max(high - low))))[0])
-    tidy(axis, first=True, text="y (mm)")
-    axis.set_xlim(low[0] - pad, high[0] + pad)
-    axis.set_ylim(low[1] - pad, high[1] + pad)
-    for each in (axis.xaxis, axis.yaxis):
-        each.set_major_locator(MultipleLocator(step))
-    axis.set_aspect("equal")
-    axis.set_anchor("W")
-    axis.set_xlabel("x (mm)")
-    for k, (text, tone) in enumerate(entries):
-        axis.annotate(
-            text, (1.0, 1.0), xytext=(14, -4 - 15 * k), xycoords="axes fraction", textcoords="offset points",
-            va="top", color=tone, fontsize=9, fontweight="bold", annotation_clip=False,
-        )  # fmt: skip
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "Where the carriage's marker was, in the plane of rotation, at each position of the slider. Thin circles "
-        "are drawn about the fitted axis, the cross.",
     )
 
 

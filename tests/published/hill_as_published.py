@@ -1,4 +1,6 @@
-r"""The muscle model as the paper prints it (HILL eqs. 16 to 38), to show what it gives; `hill` is what is used.
+r"""The muscle model as the paper prints it (HILL eqs. 16 to 38), to show what it gives.
+
+Pellucid itself uses `pellucid.emg.models.hill`.
 
 .. math::
    u_t &= \alpha e_{t-d} - \beta_1 u_{t-1} - \beta_2 u_{t-2}, \quad \beta_1 = \gamma_1 + \gamma_2,
@@ -21,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from .hill import HillMuscle
-from .muscle_geometry import MuscleGeometry
+from pellucid.emg.models.hill import HillMuscle
+from pellucid.emg.models.muscle_geometry import MuscleGeometry
 
 FORCE_VELOCITY_CURVATURE = 0.25
 """A_fv."""
