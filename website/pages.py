@@ -5,6 +5,7 @@ mkdocs calls the functions whose names begin with ``on_``. Nothing is written in
 
 from __future__ import annotations
 
+import ast
 import re
 import runpy
 from collections.abc import Iterator
@@ -16,8 +17,6 @@ from mkdocs.exceptions import PluginError
 from mkdocs.plugins import event_priority
 from mkdocs.structure.files import File, Files, InclusionLevel
 from mkdocs.structure.pages import Page
-
-import pellucid
 
 ROOT = Path(__file__).parents[1]
 
