@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pellucid.numerics.protocols.fourier import play
 from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
 from pellucid.study.results import ResultRow
+from pellucid_lab.fourier import play
 from pellucid_lab.papers.hill.release_orders import (
     ALL_AT_ONCE,
     DELAY_QUANTITY,

@@ -22,12 +22,12 @@ import numpy as np
 
 from pellucid.files.readers import read_columns
 from pellucid.people.movements import MovementRule, Stretch, kinematics, movements
-from pellucid.people.one_way_movements import OneWay, one_way_movements
 from pellucid.study.datasets.motions import motions_of
 from pellucid.study.results import ResultRow
 from pellucid_lab.pointing.conditions import identify_cards, published_conditions
 from pellucid_lab.pointing.instructed import WIDE_PRIOR, Population, estimate_people
 from pellucid_lab.pointing.line_pointing import measure_movements
+from pellucid_lab.pointing.one_way_movements import OneWay, one_way_movements
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants, elbow_people
 from pellucid_lab.pointing.session import CONTROL_CONDITION, simulate_session, true_motion

@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.numerics.protocols.excitation import two_sines
 from pellucid.numerics.searches.adam import adam
 from pellucid.orthosis.swing.loaded_swing import (
     bare_leg_torque,
     corrected_form,
     fit_swings,
-    optimise_swing,
     published_form,
     swing,
-    swing_information,
 )
 from pellucid_lab.papers.hill.recomputed import (
     GRAVITY_M_S2,
@@ -32,6 +29,7 @@ from pellucid_lab.papers.hill.recomputed import (
     swing_frequency,
 )
 from pellucid_lab.papers.printed import printed
+from pellucid_lab.seated.swing_design import optimise_swing, swing_information, two_sines
 
 HILL = printed("hill")
 SWINGS, MUSCLES, ERRORS, METHODS = (HILL.tables[name] for name in ("swings", "muscles", "errors", "methods"))

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.orthosis.swing import loaded_swing as swing_information
 from pellucid.study.results import read_rows
 from pellucid_lab.papers.figure import VERDICT_WORDS
 from pellucid_lab.papers.hill import release_orders, sections, torque
@@ -13,6 +12,7 @@ from pellucid_lab.papers.hill import rows as rows_of_torque
 from pellucid_lab.papers.hill.paper import HillPaper
 from pellucid_lab.papers.hill.torque import BASELINE_FAMILIES
 from pellucid_lab.papers.reproduce import reproduce
+from pellucid_lab.seated import swing_design
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         # Fewer limits of the acceleration are tried for the swing that shows inertia, one of the orders of release,
         # and two baselines of the recorded muscles: all take time, and no test here hangs on their number.
-        patch.setattr(swing_information, "_ACCELERATION_LIMIT_COUNT", 3)
+        patch.setattr(swing_design, "_ACCELERATION_LIMIT_COUNT", 3)
         orders = (release_orders.ALL_AT_ONCE, "quick_first")
         patch.setattr(release_orders, "RELEASE_ORDERS", {name: release_orders.RELEASE_ORDERS[name] for name in orders})
         for module in (torque, rows_of_torque, sections):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid.files.readers import read_columns
-from pellucid.people.one_way_movements import one_way_movements
+from pellucid_lab.pointing.one_way_movements import one_way_movements
 
 
 def test_every_movement_is_that_of_the_data_s_own_program(data_folder):

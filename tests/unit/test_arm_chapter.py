@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from pellucid.arm.fit.directional_sets import DirectionalRow
 from pellucid_lab.arm.rig import able_arm
 from pellucid_lab.papers.able.arm_chapter import MODEL_IDS, ArmChapter, arm_rows, arm_sections
 from pellucid_lab.papers.able.arm_identification import IdentifiedArm, add_payload, directional, draw_test_motions
 from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW
+from pellucid_lab.papers.able.directional_sets import DirectionalRow
 
 
 def made_up(n, model):

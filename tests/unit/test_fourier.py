@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid.numerics.protocols.excitation import multisine
-from pellucid.numerics.protocols.fourier import (
+from pellucid_lab.fourier import (
     EXCITATION_CRITERIA,
     FourierSeries,
     optimised_fourier,

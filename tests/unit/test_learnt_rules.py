@@ -6,7 +6,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.transparent_laws import with_rules
-from pellucid.emg.estimators.learnt_rules import (
+from pellucid_lab.learnt_rules import (
     ANGLE_RULE_COUNT,
     SPEED_RULE_COUNT,
     LearntRules,

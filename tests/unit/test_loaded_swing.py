@@ -8,20 +8,18 @@ from scipy.signal import butter, sosfiltfilt
 
 from pellucid._errors import IdentificationError
 from pellucid.models.joint import GRAVITY
-from pellucid.numerics.protocols.excitation import two_sines
-from pellucid.orthosis.swing import loaded_swing as swing_information_module
 from pellucid.orthosis.swing.loaded_swing import (
     adam_swings,
     bare_leg_torque,
     corrected_form,
     fit_swings,
     leg_alone,
-    optimise_swing,
     published_form,
     swing,
-    swing_information,
     worn_exoskeleton_torque,
 )
+from pellucid_lab.seated import swing_design
+from pellucid_lab.seated.swing_design import optimise_swing, swing_information, two_sines
 
 FS = 200.0
 EMPTY = {"inertia": 0.05, "weight_moment": 0.30, "viscous": 0.05, "coulomb": 0.15, "offset": 0.1}
@@ -33,7 +31,7 @@ REACH = np.radians(35.0)
 def rich():
     with pytest.MonkeyPatch.context() as patch:
         # Fewer limits of the acceleration are tried, which takes most of the time.
-        patch.setattr(swing_information_module, "_ACCELERATION_LIMIT_COUNT", 4)
+        patch.setattr(swing_design, "_ACCELERATION_LIMIT_COUNT", 4)
         return optimise_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
 
 
@@ -177,7 +175,7 @@ def test_the_better_swing_shows_more_with_less_torque(rich, monkeypatch):
     assert better.peak_torque <= 8.0
     low, high, _, _ = rich.peaks()
     assert max(-low, high) <= REACH * 1.0001
-    monkeypatch.setattr(swing_information_module, "_ACCELERATION_LIMIT_COUNT", 1)
+    monkeypatch.setattr(swing_design, "_ACCELERATION_LIMIT_COUNT", 1)
     with pytest.raises(IdentificationError, match="expected at most 1 N"):
         optimise_swing(0.45, 1.34, reach=REACH, peak_torque=1.0, rng=np.random.default_rng(1))
 

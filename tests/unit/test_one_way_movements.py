@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.people.one_way_movements import OneWayRule, one_way_movements, robust_spread
+from pellucid_lab.pointing.one_way_movements import OneWayRule, one_way_movements, robust_spread
 
 RATE = 250.0
 

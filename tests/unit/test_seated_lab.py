@@ -10,8 +10,8 @@ from pellucid.emg.models.muscle_geometry import muscle_table
 from pellucid.models.joint import GRAVITY
 from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import identify_swings
 from pellucid.orthosis.study.loaded_swing.loaded_swing_page import _panels
-from pellucid.orthosis.swing import loaded_swing as swing_information
 from pellucid_lab.known_rigs import rig_text
+from pellucid_lab.seated import swing_design
 from pellucid_lab.seated.muscles import torque_at_rest
 from pellucid_lab.seated.protocol import seated_trials
 from pellucid_lab.seated.rig import SeatedRig, load_seated_rig
@@ -27,7 +27,7 @@ RIG = load_seated_rig()
 def made():
     with pytest.MonkeyPatch.context() as patch:
         # Fewer limits of the acceleration are tried for the swing that shows inertia: it takes most of the time.
-        patch.setattr(swing_information, "_ACCELERATION_LIMIT_COUNT", 3)
+        patch.setattr(swing_design, "_ACCELERATION_LIMIT_COUNT", 3)
         return seated_trials(RIG, ("S4",))
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pellucid.people.one_way_movements import OneWay
 from pellucid_lab.pointing.instructed import WIDE_PRIOR, Population, estimate_people, estimate_person, prior_from_others
 from pellucid_lab.pointing.line_pointing import MEASURE_NAMES, OutcomeEmulator, Tablet, measure_movements, point_at_line
 from pellucid_lab.pointing.movement_choice import preferred_duration
+from pellucid_lab.pointing.one_way_movements import OneWay
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_people
 from pellucid_lab.pointing.speed_accuracy import Accuracy, Aim, choose_aim, dead_zone

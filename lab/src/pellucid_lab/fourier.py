@@ -19,6 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
+from pellucid.arm.protocols.tree_fourier import fourier_basis
+
 EXCITATION_CRITERIA = ("condition", "determinant")
 """Criteria of an excitation: condition number of the regressor, or determinant of the parameters' covariance."""
 
@@ -240,20 +242,6 @@ def play(
     raise ValueError(
         f"eased over {' or '.join(f'{e:g}' for e in fitting)} s the motion reaches {speed:.4g} rad/s and "
         f"{change:.4g} rad/s^2; the limits are {velocity:.4g} and {acceleration:.4g}: ease for longer or raise them"
-    )
-
-
-def fourier_basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
-    """Return position, velocity and acceleration per unit of each coefficient, (3, n, 2 h), a before b."""
-    rate = 2.0 * np.pi * fundamental * np.arange(1, harmonics + 1)
-    angle = np.asarray(time, dtype=float)[..., None] * rate
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return np.stack(
-        [
-            np.concatenate([sine / rate, -cosine / rate], axis=-1),
-            np.concatenate([cosine, sine], axis=-1),
-            np.concatenate([-sine * rate, cosine * rate], axis=-1),
-        ]
     )
 
 

@@ -22,8 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..._errors import PellucidError
-from .neural_network import NeuralNetwork
+from pellucid._errors import PellucidError
+from pellucid.emg.estimators.neural_network import NeuralNetwork
 
 ANGLE_RULE_COUNT = 5
 """Number of rules over angle, the same as in the core."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from pellucid.numerics.protocols.excitation import REVERSALS_NAME, swept_sine
-from pellucid.numerics.protocols.fourier import optimised_fourier, play
 
+from ..fourier import optimised_fourier, play
 from ..rig import Trial
 from .machine import ElbowMachine
 

@@ -1,7 +1,7 @@
 """Virtual people who point at a line on a tablet without a robot, and the measures of their movements.
 
 The forearm moves a stylus to the line by rotation about the elbow. The tablet is horizontal, so that gravity does not
-act. Movements are cut from a recording by `signals.one_way_movements`, as those of real people are.
+act. Movements are cut from a recording by `one_way_movements.py`, as those of real people are.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from pellucid import _core
-from pellucid.people.one_way_movements import OneWay, one_way_movements, robust_spread
 
+from .one_way_movements import OneWay, one_way_movements, robust_spread
 from .people import Person, parameter_names, person_model
 from .speed_accuracy import Accuracy, Aim
 

@@ -1,9 +1,9 @@
 """One-way movements from a start line to a target line, corrections at the target included.
 
 Where pointing is aimed at a line and nobody says when a movement ends, the end is the last rest before the return: a
-corrected end belongs to the movement that it corrects, and so does the time that it took. `movements.py` cuts by shares
-of the speed and stands where there are targets or rests between; this rule stands where the pointer is carried back, or
-lifted off, after each movement.
+corrected end belongs to the movement that it corrects, and so does the time that it took. The base distribution cuts by
+shares of the speed (`pellucid.people.movements`) and stands where there are targets or rests between; this rule stands
+where the pointer is carried back, or lifted off, after each movement.
 """
 
 from __future__ import annotations
@@ -12,11 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..files.optical import OpticalRecording
-from ..numerics.even_times import even_times
-from ..numerics.filters import central_difference, runs, zero_phase_lowpass
-from .movements import NoAngle
+from pellucid.numerics.even_times import even_times
+from pellucid.numerics.filters import central_difference, runs, zero_phase_lowpass
 
 
 @dataclass(frozen=True)
@@ -130,42 +127,3 @@ def _movement(
 def robust_spread(values: np.ndarray) -> float:
     """Return 1.48 times the median absolute deviation of values, shape (n,), in their unit."""
     return 1.48 * float(np.median(np.abs(values - np.median(values))))
-
-
-MIN_HORIZONTAL_SHARE = 0.1
-"""Smallest mean horizontal share of the segment's direction; below it the sign of the angle is undefined."""
-
-
-def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.ndarray:
-    """Angle of the line from one marker to another, in the vertical plane in which it points on average.
-
-    With u the segment's direction, g that of gravity and f the horizontal direction of the mean of u, q = atan2(u.f,
-    u.g): 0 where the segment hangs, a quarter turn where it points forward. Motion out of the plane does not enter.
-
-    Gives (n,) [rad].
-    """
-    for name in (proximal, distal):
-        if name not in optical.markers:
-            raise RecordingError(
-                f"{optical.path.name}: marker {name}: found {', '.join(optical.markers)}, expected it among them"
-            )
-    line = optical.markers[distal] - optical.markers[proximal]
-    length = np.linalg.norm(line, axis=1)
-    seen = np.isfinite(length)
-    where = f"{optical.path.name}: markers {proximal} and {distal}"
-    if not seen.any():
-        raise NoAngle(f"{where}: found no frame that saw both, expected most")
-    if np.median(length[seen]) < 1e-3:
-        raise RecordingError(f"{where}: found them {1e3 * np.median(length[seen]):.2g} mm apart, expected a segment")
-    direction = line / length[:, None]
-    mean = direction[seen].mean(axis=0)
-    level = mean - (mean @ optical.down) * optical.down
-    share = float(np.linalg.norm(level))
-    if share < MIN_HORIZONTAL_SHARE:
-        raise RecordingError(
-            f"{where}: found a segment that points {100 * share:.2g} % to a side on average, expected at least "
-            f"{100 * MIN_HORIZONTAL_SHARE:.0f} %: without a side its angle has no sign"
-        )
-    angle = np.full(len(length), np.nan)
-    angle[seen] = np.unwrap(np.arctan2(direction[seen] @ (level / share), direction[seen] @ optical.down))
-    return angle

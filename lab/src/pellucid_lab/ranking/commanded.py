@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .control_law import LAWS, ControlLaw, Limits, gate_values
-from .supervised import SupervisedLaw
+from pellucid.controllers.control_law import LAWS, ControlLaw, Limits, gate_values
+from pellucid.controllers.supervised import SupervisedLaw
 
 LAW_KIND = "joint"
 """Kind of the law that carries the effort: of one encoder, with a constant `offset`."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pellucid.controllers.commanded import commanded_law
 from pellucid.controllers.elbow_laws import ELBOW_LIMITS
 from pellucid.controllers.supervised import SupervisedLaw
 
 from ..safety.worn_robot import WornRobot
+from .commanded import commanded_law
 from .foreign_law import ForeignProcess
 
 

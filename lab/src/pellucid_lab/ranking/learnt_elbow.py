@@ -9,10 +9,11 @@ import numpy as np
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.joint_compensation import carried
 from pellucid.controllers.transparent_laws import transparent, with_rules
-from pellucid.emg.estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from pellucid.joint.slider.three_steps import SliderFit
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.slider_joint import SliderCard
+
+from ..learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 
 FRICTION_SHARE = 0.95
 """Share of the friction that the transparent law compensates; the rest is left to the rules [1]."""

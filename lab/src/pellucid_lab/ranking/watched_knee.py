@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pellucid.controllers.commanded import CommandedLaw, commanded_law
 from pellucid.controllers.control_law import ControlLaw, Limits
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.supervised import SupervisedLaw
@@ -18,6 +17,7 @@ from pellucid.controllers.worn import watched_worn
 
 from ..knee.machine import KneeMachine
 from ..knee.trial import Controller
+from .commanded import CommandedLaw, commanded_law
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,12 @@ from typing import Literal
 import numpy as np
 
 from pellucid.models.anthropometry import shank_length, winter
-from pellucid.numerics.protocols.excitation import two_sines
-from pellucid.numerics.protocols.fourier import FourierSeries, play
-from pellucid.orthosis.swing.loaded_swing import optimise_swing
 
+from ..fourier import FourierSeries, play
 from ..rig import Trial
 from .machine import SeatedMachine
 from .subject import SeatedSubject, subjects
+from .swing_design import optimise_swing, two_sines
 from .wearer import swing_path
 
 EASE_IN_S = 2.0

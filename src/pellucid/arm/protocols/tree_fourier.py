@@ -23,7 +23,6 @@ import numpy as np
 from scipy.linalg import null_space
 
 from ..._errors import PellucidError
-from ...numerics.protocols.fourier import fourier_basis
 from ...numerics.protocols.interior_search import interior_search
 from ...numerics.protocols.tree_limits import TreeLimits
 
@@ -366,3 +365,17 @@ def _rest_basis(harmonics: int) -> np.ndarray:
     still = np.concatenate([np.ones(harmonics), np.zeros(harmonics)])
     unhurried = np.concatenate([np.zeros(harmonics), order / harmonics])
     return null_space(np.stack([still, unhurried]))
+
+
+def fourier_basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
+    """Return position, velocity and acceleration per unit of each coefficient, (3, n, 2 h), a before b."""
+    rate = 2.0 * np.pi * fundamental * np.arange(1, harmonics + 1)
+    angle = np.asarray(time, dtype=float)[..., None] * rate
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.stack(
+        [
+            np.concatenate([sine / rate, -cosine / rate], axis=-1),
+            np.concatenate([cosine, sine], axis=-1),
+            np.concatenate([-sine * rate, cosine * rate], axis=-1),
+        ]
+    )

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError, PellucidError
-from .fourier import FourierSeries
 
 
 def multisine(
@@ -94,19 +93,6 @@ def trapezoid(distance: float, velocity: float, acceleration: float, fs: float) 
     return np.sign(distance) * np.minimum(
         rising + cruising + velocity * braking - 0.5 * acceleration * braking**2, size
     )
-
-
-PUBLISHED_FREQUENCY = 0.1
-"""Fundamental frequency f that the paper prints [Hz]."""
-
-
-def two_sines(amplitude: float, *, centre: float = 0.0, frequency: float = PUBLISHED_FREQUENCY) -> FourierSeries:
-    """Return two sines of one amplitude, at a frequency and at twice that.
-
-    `amplitude` [rad]; `centre` [rad]; `frequency` [Hz].
-    """
-    omega = 2.0 * np.pi * frequency
-    return FourierSeries(frequency, centre, amplitude * omega * np.array([1.0, 2.0]), np.zeros(2))
 
 
 def swept_sine(

@@ -30,7 +30,7 @@ from ..movements import (
     rest_stretches,
     target_stretches,
 )
-from ..one_way_movements import segment_angle
+from ..segment_angle import segment_angle
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from pellucid.arm.fit.directional_sets import DirectionalRow
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section
@@ -22,6 +21,7 @@ from ..row_sections import cell
 from .arm_figures import cost_by_joints
 from .arm_identification import IdentifiedArm, directional_many, identified
 from .arm_worn import BEST_LAW, PUBLISHED_LAW, worn
+from .directional_sets import DirectionalRow
 
 MODEL_IDS: Mapping[str, str] = {
     "one body, load friction": "load",

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from pellucid.arm.fit.directional_sets import DirectionalRow
 from pellucid.study.drawing.drawing import Drawing
 from pellucid.study.drawing.style import FIGURE_WIDTH, colour
+
+from .directional_sets import DirectionalRow
 
 PANEL_TITLES = {
     "parameters": "Parameters",

@@ -22,12 +22,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...models.robot import Robot
-from ..tree_motion import TreeMotion
-from .base_parameters import rigid_columns
-from .fit_tree import fit_tree
-from .friction_terms import PLAIN_TERMS, plain_families
-from .tree_regression import (
+from pellucid.arm.fit.base_parameters import rigid_columns
+from pellucid.arm.fit.fit_tree import fit_tree
+from pellucid.arm.fit.friction_terms import PLAIN_TERMS, plain_families
+from pellucid.arm.fit.tree_regression import (
     TreeModel,
     TreeRows,
     collect_rows,
@@ -35,6 +33,8 @@ from .tree_regression import (
     linearise_rows,
     sum_normal_equations,
 )
+from pellucid.arm.tree_motion import TreeMotion
+from pellucid.models.robot import Robot
 
 DIRECTION_COUPLINGS = ("own", "one side", "all")
 """Couplings of a joint's parameters to directions: its own alone, also those of joints it carries, or of all joints."""

@@ -15,8 +15,9 @@ import numpy as np
 from pellucid.controllers.control_law import ControlLaw, Limits
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.transparent_laws import of_body, with_oscillator, with_rules
-from pellucid.emg.estimators.learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 from pellucid.numerics.filters import zero_phase_lowpass
+
+from ...learnt_rules import LearntRules, RecordedResidual, RuleKind, learn_rules
 
 RULE_LOWPASS_HZ = 8.0
 """Angles and commands pass this zero-phase low-pass before rules are learnt from them."""
