@@ -28,12 +28,8 @@ from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     LinearShares,
     TreeCoupling,
-    at_joints,
     gravity_slope,
-    least_margins,
     linear_law,
-    margins_over,
-    passivity,
 )
 from pellucid.numerics.protocols.step_by_step import step_by_step
 from pellucid.study.results import ResultRow
@@ -43,6 +39,7 @@ from pellucid_lab.arm.human_motion import JOINTS
 from pellucid_lab.arm.protocol import ArmTrial, limits_of
 from pellucid_lab.arm.rig import ArmRig, able_arm, drawn_arms
 from pellucid_lab.arm.single_faults import KINDS, ONSET_S, WATCH_S, ArmFaultTrial, fault_trials
+from pellucid_lab.arm.tree_margins import at_joints, least_margins, margins_over, passivity
 from pellucid_lab.arm.wearer import CUFF_CONSTANTS, HANDLE_AT, HANDLE_CUFF, UPPER_CUFF, UPPER_CUFF_AT, Person
 from pellucid_lab.arm.worn_trial import motion_of
 from pellucid_lab.papers.able.arm_identification import (

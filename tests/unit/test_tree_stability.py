@@ -13,14 +13,11 @@ from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     TreeCoupling,
     closed_tree,
-    least_margins,
-    margins_over,
-    passivity,
     sampled_each,
-    tree_margins,
     with_limb,
     worn_tree,
 )
+from pellucid_lab.arm.tree_margins import least_margins, margins_over, passivity, tree_margins
 
 PERIOD = 0.002
 KNEE = Coupling(
