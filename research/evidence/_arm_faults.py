@@ -16,7 +16,6 @@ from functools import cache
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
@@ -36,6 +35,7 @@ from pellucid_lab.arm.single_faults import (
 from pellucid_lab.arm.wearer import Person, drawn_people
 from pellucid_lab.arm.worn_trial import WornTrial, run
 from pellucid_lab.drive_reading import LAGS_S, DriveReading, stated_readings
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 SEED = 20290201

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
 from pellucid_lab.arm.card_law import CardLaw, card_of, identified, sensor_points
 from pellucid_lab.arm.human_motion import JOINTS
@@ -19,6 +18,7 @@ from pellucid_lab.arm.pointing import PointingBlock, draw_targets, point
 from pellucid_lab.arm.rig import able_arm, drawn_arms
 from pellucid_lab.arm.wearer import drawn_people
 from pellucid_lab.papers.able.arm_worn import LAWS, LAWS_WITH_FORCE_SENSOR, PUBLISHED_LAW
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 ROBOT_SEED, PERSON_SEED = 20261130, 20261131

@@ -15,15 +15,15 @@ from functools import partial
 
 import numpy as np
 
-from pellucid._processes import ordered_results
-from pellucid.controllers.worn import WornCompensator
 from pellucid.study.results import ResultRow
 from pellucid_lab.knee.chosen_constants import chosen, design_reproduced_law
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.identified_wearer import WearerCard, card_with_coupling_errors, identify_wearer_of
 from pellucid_lab.knee.rig import KneeRig, knee_orthosis
+from pellucid_lab.knee.worn_compensator import WornCompensator
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import swing
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 SEED = 7200

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, DITHERED_BODY, transparent_and
 from pellucid.controllers.transparent_laws import with_dither
@@ -30,6 +29,7 @@ from pellucid_lab.pointing.conditions import (
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 TRAVELS = sized({"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}, smallest={"0_3mrad": 0.3e-3})

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
 from pellucid_lab.knee.chosen_constants import chosen
 from pellucid_lab.knee.drawn import drawn_rig
@@ -21,6 +20,7 @@ from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import Controller
 from pellucid_lab.papers.knee.controllers import controllers
 from pellucid_lab.papers.knee.swings import rms_mismatch_and_torque, swing
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 from ._loads import ratio_interval

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.joint_compensation import identified_body
 from pellucid.controllers.supervised import supervised
@@ -26,6 +25,7 @@ from pellucid_lab.pointing.conditions import identify_cards, interaction_rms
 from pellucid_lab.pointing.people import Person, draw_people
 from pellucid_lab.pointing.rig import PointingRig, elbow_participants
 from pellucid_lab.pointing.session import PointingSession, simulate_session
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 SEED = 20261127

@@ -10,13 +10,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.joint.slider.study.identify_slider import fit_slider
 from pellucid.joint.slider.three_steps import SLIDER_METHODS
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid_lab.papers.able.trials import COMPARED_PROTOCOLS, TRIAL_PREFIXES, numbered_names
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.study import record_in_memory
 from research.benchmarks._size import sized
 

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.papers.knee.walking import (
@@ -31,6 +30,7 @@ from pellucid_lab.papers.knee.walking import (
     source_of_strides,
     walked,
 )
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 from ._loads import mean_interval, ratio_interval

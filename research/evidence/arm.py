@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.arm.fit.fit_tree import fit_tree
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_uncertainty import heldout_errors
@@ -50,6 +49,7 @@ from pellucid_lab.papers.able.arm_identification import (
     identified_many,
 )
 from pellucid_lab.papers.able.arm_worn import BEST_LAW, LAWS, PUBLISHED_LAW, arms_worn, wearers_of
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 FAULTY = sized(4, smallest=1)

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr
 
-from pellucid._processes import ordered_results
 from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, Estimand, certificate
 from pellucid.people.comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
 from pellucid.people.equivalence import Margin, Method
@@ -31,6 +30,7 @@ from pellucid.people.equivalence_power import Active, equivalence_power, find_eq
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
 from pellucid.people.survival import looks
 from pellucid.study.results import ResultRow
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 from . import _certified_files, _doubted

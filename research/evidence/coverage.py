@@ -36,7 +36,6 @@ from pathlib import Path
 import numpy as np
 
 import pellucid as pl
-from pellucid._processes import ordered_results
 from pellucid.joint.fit.unknown_payload import SteadyStates
 from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from pellucid.joint.slider.markers import slider_geometry
@@ -51,6 +50,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import BenchRig, bench_joint
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.study import record_in_memory, write_study
 from research.benchmarks._size import sized
 

@@ -15,12 +15,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from pellucid._errors import PellucidError
-from pellucid._processes import ordered_results
 from pellucid.study.results import ResultRow
 from pellucid_lab.arm.free_shoulder import LAWS, SHOULDER_CONDITIONS, ShoulderFigures, compare_shoulders
 from pellucid_lab.arm.human_motion import people
 from pellucid_lab.arm.rig import able_arm, drawn_arms
 from pellucid_lab.arm.wearer import drawn_people
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 ARM_COUNT = sized(5, smallest=1)

@@ -30,7 +30,6 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid._processes import ordered_results
 from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.fit.presliding import Presliding, estimate_presliding
 from pellucid.joint.fit.replay import Machine, simulate_recording
@@ -45,6 +44,7 @@ from pellucid.study.recorded_motions import drive_model, motions_of
 from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import REVERSAL_STROKES, BenchRig
 from pellucid_lab.noise import draw_noise
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 from .coverage import drawn_benches

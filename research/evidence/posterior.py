@@ -29,7 +29,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 import pellucid as pl
-from pellucid._processes import ordered_results
 from pellucid.emg.fit.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 from pellucid.emg.models.muscle import Muscle
 from pellucid.models.estimates import Parameter
@@ -40,6 +39,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.bench.rig import BenchRig
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.study import record_in_memory, write_study
 from research.benchmarks._size import sized
 

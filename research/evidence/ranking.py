@@ -21,7 +21,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import pellucid_lab.ranking.elbow as elbow
-from pellucid._processes import ordered_results
 from pellucid.people.certificate import CANNOT_SAY
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs
@@ -31,6 +30,7 @@ from pellucid_lab.knee.trial import run_trial
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import simulate_session
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.ranking.arm import ArmInUse, arm_pair, draw_arm_in_use
 from pellucid_lab.ranking.foreign_elbow import elbow_law_of
 from pellucid_lab.ranking.foreign_law import ForeignLaw, ForeignLaws, ForeignProcess, stopped_words

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.models.slider_joint import SliderCard
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -28,6 +27,7 @@ from pellucid_lab.pointing.conditions import (
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants
 from pellucid_lab.pointing.session import Unpowered
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
 from research.benchmarks._size import sized
 

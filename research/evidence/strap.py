@@ -26,7 +26,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid._errors import PellucidError
-from pellucid._processes import ordered_results
 from pellucid.models.estimates import Parameter
 from pellucid.orthosis.imu.inertial import inertial
 from pellucid.orthosis.input_output import input_output
@@ -39,6 +38,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.knee.drawn import drawn_rig
 from pellucid_lab.knee.protocol import bench_trials, swing_trial, torque_trial
 from pellucid_lab.knee.rig import KneeRig, knee_orthosis
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.strap_options import STRAP_OPTIONS, without_strap_options
 from pellucid_lab.study import record_in_memory
 from research.benchmarks._size import sized

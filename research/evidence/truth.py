@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 
 import pellucid as pl
-from pellucid._processes import ordered_results
 from pellucid.joint.study.aligned_motions import find_alignments
 from pellucid.study.datasets.init import init
 from pellucid.study.procedures.registry import open_study
@@ -38,6 +37,7 @@ from pellucid_lab.elbow.protocol import trials as elbow_trials
 from pellucid_lab.elbow.rig import able_elbow
 from pellucid_lab.knee.protocol import bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial, torque_trial
 from pellucid_lab.knee.rig import knee_orthosis
+from pellucid_lab.processes import ordered_results
 from pellucid_lab.seated.rig import load_seated_rig
 from pellucid_lab.study import write_study
 from research.benchmarks._size import is_smallest, sized

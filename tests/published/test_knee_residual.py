@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.controllers.worn import WornCompensator
 from pellucid.emg.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from pellucid_lab.knee.chosen_constants import (
     REQUIRED_DELAY_MARGIN_S,
@@ -15,9 +14,11 @@ from pellucid_lab.knee.chosen_constants import (
     parse_chosen,
 )
 from pellucid_lab.knee.drawn import BODY_RANGES, FACTOR_RANGES, FITTED_RANGES, drawn_rig
+from pellucid_lab.knee.loop_margins import design_margins
 from pellucid_lab.knee.protocol import Faults
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.subject import FLEXOR_MUSCLE
+from pellucid_lab.knee.worn_compensator import WornCompensator
 from pellucid_lab.papers.knee import tuning as knee_tuning
 from pellucid_lab.papers.knee.controllers import design_by_phase
 from pellucid_lab.papers.knee.residual import (
@@ -118,7 +119,7 @@ def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
         limb_gravity=person.gravity / worn.coupling.limb_gravity,
     )
     for speed in (0.5, 1.5, 4.0):
-        left = made.margins(truth, speed)
+        left = design_margins(made, truth, speed)
         assert left.gain_db >= REQUIRED_GAIN_MARGIN_DB - 0.5
         assert left.delay >= REQUIRED_DELAY_MARGIN_S
 

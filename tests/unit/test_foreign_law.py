@@ -14,7 +14,6 @@ from pellucid._errors import PellucidError
 from pellucid.controllers.export.microcontroller import missing_tools
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.tree_laws import carried, with_force_sensor
-from pellucid.controllers.worn import WornCompensator
 from pellucid.models.tree_card import COLUMNS
 from pellucid_lab.arm.card_law import card_of
 from pellucid_lab.arm.human_motion import generated_motion
@@ -26,6 +25,7 @@ from pellucid_lab.knee.gait import walking
 from pellucid_lab.knee.protocol import walking_trial
 from pellucid_lab.knee.rig import knee_orthosis
 from pellucid_lab.knee.trial import run_trial
+from pellucid_lab.knee.worn_compensator import WornCompensator
 from pellucid_lab.pointing.conditions import identify_cards
 from pellucid_lab.pointing.people import draw_people
 from pellucid_lab.pointing.rig import elbow_participants

@@ -5,7 +5,7 @@ import pytest
 
 from pellucid._errors import StudyError
 from pellucid.controllers.residual_compensator import design
-from pellucid.controllers.worn import WornCompensator
+from pellucid_lab.knee.worn_compensator import WornCompensator
 from pellucid_lab.knee_pointing.conditions import LEG_CONDITIONS, leg_conditions
 from pellucid_lab.knee_pointing.rig import KneePointingRig
 from pellucid_lab.knee_pointing.session import CONTROL_CONDITION, LegSession

@@ -7,15 +7,13 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling, friction_slope
-from pellucid.controllers.residual_compensator import Law, bears_all, design, within, worst_margins
+from pellucid.controllers.residual_compensator import Law, design, within
 from pellucid.controllers.stability import (
     RATE_RATIOS,
     LinearSystem,
     bears,
     closed_loop,
-    crossings,
     loop_response,
-    margins,
     radius,
     rate_limit_table,
     sampled,
@@ -24,6 +22,7 @@ from pellucid.controllers.stability import (
 )
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard
+from pellucid_lab.knee.loop_margins import bears_all, crossings, design_margins, margins, worst_margins
 from pellucid_lab.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 PERIOD = 0.002
@@ -89,7 +88,7 @@ def test_eigenvalues_and_frequency_response_agree():
 
 def test_a_margin_is_where_the_loop_begins_to_ring():
     made = design(KNEE, PERIOD)
-    left = made.margins(speed=1.5)
+    left = design_margins(made, speed=1.5)
     plant = sampled(worn_orthosis(KNEE, 1.5), PERIOD, KNEE.delay)
     for factor, grows in ((0.95, False), (1.05, True)):
         matrix = closed_loop(plant, made.linear(1.5), factor * 10 ** (left.gain_db / 20))

@@ -34,7 +34,7 @@ import numpy as np
 
 from pellucid_lab.papers.figure import figure
 from pellucid_lab.papers.paper import Paper
-from pellucid._processes import ordered_results
+from pellucid_lab.processes import ordered_results
 
 SEEDS = range(4)
 

@@ -16,16 +16,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import pellucid as pl
 from pellucid import _processes
-from pellucid._processes import (
-    THREAD_VARIABLES,
-    job_part,
-    keep_helpers,
-    ordered_results,
-    results_with_helpers,
-    shared_results,
-    tell_job_share,
-    with_one_blas_thread,
-)
+from pellucid._processes import THREAD_VARIABLES, keep_helpers, results_with_helpers, with_one_blas_thread
+from pellucid_lab import processes
+from pellucid_lab.processes import job_part, ordered_results, shared_results, tell_job_share
 
 SCRIPT = """
 import math
@@ -59,7 +52,7 @@ def work_in_parts(parts, pause):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_jobs_tell_their_shares_while_they_last(workers, monkeypatch):
-    monkeypatch.setattr(_processes, "SHARE_INTERVAL_S", 0.05)
+    monkeypatch.setattr(processes, "SHARE_INTERVAL_S", 0.05)
     told = []
     made = shared_results(
         [(work_in_parts, 4, 0.1), (work_in_parts, 1, 0.1)], workers, lambda done, share: told.append((done, share)),

@@ -10,8 +10,8 @@ from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.study.rig_instruments import rig_instruments
-from pellucid.controllers.worn import WornCompensator
 from pellucid.study.procedures.registry import open_study
+from pellucid_lab.knee.worn_compensator import WornCompensator
 
 ONE = """
 name = "bench"

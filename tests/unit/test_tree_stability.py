@@ -8,7 +8,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import Law, design
-from pellucid.controllers.stability import LinearSystem, closed_loop, margins, radius, sampled, worn_orthosis
+from pellucid.controllers.stability import LinearSystem, closed_loop, radius, sampled, worn_orthosis
 from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     TreeCoupling,
@@ -18,6 +18,7 @@ from pellucid.controllers.tree_stability import (
     worn_tree,
 )
 from pellucid_lab.arm.tree_margins import least_margins, margins_over, passivity, tree_margins
+from pellucid_lab.knee.loop_margins import margins
 
 PERIOD = 0.002
 KNEE = Coupling(

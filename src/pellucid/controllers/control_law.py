@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -243,12 +242,6 @@ class ControlLaw:
     def fault(self) -> str:
         """Why the effort is 0, or on its way there; "none" while all is well."""
         return self._running.fault
-
-
-def safety_gate(limits, period: float) -> _core.SafetyGate:
-    """Make the gate that every law passes through, by itself and open."""
-    values: dict[str, Any] = gate_values(limits, period) | {"max_repeats": 2}
-    return _core.SafetyGate(**values)
 
 
 def gate_values(limits, period: float) -> dict[str, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from .._errors import PellucidError
 from .control_law import WORN_LAW, ControlLaw, Limits, gate_values
 from .coupling import Coupling, friction_slope
-from .stability import LinearSystem, Margins, bears, margins, swings
+from .stability import LinearSystem, bears, swings
 
 SWING_STEP_COUNT = 5
 """Number of steps in which a law that swings is weakened to nothing."""
@@ -139,11 +139,6 @@ class ResidualDesign:
             command[None, inputs],
         )  # fmt: skip
 
-    def margins(self, plant: Coupling | None = None, speed: float = 1.0, trust: float = 1.0) -> Margins:
-        """Gain and delay margin, at one speed of the friction. `speed` [rad/s]."""
-        plant = plant or self.coupling
-        return margins(plant, self.linear(speed, trust), self.period, speed=speed)
-
 
 def observer_gains(coupling: Coupling, noise: Noise, period: float, speed: float = 1.0, width: float = 0.05) -> tuple:
     """The steady-state Kalman filter of q_e, v_e, D, dD and d on the encoder alone. `period` [s]; `speed`, `width`
@@ -186,37 +181,6 @@ def design(
     law, noise, limits = law or Law(), noise or Noise(), limits or Limits()
     gains = observer_gains(coupling, noise, period, width=width)
     return ResidualDesign(coupling, period, law, noise, limits, gains, width, assist_width, swing)
-
-
-def worst_margins(
-    made: ResidualDesign, plants: Sequence[Coupling], speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0)
-) -> Margins:
-    """The smallest margins over plants that differ from the one designed for, and over speeds. `speeds` [rad/s]."""
-    return worst([made.margins(p, s, trust) for p in plants for s in speeds for trust in (0.0, 1.0)])
-
-
-def worst(found: Sequence[Margins]) -> Margins:
-    """The smallest of several margins."""
-    return Margins(
-        all(f.stable for f in found),
-        min(f.gain_db for f in found),
-        min(f.delay for f in found),
-        max(f.radius for f in found),
-    )
-
-
-def bears_all(
-    made: ResidualDesign,
-    plants: Sequence[Coupling],
-    *,
-    gain_db: float,
-    delay: float,
-    speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
-) -> bool:
-    """Whether margins hold on every plant, at every speed, with and without EMG. `gain_db`, `delay` [dB], [s];
-    `speeds` [rad/s]."""
-    cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
-    return first_failing(made, cases, gain_db=gain_db, delay=delay) is None
 
 
 def first_failing(

@@ -8,10 +8,8 @@ so does the gate's limit of the command's rate, which `swings` asks about.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
@@ -41,16 +39,6 @@ class LinearSystem:
     b: np.ndarray
     c: np.ndarray
     d: np.ndarray
-
-
-@dataclass(frozen=True)
-class Margins:
-    """What a loop bears."""
-
-    stable: bool  # Whether the loop is stable as it is; the margins are 0 where it is not
-    gain_db: float  # Largest factor on the command [dB]; infinite where none up to 40 dB destabilises
-    delay: float  # Largest added dead time [s]; infinite where none up to the search's end destabilises
-    radius: float  # Largest magnitude of the closed loop's eigenvalues [1]
 
 
 def worn_orthosis(coupling: Coupling, speed: float = 1.0) -> LinearSystem:
@@ -147,61 +135,13 @@ def loop_response(plant: LinearSystem, controller: LinearSystem, omega: np.ndarr
     return -(response(controller) @ response(plant)[:, :inputs, :1])[:, 0, 0]
 
 
-def crossings(omega: np.ndarray, response: np.ndarray) -> tuple[float, float]:
-    """Gain and delay margin read off an open loop's frequency response, for a loop that is stable as it is. `omega`
-    (n,) [rad/s]; `response` (n,); gives `gain`, `delay` [s]."""
-    phase = np.unwrap(np.angle(response))
-    size = np.log(np.abs(response))
-    gain = delay = np.inf
-    turn = (phase + np.pi) / (2 * np.pi)  # a whole number where L is on the negative real axis
-    for i in np.flatnonzero(np.floor(turn[1:]) != np.floor(turn[:-1])):
-        whole = max(np.floor(turn[i]), np.floor(turn[i + 1]))
-        share = (whole - turn[i]) / (turn[i + 1] - turn[i])
-        factor = np.exp(-(size[i] + share * (size[i + 1] - size[i])))
-        if factor > 1:
-            gain = min(gain, factor)
-    for i in np.flatnonzero(np.sign(size[1:]) != np.sign(size[:-1])):
-        share = -size[i] / (size[i + 1] - size[i])
-        at = omega[i] + share * (omega[i + 1] - omega[i])
-        left = (phase[i] + share * (phase[i + 1] - phase[i]) + np.pi) % (2 * np.pi)
-        delay = min(delay, left / at)
-    return float(gain), float(delay)
-
-
-def margins(
-    coupling: Coupling,
-    controller: LinearSystem,
-    period: float,
-    *,
-    speed: float = 1.0,
-    most_delay: float = 0.1,
-) -> Margins:
-    """Gain and delay margin of a controller on a worn orthosis, from the closed loop's eigenvalues. `period` [s];
-    `speed` [rad/s]; `most_delay` [s]."""
-    plant = _seen_by_controller(coupling, speed)
-    held = sampled(plant, period, coupling.delay)
-    own = radius(closed_loop(held, controller))
-    if own >= 1:
-        return Margins(False, 0.0, 0.0, own)
-
-    def unstable_gain(decibel: float) -> bool:
-        return radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1
-
-    def unstable_delay(delay: float) -> bool:
-        return radius(closed_loop(sampled(plant, period, coupling.delay + delay), controller)) >= 1
-
-    gain = _first(unstable_gain, np.arange(0, 40.1, 1.0))
-    delay = _first(unstable_delay, np.arange(0, most_delay + 1e-9, 0.004))
-    return Margins(True, gain, delay, own)
-
-
 def bears(
     coupling: Coupling, controller: LinearSystem, period: float, *, gain_db: float, delay: float, speed: float = 1.0
 ) -> bool:
     """Whether a loop is stable as it is, and with the factor and with the added dead time asked for, and half of
     each.
 
-    What `margins` says of both, unless a loop is unstable for a narrow range in between alone; in a tenth of its time.
+    A loop that is unstable for a narrow range in between alone is not found.
 
     `gain_db`, `delay` [dB], [s].
     """
@@ -281,14 +221,3 @@ def _seen_by_controller(coupling: Coupling, speed: float) -> LinearSystem:
 def _held(coupling: Coupling, speed: float, period: float, late: float) -> LinearSystem:
     """The same sampled, that much later: a search asks for the same plant again and again."""
     return sampled(_seen_by_controller(coupling, speed), period, coupling.delay + late)
-
-
-def _first(fails: Callable[[float], bool], grid: np.ndarray) -> float:
-    """Where a condition first holds along a grid, by bisection; infinite where it never does."""
-    for low, high in pairwise(grid):
-        if fails(high):
-            while high - low > 1e-4 * max(high, 1e-3):
-                middle = (low + high) / 2
-                low, high = (low, middle) if fails(middle) else (middle, high)
-            return float(low)
-    return float("inf")

@@ -4,7 +4,7 @@ Margins are asked of one joint with the others' loops closed, and of all togethe
 `pellucid.controllers.tree_stability`. Beside them stands what needs no limb: how much damping a person must bring
 before any limb that is itself passive can be held without ringing [1]_ (the robot's passivity, that of its impedance).
 
-For one joint the margins are what `pellucid.controllers.stability` says, and a test holds them to that.
+For one joint the margins are what `pellucid_lab.knee.loop_margins` says, and a test holds them to that.
 
 .. [1] J. E. Colgate, J. M. Brown, "Factors affecting the Z-width of a haptic display", Proc. IEEE ICRA, 1994.
 """
@@ -19,7 +19,7 @@ import numpy as np
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.controllers.stability import LinearSystem, crossings, radius
+from pellucid.controllers.stability import LinearSystem, radius
 from pellucid.controllers.tree_stability import (
     DRAWN_LIMBS,
     Limb,
@@ -29,6 +29,8 @@ from pellucid.controllers.tree_stability import (
     with_limb,
     worn_tree,
 )
+
+from ..knee.loop_margins import crossings
 
 MOST_GAIN = 40.0
 """The search for a gain margin ends at this gain [dB]."""

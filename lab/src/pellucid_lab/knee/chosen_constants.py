@@ -14,8 +14,9 @@ from pathlib import Path
 
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import Law, Noise, ResidualDesign, design, within
-from pellucid.controllers.worn import StrapLearning
 from pellucid.emg.estimators.causal_map import EmgSettings
+
+from .worn_compensator import StrapLearning
 
 CONSTANTS_FILE = Path(__file__).with_name("chosen.toml")
 """File of the constants."""

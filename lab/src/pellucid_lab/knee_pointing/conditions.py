@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 from pellucid._errors import StudyError
 from pellucid.controllers.residual_compensator import ResidualDesign
-from pellucid.controllers.worn import WornCompensator, design_worn_law
+from pellucid.controllers.worn import design_worn_law
 from pellucid.emg.estimators.causal_map import EmgSettings
 
 from ..knee.chosen_constants import chosen, design_reproduced_law
 from ..knee.identified_wearer import IdentifiedWearer
 from ..knee.rig import KneeRig
+from ..knee.worn_compensator import WornCompensator
 from .session import LegLaw
 
 

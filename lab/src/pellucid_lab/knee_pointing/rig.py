@@ -9,14 +9,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from pellucid._processes import ordered_results
-
 from ..knee.drawn import drawn_rig
 from ..knee.identified_wearer import IdentifiedWearer, identify_wearer_of
 from ..knee.instruments import draw_mounting
 from ..knee.rig import KneeRig
 from ..knee.subject import EXTENSOR_MUSCLE, FLEXOR_MUSCLE
 from ..pointing.instruments import COMMON_COLUMNS, ROBOT_COLUMNS, film_segment
+from ..processes import ordered_results
 from ..recorded_table import MAIN_STREAM, MARKER_STREAM, Column, StoredTable, emg_columns, marker_columns, store_emg
 from ..rig import Rig, Taken, Trial
 from ..shipped_rigs import shipped_rig

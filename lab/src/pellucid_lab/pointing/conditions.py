@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pellucid._errors import PellucidError, StudyError
-from pellucid._processes import tell_job_share
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
 from pellucid.controllers.elbow_laws import full_compensation
@@ -30,6 +29,7 @@ from pellucid.people.movements import MovementRule, movements
 
 from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
+from ..processes import tell_job_share
 from ..study import record_in_memory
 from .people import Person, draw_people
 from .session import CONTROL_CONDITION, Conditions, PointingSession, simulate_sessions, true_motion

@@ -18,13 +18,13 @@ import numpy as np
 from scipy.stats import qmc
 
 from pellucid._errors import PellucidError
-from pellucid._processes import ordered_results
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.transparent_laws import expecting_load
 from pellucid.models.anthropometry import Segment
 
 from ..elbow.rig import ElbowRig, with_fastened_load
+from ..processes import ordered_results
 from .conditions import Cards, choose_exponents, controller_builder, identify_cards, offered_controller
 from .people import Person, draw_people
 from .predicted_indices import PREDICTED_INDICES, PREDICTED_INDICES_BY_NAME, change

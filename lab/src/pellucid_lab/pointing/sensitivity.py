@@ -24,8 +24,8 @@ from types import ModuleType
 import numpy as np
 
 from pellucid._errors import missing_package
-from pellucid._processes import ordered_results
 
+from ..processes import ordered_results
 from .conditions import EXPONENT_CANDIDATES, Cards, identify_cards
 from .people import draw_people
 from .predicted_indices import PREDICTED_INDICES

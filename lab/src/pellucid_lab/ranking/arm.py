@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 
-from pellucid._processes import job_part, tell_job_share
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.controllers.tree_laws import TreeLaw, carried, with_force_sensor
@@ -21,6 +20,7 @@ from ..arm.single_faults import KINDS, FaultyLaw, LawInput, compare_with_healthy
 from ..arm.wearer import Person, drawn_people
 from ..arm.worn_trial import ArmLaw, WornTrial, run
 from ..papers.able.arm_worn import LAWS, LAWS_WITH_FORCE_SENSOR
+from ..processes import job_part, tell_job_share
 from ..safety.fault_table import FAULT_KINDS
 from .foreign_law import ForeignLaw, ForeignProcess
 from .strategies import REACHING_TASK, strategies_of_task

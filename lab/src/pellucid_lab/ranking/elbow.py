@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pellucid._processes import job_part, tell_job_share
 from pellucid.controllers.control_law import ControlLaw, step_times
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER
 from pellucid.controllers.supervised import SupervisedLaw
@@ -30,6 +29,7 @@ from ..pointing.predicted_indices import change
 from ..pointing.rig import PointingRig, elbow_participants
 from ..pointing.session import CONTROL_CONDITION, PointingSession, RobotLaw, Unpowered, simulate_session
 from ..pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ..processes import job_part, tell_job_share
 from ..safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS, try_law
 from ..safety.worn_robot import WornRobot, make_worn_robot
 from .foreign_elbow import elbow_law_of

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from pellucid._processes import job_part
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.controllers.worn import design_worn_law, other_straps
 
@@ -21,6 +20,7 @@ from ..knee.trial import Controller, KneeReadings, run_trial
 from ..papers.knee.controllers import BuiltController, controllers
 from ..papers.knee.residual import identify_by_name, session_of
 from ..papers.knee.swings import SETTLING_TIME_S, holds_margins, rms_mismatch_and_torque, without_control, without_power
+from ..processes import job_part
 from .foreign_law import ForeignLaw, ForeignLaws
 from .knee_faults import knee_in_use, worst_foreign_knee_fault, worst_knee_fault
 from .strategies import SWING_TASK, WALKING_TASK, strategies_of_task

@@ -12,14 +12,14 @@ from contextlib import closing
 
 import numpy as np
 
-from pellucid._processes import tell_job_share
 from pellucid.controllers.supervised import SupervisedLaw
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.controllers.worn import WornCompensator
 
 from ..knee.rig import KneeRig
 from ..knee.trial import Controller
+from ..knee.worn_compensator import WornCompensator
 from ..papers.knee.body_laws import BodyLaw
+from ..processes import tell_job_share
 from ..safety.fault_table import DETECTABLE_FAULTS, FAULT_KINDS
 from ..safety.worn_knee import KNOWLEDGE_LOG_SD, KneeInUse, LawCommand, try_worn_law
 from .foreign_law import ForeignLaw, ForeignProcess

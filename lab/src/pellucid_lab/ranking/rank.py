@@ -11,11 +11,11 @@ import numpy as np
 
 from pellucid._errors import PellucidError
 from pellucid._given import require_folder
-from pellucid._processes import shared_results
 from pellucid.numerics.tied_ranks import tied_ranks
 from pellucid.people.friedman import friedman, nemenyi
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 
+from ..processes import shared_results
 from .arm import arm_pair
 from .board import add_to_board
 from .elbow import elbow_pair

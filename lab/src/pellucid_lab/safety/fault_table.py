@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pellucid import _core
-from pellucid._processes import ordered_results
 from pellucid.controllers.supervised import SupervisedLaw
 
 from ..drive_reading import stated_readings
@@ -20,6 +19,7 @@ from ..elbow.rig import able_elbow, drawn_rigs
 from ..pointing.conditions import identify_cards
 from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
+from ..processes import ordered_results
 from .worn_robot import LAWS, WornRobot, draw_sudden_stops, make_worn_robot
 
 JUDGED_SEED = 20290115

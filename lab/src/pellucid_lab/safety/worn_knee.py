@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pellucid import _core
-from pellucid._processes import ordered_results
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import ResidualDesign
 from pellucid.controllers.supervised import SupervisedLaw
@@ -25,6 +24,7 @@ from ..drive_reading import EXACT_READING, DriveReading, stated_readings
 from ..knee.drawn import drawn_rig
 from ..knee.rig import KneeRig, knee_orthosis
 from ..knee.wearer import Acting, swinging
+from ..processes import ordered_results
 from .fault_table import FAULT_KINDS, MAX_WATCH_S, ONSET_RANGE_S, FaultTable, FaultTrial, HealthyLife, join_tables
 
 JUDGED_WEARERS = 901

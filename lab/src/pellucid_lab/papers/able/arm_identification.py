@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pellucid._errors import DatasetError
-from pellucid._processes import ordered_results
 from pellucid.arm.fit.consistent_inertias import fit_consistent, least_eigenvalue
 from pellucid.arm.fit.drive_gains import gains_from_payload
 from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, make_tree_estimate
@@ -27,6 +26,7 @@ from ...arm.card_law import card_of, motions_of
 from ...arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 from ...arm.protocol import ArmTrial, followed
 from ...arm.rig import ArmRig
+from ...processes import ordered_results
 from .directional_sets import DirectionalRow, compare_directional
 
 LOAD_FRICTION_FAMILY = ("viscous", "coulomb", "offset", "load")

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pellucid._errors import PellucidError
-from pellucid._processes import ordered_results
 from pellucid.controllers.tree_laws import TreeLaw, carried, full_compensation, transparent, with_force_sensor
 
 from ...arm.card_law import CardLaw, card_of, identified, sensor_points
@@ -22,6 +21,7 @@ from ...arm.human_motion import people
 from ...arm.rig import ArmRig
 from ...arm.wearer import Person, drawn_people
 from ...arm.worn_trial import motion_of, run
+from ...processes import ordered_results
 
 LAWS: Mapping[str, Callable[..., TreeLaw]] = {
     "fc": full_compensation,

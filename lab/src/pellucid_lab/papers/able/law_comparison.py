@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 
 from ...elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -29,6 +28,7 @@ from ...pointing.people import Person, draw_people
 from ...pointing.rig import PointingRig, elbow_participants
 from ...pointing.session import RobotLaw, Unpowered, simulate_session, standstill_speed
 from ...pointing.session_indices import injected_energy
+from ...processes import ordered_results
 from ..figure import Reproduced, figure
 from .elbow import able_elbow as able_elbow_as_published
 

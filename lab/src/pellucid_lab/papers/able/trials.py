@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_rel
 
-from pellucid._processes import ordered_results
 from pellucid.joint.slider.study.identify_slider import directional_friction, fit_slider
 from pellucid.joint.slider.three_steps import SLIDER_METHODS, SliderFit
 
 from ...elbow.protocol import ElbowTrial, trials
 from ...elbow.rig import ElbowRig
+from ...processes import ordered_results
 from ...study import record_in_memory
 
 TRIAL_PREFIXES = {

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from pellucid._processes import ordered_results
 from pellucid.study.pages.page import Section, Tile
 from pellucid.study.pages.quantities import number
 
+from ...processes import ordered_results
 from ...seated.protocol import SeatedTrial, seated_trials
 from ...seated.rig import SeatedRig, load_seated_rig
 from ...seated.subject import subjects

@@ -14,11 +14,8 @@ from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import (
     ResidualDesign,
     weakenings,
-    worst,
-    worst_margins,
 )
-from pellucid.controllers.stability import Margins, bears, margins
-from pellucid.controllers.worn import WornCompensator
+from pellucid.controllers.stability import bears
 
 from ...knee.chosen_constants import (
     MARGIN_SPEEDS_RAD_S,
@@ -29,7 +26,9 @@ from ...knee.chosen_constants import (
     uncertain_straps,
 )
 from ...knee.identified_wearer import WearerCard
+from ...knee.loop_margins import Margins, margins, worst, worst_margins
 from ...knee.trial import Controller
+from ...knee.worn_compensator import WornCompensator
 from .body_laws import BodyLaw, amplification_law, body_law, law_with_oscillator, law_with_rules, learn_orthosis_rules
 from .fuzzy import FuzzyCompensation
 from .pid_tuning import tune_pid

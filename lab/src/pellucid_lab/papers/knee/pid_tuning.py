@@ -10,8 +10,10 @@ import numpy as np
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.residual_compensator import Law, ResidualDesign, bears_all
+from pellucid.controllers.residual_compensator import Law, ResidualDesign
 from pellucid.controllers.stability import LinearSystem, sampled, worn_orthosis
+
+from ...knee.loop_margins import bears_all
 
 
 def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:

@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from pellucid._processes import ordered_results
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.page import Section
 
 from ...knee.chosen_constants import REQUIRED_DELAY_MARGIN_S, REQUIRED_GAIN_MARGIN_DB
 from ...knee.rig import knee_orthosis
+from ...processes import ordered_results
 from ..figure import Reproduced, figure, spread
 from .controllers import CONTROLLER_WORDS
 from .knee_figures import ControllerRatios, torque_ratios

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.controllers.control_law import Limits, safety_gate
+from pellucid import _core
+from pellucid.controllers.control_law import Limits, gate_values
 from pellucid.controllers.coupling import Coupling
 
 
@@ -67,7 +68,7 @@ class StrapLaw(ABC):
 
     def __post_init__(self):
         self.observer = StrapTorqueObserver(self.coupling, self.period)
-        self._gate = safety_gate(self.limits, self.period)
+        self._gate = _core.SafetyGate(**{**gate_values(self.limits, self.period), "max_repeats": 2})
         self._count = 0
 
     @property

@@ -21,13 +21,13 @@ from pellucid._atomic import write_text_atomically
 from pellucid._errors import PellucidError
 from pellucid._processes import processes
 from pellucid.controllers.residual_compensator import Law, Noise, ResidualDesign
-from pellucid.controllers.worn import WornCompensator
 from pellucid.emg.estimators.causal_map import EmgSettings
 
 from ...knee.chosen_constants import CONSTANTS_FILE, ChosenConstants, design_reproduced_law
 from ...knee.identified_wearer import IdentifiedWearer, WearerCard, card_with_coupling_errors
 from ...knee.rig import knee_orthosis
 from ...knee.trial import KneeReadings
+from ...knee.worn_compensator import WornCompensator
 from .controllers import BODY_LAW_WORDS, body_controllers, controllers
 from .residual import TUNING_WEARER_SEEDS, identify_by_name, session_of
 from .swings import (

@@ -16,7 +16,7 @@ import numpy as np
 
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.supervised import SupervisedLaw
-from pellucid.controllers.worn import WornCompensator, watched_worn
+from pellucid.controllers.worn import watched_worn
 from pellucid.study.pages.forest import Row, number_table
 from pellucid.study.pages.page import Section
 
@@ -25,6 +25,7 @@ from ...knee.identified_wearer import WearerCard
 from ...knee.moving_thigh import LawWithFootSwitch, LawWithThighSensor, MovingThigh, thigh_trial, walking_thigh
 from ...knee.rig import KneeRig
 from ...knee.trial import Controller, run_trial
+from ...knee.worn_compensator import WornCompensator
 from ..figure import Reproduced, figure
 from .controllers import BODY_LAW_WORDS, CONTROLLER_WORDS, BuiltController, controllers
 from .residual import RECORDING_SEED, identify_by_name
