@@ -26,6 +26,7 @@ from . import layout
 from .clock_tracker import ClockState
 from .intake import NAMES_WORD
 from .recorder import NOTE_ENDING
+from .replay import record_channels
 from .setup import SESSION_VARIABLE, EngineSetup, Task, settings_text
 from .shared_memory import (
     PRIVATE_MODE,
@@ -600,32 +601,3 @@ class LiveEngine:
             faults=tuple(self._faults),
             clocks={ring.name: ring.clock for ring in self.streams},
         )
-
-
-def record_channels(records: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the channels of records by name, each shape (n,), SI."""
-    valid = (records["valid"][:, None] >> np.arange(6, dtype=np.uint32) & 1).astype(bool)
-    values = np.where(valid, records["value"], np.nan)
-    return {
-        "position": values[:, 0],
-        "velocity": records["velocity"],
-        "torque": records["effort"],
-        "interaction": records["value"][:, 2],
-        "muscle": values[:, 3],
-        "drive": records["drive_torque"],
-        "target": records["target"],
-        "limb": records["limb_position"],
-        "flexor": records["flexor"],
-        "extensor": records["extensor"],
-        "state": records["state"].astype(float),
-        "mode": records["mode"].astype(float),
-        "fault": records["fault"].astype(float),
-        "condition": records["law"].astype(float),
-        "task": records["task"].astype(float),
-        "late": (records["flags"] & layout.FLAG_LATE).astype(float),
-        "lateness": 1e-9 * (records["time"] - records["deadline"]),
-        "compute": 1e-9 * records["compute"],
-        "estimate": records["torque_estimate"],
-        "estimate_low": records["torque_estimate"] - records["torque_half_width"],
-        "estimate_high": records["torque_estimate"] + records["torque_half_width"],
-    }

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import PellucidError
-from ..controllers.control_law import JOINT_LAW, ControlLaw, Limits
+from ..controllers.control_law import JOINT_LAW, ControlLaw, Limits, gate_values
 from ..controllers.instruments import Instruments
 from ..controllers.supervised import SupervisedLaw, body_of, supervised
 from ..controllers.supervisor_faults import NO_FAULT
@@ -21,9 +21,6 @@ from . import layout
 
 ASSUMED_RATES_HZ = (50.0, 100.0, 200.0, 500.0, 1000.0)
 """Rates at which a log without a clock is judged: those of published controllers of wearable robots."""
-
-MAX_LOG_AGE_PERIODS = 5.0
-"""Samples of a log may be this many of its periods apart before they are a gap."""
 
 RESPONSE_WORDS = ("a damped stop", "no power")
 """What a supervisor does when it stops."""
@@ -96,21 +93,13 @@ def passed_through(limits: Limits, period: float, instruments: Instruments | Non
     instruments : Instruments or None
         What the robot measures; None: an encoder alone.
     """
-    low, high = limits.position
-    numbers = JOINT_LAW.defaults | {
+    numbers = JOINT_LAW.defaults | gate_values(limits, period) | {
         "inertia": NO_BODY_INERTIA,
         "velocity_width": 0.1,
         "gravity_share": 1.0,
         "friction_share": 0.0,
         "bandwidth": min(JOINT_LAW.defaults["bandwidth"], 0.5 / period),
-        "effort_limit": limits.effort,
-        "rate_limit": limits.rate,
-        "velocity_limit": limits.velocity,
-        "position_min": low,
-        "position_max": high,
-        "stop_margin": limits.stop_margin,
-        "max_age": MAX_LOG_AGE_PERIODS * period,
-        "period": period,
+        "max_repeats": 0.0,  # every sample of a log is a new one, however often its values repeat
     }
     law = ControlLaw(JOINT_LAW.name, numbers)
     return supervised(law, instruments=instruments, body=dict.fromkeys(body_of(law), 0.0), start_up=False)

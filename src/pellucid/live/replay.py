@@ -53,17 +53,40 @@ RAW_COLUMNS = (
 """Names of the columns of the stream "engine": a replay needs nothing else."""
 
 
+def record_channels(records: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the channels of records by name, each shape (n,), SI."""
+    valid = (records["valid"][:, None] >> np.arange(6, dtype=np.uint32) & 1).astype(bool)
+    values = np.where(valid, records["value"], np.nan)
+    return {
+        "position": values[:, 0],
+        "velocity": records["velocity"],
+        "torque": records["effort"],
+        "interaction": records["value"][:, 2],
+        "muscle": values[:, 3],
+        "drive": records["drive_torque"],
+        "target": records["target"],
+        "limb": records["limb_position"],
+        "flexor": records["flexor"],
+        "extensor": records["extensor"],
+        "state": records["state"].astype(float),
+        "mode": records["mode"].astype(float),
+        "fault": records["fault"].astype(float),
+        "condition": records["law"].astype(float),
+        "task": records["task"].astype(float),
+        "late": (records["flags"] & layout.FLAG_LATE).astype(float),
+        "lateness": 1e-9 * (records["time"] - records["deadline"]),
+        "compute": 1e-9 * records["compute"],
+        "estimate": records["torque_estimate"],
+        "estimate_low": records["torque_estimate"] - records["torque_half_width"],
+        "estimate_high": records["torque_estimate"] + records["torque_half_width"],
+    }
+
+
 def robot_values(records: np.ndarray) -> np.ndarray:
     """Return the values of the stream "robot", shape (n, k), in the order of `READABLE_COLUMNS`."""
-    valid = (records["valid"][:, None] >> np.arange(6, dtype=np.uint32) & 1).astype(bool)
-    shown = np.where(valid, records["value"], np.nan)
-    columns = [
-        shown[:, 0], records["velocity"], records["effort"], records["value"][:, 2], shown[:, 3],
-        records["drive_torque"], records["target"], records["limb_position"], records["task"], records["law"],
-        records["state"], records["mode"], records["fault"], records["flags"] & layout.FLAG_LATE,
-        records["torque_estimate"], records["torque_half_width"],
-    ]  # fmt: skip
-    return np.column_stack([np.asarray(column, float) for column in columns])
+    channels = record_channels(records)
+    channels |= {name: records[name] for name in ("torque_estimate", "torque_half_width")}
+    return np.column_stack([np.asarray(channels[name], float) for name, _ in READABLE_COLUMNS])
 
 
 def raw_values(records: np.ndarray) -> np.ndarray:

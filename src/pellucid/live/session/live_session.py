@@ -13,7 +13,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -43,8 +43,10 @@ from .running_task import (
     first_angle,
     running_task,
 )
-from .session_engine import SessionEngine
 from .trial_plan import EmgLevels, EmgSource, PlannedTrial
+
+if TYPE_CHECKING:
+    from ..engine import LiveEngine
 
 
 class Phase(StrEnum):
@@ -150,7 +152,7 @@ class LiveSession:
     ----------
     study : Study
         With a table ``[session]``.
-    engine : SessionEngine
+    engine : LiveEngine
     plan : sequence of PlannedTrial
         Trials that are still to be done.
     total : int
@@ -168,7 +170,7 @@ class LiveSession:
     def __init__(
         self,
         study: Study,
-        engine: SessionEngine,
+        engine: LiveEngine,
         plan: Sequence[PlannedTrial],
         participant: str,
         *,

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..._atomic import write_text_atomically
 from ..._errors import StudyError
@@ -28,8 +28,10 @@ from ...study.study import STUDY_FILE, Study
 from .live_session import LiveSession
 from .page_server import PageServer
 from .recorded_trial import RECORDINGS_FOLDER, recorded_names
-from .session_engine import SessionEngine
 from .trial_plan import PlannedTrial, plan_trials
+
+if TYPE_CHECKING:
+    from ..engine import LiveEngine
 
 COMMAND_LIMIT_S = 3600.0
 """Longest time that one command may take at the end of a session [s]."""
@@ -68,7 +70,7 @@ def live(
     unattended: bool = False,
     open_pages: bool = False,
     on_ready: Callable[[PageServer], None] | None = None,
-    engine: Callable[[Study, Sequence[PlannedTrial]], SessionEngine] | None = None,
+    engine: Callable[[Study, Sequence[PlannedTrial]], LiveEngine] | None = None,
 ) -> SessionResult:
     """Run a participant's session.
 
