@@ -74,14 +74,13 @@ JUDGES: dict[str, tuple[str, ...]] = {
 solves for the friction of virtual joints at rest, and no supervisor uses it."""
 
 PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
-    "supervised": (None, ("test_supervisor_thresholds", "test_supervised")),
-    "probe": (None, ("test_probe",)),
+    "supervised": (None, ("test_supervisor_thresholds", "test_supervised", "test_probe")),
     "worn": (frozenset({"watched_worn"}), ("test_supervisor_thresholds",)),
     "joint_compensation": (
-        frozenset({"compensation", "carried_body", "known_speed", "suggested_limits", "carried"}),
+        frozenset({"compensation", "carried_body", "known_speed", "suggested_limits", "carried", "_body_of"}),
         ("test_supervisor_thresholds",),
     ),
-    "limits": (None, ("test_supervisor_thresholds",)),
+    "control_law": (frozenset({"Limits", "gate_values"}), ("test_supervisor_thresholds",)),
     "tree_laws": (
         frozenset(
             {"carried", "instruments_of", "reach_of", "suggested_limits", "with_force_sensor", "_test", "_watch"}

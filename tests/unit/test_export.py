@@ -18,7 +18,7 @@ import pellucid
 from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.controllers.control_law import LAWS, ControlLaw, warn_of_unmeasured_drive
+from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.export.c_folder import check_on_host, read_constants, write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues, joint_values
@@ -27,6 +27,7 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.controllers.export.replay_vector import SUPERVISOR_VARIANTS
 from pellucid.controllers.residual_compensator import design
 from pellucid.controllers.supervised import PROBE_ANSWER_ERROR, PROBE_ANSWER_NAMES, SUPERVISOR_NAMES
+from pellucid.controllers.supervisor_faults import warn_of_unmeasured_drive
 from pellucid.models.card import CardParameter, ModelCard, write_card
 from pellucid.models.slider_joint import SliderCard
 from pellucid.study.exporter import core_headers, needed_headers

@@ -734,8 +734,21 @@ def commissioned_bounds(answer: float) -> tuple[float, float]:
     return least * answer, most * answer
 
 
-def drive_tolerances(instruments: CompleteInstruments, effort: float, period: float) -> dict[str, float]:
-    """Return the numbers of the drive watch that follow from its measurement, SI.
+def encoder_watch(instruments: CompleteInstruments, low: float, high: float, period: float) -> dict[str, float]:
+    """Return the numbers of the watch of a joint's encoders, whose law may go from `low` to `high`, SI."""
+    return {
+        "range_min": low - POSITION_RANGE_MARGIN,
+        "range_max": high + POSITION_RANGE_MARGIN,
+        "encoder_resolution": instruments.encoder_resolution,
+        "freeze_speed": MAX_GRIP_DECELERATION * period,
+        "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
+        "joint_expected": float(instruments.joint_encoder),
+        "joint_tolerance": instruments.joint_tolerance,
+    }
+
+
+def drive_watch(instruments: CompleteInstruments, effort: float, period: float) -> dict[str, float]:
+    """Return the numbers of the drive watch that follow from its measurement, SI, but for how late a drive may be.
 
     `effort` is the law's limit and `period` that of the control. The usual accuracy gives the usual numbers; what
     exceeds it widens them.
@@ -746,6 +759,15 @@ def drive_tolerances(instruments: CompleteInstruments, effort: float, period: fl
     lag = max(instruments.drive_lag - DRIVE_LAG_S, 0.0)
     slow = max(DRIVE_LAG_FACTOR * lag, TEST_HALF_WAVE_S) if lag > 0.0 else 0.0
     return {
+        "drive_expected": float(instruments.drive),
+        "drive_limit": instruments.drive_limit,
+        "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
+        "drive_gain": instruments.drive_gain_error,
+        "drive_offset": instruments.drive_offset,
+        "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
+        "drive_delay_rate": DRIVE_DELAY_RATE_SHARE * effort,
+        "drive_delay_smoothing": min(DRIVE_DELAY_SMOOTHING, 0.2 / period),
+        "drive_delay_forget": min(DRIVE_DELAY_FORGET, 0.2 / period),
         "drive_tolerance": DRIVE_TOLERANCE_SHARE * effort + offset + DRIVE_NOISE_FACTOR * noise,
         "drive_share": min(known["drive_share"] + max(instruments.drive_gain_error - DRIVE_GAIN_ERROR, 0.0), 1.0),
         "drive_cycles": known["drive_cycles"] + math.ceil(slow / period),
@@ -798,13 +820,7 @@ def supervision_of(
     )
     made = {
         "raw_speed_limit": speed,
-        "range_min": v["position_min"] - POSITION_RANGE_MARGIN,
-        "range_max": v["position_max"] + POSITION_RANGE_MARGIN,
-        "encoder_resolution": complete.encoder_resolution,
-        "freeze_speed": MAX_GRIP_DECELERATION * period,
-        "freeze_samples": max(2.0, round(ENCODER_FREEZE_S / period)),
-        "joint_expected": float(instruments.joint_encoder),
-        "joint_tolerance": instruments.joint_tolerance,
+        **encoder_watch(complete, v["position_min"], v["position_max"], period),
         **{f"body_{name}": value for name, value in body.items()},
         "residual_bandwidth": min(known["residual_bandwidth"], 0.2 / period),
         "residual_slow": min(known["residual_slow"], 0.05 / period),
@@ -814,20 +830,11 @@ def supervision_of(
         "muscle_expected": float(law.emg),
         "muscle_range": instruments.emg_range,
         "muscle_quiet_samples": max(2.0, round(SENSOR_QUIET_S / period)),
-        "drive_expected": float(instruments.drive),
-        **drive_tolerances(complete, effort, period),
+        **drive_watch(complete, effort, period),
         "drive_late": math.exp(-period / (DRIVE_RESPONSE_S + max(complete.drive_lag - DRIVE_LAG_S, 0.0))),
-        "drive_limit": instruments.drive_limit,
-        "drive_surplus": DRIVE_SURPLUS_TRAVEL * effort,
-        "drive_gain": instruments.drive_gain_error,
-        "drive_offset": complete.drive_offset,
-        "drive_forget": -math.expm1(-period / DRIVE_FORGET_S),
         "drive_delay": DRIVE_DELAY_S + period + max(complete.drive_lag - DRIVE_LAG_S, 0.0)
         if instruments.drive
         else math.inf,
-        "drive_delay_rate": DRIVE_DELAY_RATE_SHARE * effort,
-        "drive_delay_smoothing": min(DRIVE_DELAY_SMOOTHING, 0.2 / period),
-        "drive_delay_forget": min(DRIVE_DELAY_FORGET, 0.2 / period),
         "drive_delay_share": DRIVE_DELAY_SHARE,
         "push_limit": effort + exchanged,
         "ringing_limit": max(

@@ -30,9 +30,9 @@ from ...study.exporter import (
     refuse_other_makefile,
     write_files,
 )
-from ..control_law import LAWS, LawSensor, warn_of_unmeasured_drive
+from ..control_law import LAWS, LawSensor
 from ..supervised import SUPERVISOR_NAMES
-from ..supervisor_faults import SUPERVISOR_FAULTS
+from ..supervisor_faults import SUPERVISOR_FAULTS, warn_of_unmeasured_drive
 from .controller_values import ControllerValues
 from .replay_vector import SUPERVISOR_VARIANTS, replay_vector
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..._errors import PellucidError
 from ...study.exporter import ExportRequest, find_exporter
 from ...study.study import Study
-from ..control_law import warn_of_unmeasured_drive
+from ..supervisor_faults import warn_of_unmeasured_drive
 from .c_folder import read_constants
 from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
