@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -190,13 +191,21 @@ def first_failing(
 
     `cases` are plants, speeds [rad/s] and shares of EMG; `gain_db` and `delay` are the margins in dB and s.
     """
-    loops: dict[tuple[float, float], LinearSystem] = {}
-    for i, (plant, speed, trust) in enumerate(cases):
-        if (speed, trust) not in loops:
-            loops[speed, trust] = made.linear(speed, trust)
-        if not bears(plant, loops[speed, trust], made.period, gain_db=gain_db, delay=delay, speed=speed):
-            return i
-    return None
+
+    def fails(plant: Coupling, loop: LinearSystem, speed: float) -> bool:
+        return not bears(plant, loop, made.period, gain_db=gain_db, delay=delay, speed=speed)
+
+    return _first_case(made, cases, fails)
+
+
+def _first_case(
+    made: ResidualDesign,
+    cases: Sequence[tuple[Coupling, float, float]],
+    fails: Callable[[Coupling, LinearSystem, float], bool],
+) -> int | None:
+    """Return the index of the first case whose plant, loop and speed fail, or None."""
+    loop = cache(made.linear)
+    return next((i for i, (plant, *at) in enumerate(cases) if fails(plant, loop(*at), at[0])), None)
 
 
 def weakenings(count: int = 5) -> list[tuple[float, float]]:
@@ -213,14 +222,12 @@ def first_swinging(
     `cases` are as in `first_failing`. With `small` only small motions are asked about, and else those at the limit of
     rate, too.
     """
-    loops: dict[tuple[float, float], LinearSystem] = {}
-    for i, (plant, speed, trust) in enumerate(cases):
-        if (speed, trust) not in loops:
-            loops[speed, trust] = made.linear(speed, trust)
-        rate = math.inf if small else made.limits.rate
-        if swings(plant, loops[speed, trust], made.period, effort=made.limits.effort, rate=rate, speed=speed):
-            return i
-    return None
+    rate = math.inf if small else made.limits.rate
+
+    def fails(plant: Coupling, loop: LinearSystem, speed: float) -> bool:
+        return swings(plant, loop, made.period, effort=made.limits.effort, rate=rate, speed=speed)
+
+    return _first_case(made, cases, fails)
 
 
 def within(

@@ -814,9 +814,7 @@ def supervision_of(
     exchanged = left + law.supported + law.unstated
     load_weight = 0.0 if law.load is None else law.load.gravity()
     wrong_weight = (
-        MODEL_WEIGHT_ERROR_SHARE * max(weight - load_weight, 0.0)
-        + LOAD_WEIGHT_ERROR_SHARE * load_weight
-        + law.unstated
+        MODEL_WEIGHT_ERROR_SHARE * max(weight - load_weight, 0.0) + LOAD_WEIGHT_ERROR_SHARE * load_weight + law.unstated
     )
     made = {
         "raw_speed_limit": speed,

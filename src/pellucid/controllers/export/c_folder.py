@@ -63,6 +63,7 @@ EXACT_FLAGS = "-ffp-contract=off -fno-math-errno"
 SAFE_FLAGS = "-fno-exceptions -fno-rtti -fno-threadsafe-statics"
 """Compiler options of C++ without what a microcontroller has no memory for."""
 
+
 def template_folder() -> Path:
     """Return the folder of the templates from which exported files are made."""
     return Path(__file__).parent / "templates"

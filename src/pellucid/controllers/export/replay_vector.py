@@ -3,9 +3,9 @@ outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -174,6 +174,11 @@ class Reading:
     valid: int = 1  # 1 for a valid sample, else 0
 
 
+def float_bits(value: float | np.float32) -> str:
+    """Return the bits of a number in single precision as a C literal."""
+    return f"0x{int(np.float32(value).view(np.uint32)):08x}u"
+
+
 @dataclass(frozen=True)
 class StepInputs:
     """Inputs of one step of the controller."""
@@ -185,14 +190,18 @@ class StepInputs:
     drive: float = 0.0  # difference between the drive's measurement and the last effort [N m]
 
     @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers beside the samples."""
+        return (self.drive,)
+
+    @property
     def text(self) -> str:
         """The inputs as a C initialiser."""
+        numbers = "".join(f"{float_bits(number)}, " for number in self.numbers)
         made = ", ".join(
-            f"{{0x{int(s.value.view(np.uint32)):08x}u, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}"
-            for s in self.read
+            f"{{{float_bits(s.value)}, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}" for s in self.read
         )
-        drive = int(np.float32(self.drive).view(np.uint32))
-        return f"{{{self.before}u, {self.token}u, 0x{drive:08x}u, {self.now}, {{{made}}}}}"
+        return f"{{{self.before}u, {self.token}u, {numbers}{self.now}, {{{made}}}}}"
 
 
 class InputsOfStep(Protocol):
@@ -216,14 +225,46 @@ class ReplayVector:
         return tuple(row.text for row in self.steps)
 
 
+Inputs = TypeVar("Inputs", bound=StepInputs)
+
+
 @dataclass(frozen=True)
-class _Block:
+class Block(Generic[Inputs]):
     """A stretch of steps after a power-on."""
 
-    variant: str  # configuration in `SUPERVISOR_VARIANTS`
+    variant: str  # configuration among those that the vector is played with
     # Function that returns the faulty inputs of a step, from its number and its sound inputs
-    wrong: Callable[[int, StepInputs], StepInputs] = field(default=lambda i, row: row)
+    wrong: Callable[[int, Inputs], Inputs] = field(default=lambda i, row: row)
     length: int = FAULT_STEPS  # number of steps
+
+
+def assembled(
+    row: Callable[[int], Inputs], blocks: Iterable[Block[Inputs]], variants: Iterable[str],
+    optional: Sequence[int] = (),
+) -> ReplayVector:  # fmt: skip
+    """Return a motion, then each block of faults.
+
+    `row` gives the sound inputs of a step by its number. In the motion one sample is repeated, one is lost, and the
+    samples with the indices `optional` are not valid for a quarter of it. `variants` are the configurations, in order.
+    """
+    steps = []
+    for i in range(MOTION_STEPS):
+        made = row(i)
+        if i == MOTION_STEPS // 4:  # the sample before is repeated
+            made = replace(made, read=row(i - 1).read)
+        if MOTION_STEPS // 2 <= i < 3 * MOTION_STEPS // 4:
+            for k in optional:
+                made.read[k].valid = 0
+        if i == MOTION_STEPS // 3:  # a control period is missed, with its sample and its step
+            continue
+        steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
+    motion, places = len(steps), list(variants)
+    for block in blocks:
+        at = POWER_ON_EVENT + places.index(block.variant)
+        for i in range(block.length):
+            made = block.wrong(i, row(i))
+            steps.append(replace(made, before=at) if i == 0 else made)
+    return ReplayVector(tuple(steps), motion)
 
 
 def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
@@ -237,24 +278,8 @@ def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
         now = start + i * period
         return StepInputs(now, tuple(Reading(x[i], 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in signals))
 
-    steps = []
-    for i in range(MOTION_STEPS):
-        made = row(i)
-        if i == MOTION_STEPS // 4:  # the sample before is repeated
-            made = replace(made, read=row(i - 1).read)
-        for s, sensor in zip(made.read, sensors, strict=True):
-            if not sensor.required and MOTION_STEPS // 2 <= i < 3 * MOTION_STEPS // 4:
-                s.valid = 0
-        if i == MOTION_STEPS // 3:  # a control period is missed, with its sample and its step
-            continue
-        steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
-    motion = len(steps)
-    for block in _blocks(sensors, values, period):
-        at = POWER_ON_EVENT + list(SUPERVISOR_VARIANTS).index(block.variant)
-        for i in range(block.length):
-            made = block.wrong(i, row(i))
-            steps.append(replace(made, before=at) if i == 0 else made)
-    return ReplayVector(tuple(steps), motion)
+    optional = [k for k, sensor in enumerate(sensors) if not sensor.required]
+    return assembled(row, _blocks(sensors, values, period), SUPERVISOR_VARIANTS, optional)
 
 
 def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -271,14 +296,14 @@ def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.
     return (np.round((x + noise * rng.standard_normal(n)) / noise) * noise).astype(np.float32)
 
 
-def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: int) -> Iterator[_Block]:
+def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: int) -> Iterator[Block]:
     """Yield every fault of the law's inputs, of its safety gate and of the supervisor, and attempts to end a fault."""
     too_long = round(1e6 * values.numbers["max_age"]) + 10 * period
 
-    def at_end(change: Callable[[StepInputs], StepInputs]) -> _Block:
-        return _Block("law", lambda i, row: change(row) if i == FAULT_STEPS - 2 else row)
+    def at_end(change: Callable[[StepInputs], StepInputs]) -> Block:
+        return Block("law", lambda i, row: change(row) if i == FAULT_STEPS - 2 else row)
 
-    def value(x: float) -> _Block:
+    def value(x: float) -> Block:
         def wrong(row: StepInputs) -> StepInputs:
             for s, sensor in zip(row.read, sensors, strict=True):
                 if sensor.required:
@@ -287,7 +312,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
 
         return at_end(wrong)
 
-    def first(**change: int) -> _Block:
+    def first(**change: int) -> Block:
         def wrong(row: StepInputs) -> StepInputs:
             for name, by in change.items():
                 setattr(row.read[0], name, getattr(row.read[0], name) + by)
@@ -295,20 +320,20 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
 
         return at_end(wrong)
 
-    def placed(variant: str, place: Callable[[int], float], length: int = FAULT_STEPS) -> _Block:
+    def placed(variant: str, place: Callable[[int], float], length: int = FAULT_STEPS) -> Block:
         """Return a block in which the position is a function of the step's number."""
 
         def wrong(i: int, row: StepInputs) -> StepInputs:
             row.read[0].value = np.float32(place(i))
             return row
 
-        return _Block(variant, wrong, length)
+        return Block(variant, wrong, length)
 
-    def driven(by: Callable[[int], float]) -> _Block:
-        return _Block("drive", lambda i, row: replace(row, drive=by(i)) if i > 12 else row, 24)
+    def driven(by: Callable[[int], float]) -> Block:
+        return Block("drive", lambda i, row: replace(row, drive=by(i)) if i > 12 else row, 24)
 
-    def answered(size: float) -> _Block:
-        return _Block("late", lambda i, row: replace(row, drive=size * float(np.sin(0.4 * i))), 60)
+    def answered(size: float) -> Block:
+        return Block("late", lambda i, row: replace(row, drive=size * float(np.sin(0.4 * i))), 60)
 
     h = 1e-6 * period
     jump = 2e3 * values.numbers["velocity_limit"] * values.numbers["period"]
@@ -327,15 +352,15 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         driven(lambda i: -15.0 - i),
         driven(lambda i: np.nan),
     )
-    yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
+    yield Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
     # One of the two answers seems late, its opposite seems early.
     yield from (answered(4.0), answered(-4.0))
-    yield _Block("unexplained", length=60)
-    yield _Block("force", length=60)
-    yield _Block("unexplained_energy", length=60)
-    yield _Block("energy", length=60)
-    yield _Block("push", length=24)
-    yield _Block("ringing", length=60)
+    yield Block("unexplained", length=60)
+    yield Block("force", length=60)
+    yield Block("unexplained_energy", length=60)
+    yield Block("energy", length=60)
+    yield Block("push", length=24)
+    yield Block("ringing", length=60)
     yield placed("power", lambda i: 0.3 + 1.0 * h * i, 24)
 
     def silent(i: int, row: StepInputs) -> StepInputs:
@@ -343,13 +368,13 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
             s.valid = int(i < 6)
         return row
 
-    yield _Block("lost", silent, 24)
-    yield _Block("muscle", length=24)
+    yield Block("lost", silent, 24)
+    yield Block("muscle", length=24)
     yield placed("test", lambda i: 0.5, 32)
     yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 32)
     # The supervisor checks twelve words of memory in every fourth period: this is enough to check all of them twice.
     through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
-    yield _Block("law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through)
+    yield Block("law", lambda i, row: replace(row, before=MEMORY_EVENT) if i == 4 else row, 4 + through)
     # The controller is stopped. Initialising it again does not end the stop, but a token does.
     late = max(30, round(0.02 / h) + 14)
 
@@ -357,4 +382,4 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         what = {4: STOP_EVENT, 8: INIT_EVENT}.get(i, NO_EVENT)
         return replace(row, before=what, token=int(i >= 12))
 
-    yield _Block("law", mended, late + 20)
+    yield Block("law", mended, late + 20)

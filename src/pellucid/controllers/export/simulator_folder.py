@@ -55,25 +55,6 @@ Pinocchio, set `model.armature` from it.
 """Text of the README.md beside each model."""
 
 
-def export_simulator_model(
-    study: Study, to: str, out: Path | None = None, *, card: str | None = None, allow_outside: bool = False,
-    overwrite: bool = False,
-) -> Path:  # fmt: skip
-    """Write the study's joint or robot for simulators, ``"mjcf"`` or ``"urdf"``, and return the folder.
-
-    `card` is a file name in the models folder; None for that of the joint, or for a robot's with consistent inertias.
-    """
-    if allow_outside:
-        study = replace(study, allow_outside=True)
-    name, model = simulator_model(study, card)
-    folder = study.place(to) if out is None else Path(out)
-    owner = {"controller": f"model for simulators, {to}", "participant": "", "study": study.name, "cards": name}
-    require_own_folder(folder, owner, [*SIMULATOR_FILES.values(), *FILES_BESIDE], overwrite=overwrite)
-    write_simulator_folder(model, to, folder)
-    mark_own_folder(folder, owner)
-    return folder
-
-
 def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path:
     """Write a model for simulators, ``"mjcf"`` or ``"urdf"``, into a folder, and return the folder."""
     texts = {
@@ -90,7 +71,10 @@ def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path
 
 
 def simulator_model(study: Study, card: str | None = None) -> tuple[str, SimulatorModel]:
-    """Return the file name of the card that is exported, and its model."""
+    """Return the file name of the card that is exported, and its model.
+
+    `card` is a file name in the models folder; None for that of the joint, or for a robot's with consistent inertias.
+    """
     if study.has_table("tree"):
         name = card or next((n for n in TREE_CARD_NAMES if study.card(n).is_file()), TREE_CARD_NAMES[0])
         path = study.card(name)
@@ -136,7 +120,13 @@ class SimulatorExporter(Exporter):
 
     def export(self, request: ExportRequest) -> Path:
         """Write the folder of the model."""
-        return export_simulator_model(
-            request.study, request.to, request.out, card=request.card, allow_outside=request.allow_outside,
-            overwrite=request.overwrite,
-        )  # fmt: skip
+        study, to = request.study, request.to
+        if request.allow_outside:
+            study = replace(study, allow_outside=True)
+        name, model = simulator_model(study, request.card)
+        folder = study.place(to) if request.out is None else Path(request.out)
+        owner = {"controller": f"model for simulators, {to}", "participant": "", "study": study.name, "cards": name}
+        require_own_folder(folder, owner, [*SIMULATOR_FILES.values(), *FILES_BESIDE], overwrite=request.overwrite)
+        write_simulator_folder(model, to, folder)
+        mark_own_folder(folder, owner)
+        return folder

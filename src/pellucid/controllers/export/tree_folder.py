@@ -29,10 +29,12 @@ from .replay_vector import (
     MEMORY_EVENT,
     MOTION_STEPS,
     NO_EVENT,
-    POWER_ON_EVENT,
     STOP_EVENT,
+    Block,
     Reading,
     ReplayVector,
+    StepInputs,
+    assembled,
 )
 
 FOLDER_TITLE = "compensation of all joints of a robot"
@@ -111,25 +113,15 @@ class Table:
 
 
 @dataclass(frozen=True)
-class TreeStepInputs:
-    """Inputs of one step of the controller."""
+class TreeStepInputs(StepInputs):
+    """Inputs of one step: samples of the joints' encoders, the first joint's drive, and the wearer."""
 
-    now: int  # time of the step [us]
-    read: tuple[Reading, ...]  # samples of the joints' encoders
-    before: int = NO_EVENT  # code of the event before the step
-    token: int = 0  # 1 if the challenge is answered
-    drive: float = 0.0  # difference between the first drive's measurement and its last effort [N m]
     pushed: float = 0.0  # effort of the wearer [N m], [N]
 
     @property
-    def text(self) -> str:
-        """The inputs as a C initialiser."""
-
-        def bits(x: float | np.float32) -> str:
-            return f"0x{int(np.float32(x).view(np.uint32)):08x}u"
-
-        made = ", ".join(f"{{{bits(s.value)}, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}" for s in self.read)
-        return f"{{{self.before}u, {self.token}u, {bits(self.drive)}, {bits(self.pushed)}, {self.now}, {{{made}}}}}"
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers beside the samples."""
+        return (self.drive, self.pushed)
 
 
 def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
@@ -210,21 +202,8 @@ def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
         read = tuple(Reading(x, 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in place[i])
         return TreeStepInputs(now, read, pushed=float(pushed[i]))
 
-    steps = []
-    for i in range(MOTION_STEPS):
-        made = row(i)
-        if i == MOTION_STEPS // 4:  # the sample before is repeated
-            made = replace(made, read=row(i - 1).read)
-        if i == MOTION_STEPS // 3:  # a control period is missed
-            continue
-        steps.append(replace(made, before=POWER_ON_EVENT) if i == 0 else made)
-    motion = len(steps)
-    for variant, wrong, length in _blocks(values, period):
-        at = POWER_ON_EVENT + list(SUPERVISOR_VARIANTS).index(variant)
-        for i in range(length):
-            made = wrong(i, row(i))
-            steps.append(replace(made, before=at) if i == 0 else made)
-    return ReplayVector(tuple(steps), motion)
+    blocks = (Block(*block) for block in _blocks(values, period))
+    return assembled(row, blocks, SUPERVISOR_VARIANTS)
 
 
 def _blocks(
