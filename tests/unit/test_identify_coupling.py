@@ -187,7 +187,7 @@ def test_nothing_to_identify_is_refused(whole):
         identify_worn(config, [r for r in recordings if r.protocol != "free_swing"])
     with pytest.raises(IdentificationError, match="found 0 recordings of holds"):
         identify_worn(config, [r for r in recordings if r.protocol != "gravity_holds"])
-    with pytest.raises(IdentificationError, match=r"found no \[coupling\]"):
+    with pytest.raises(IdentificationError, match=r"found no table \[coupling\]"):
         identify_worn(config.model_copy(update={"coupling": None}), recordings)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from pellucid.joint.slider.study import slider_page as moving_slider_figures
 from pellucid.orthosis.strap.wearer_coupling import EvaluatedSwing
-from pellucid.orthosis.study.coupling.coupling_page import MISMATCH_MAGNIFICATION, mismatch_figure
+from pellucid.orthosis.study.coupling.coupling_page import PAGE_SETTINGS, mismatch_figure
 from pellucid.people.study.assessment_figures import FRAME_COUNT, _moving_limbs, tones
 from pellucid.people.study.assessment_result import Profile
 from pellucid.study.drawing.drawing import draw
@@ -39,7 +39,8 @@ def test_the_leg_turns_in_its_orthosis_as_the_imu_saw_it():
     shown = np.abs(TIME - 0.5 * TIME[-1]) <= 6.0
     # A bending knee takes the foot to the back, here to the left.
     assert -angle(orthosis).min() == pytest.approx(SWUNG[shown].max(), abs=0.03)
-    assert np.abs(angle(leg) - angle(orthosis)).max() == pytest.approx(MISMATCH_MAGNIFICATION * 0.08, rel=0.05)
+    drawn = PAGE_SETTINGS.mismatch_magnification * 0.08
+    assert np.abs(angle(leg) - angle(orthosis)).max() == pytest.approx(drawn, rel=0.05)
     assert drawing.svg.count("<animate") == 3
     assert "prefers-reduced-motion: reduce), print" in drawing.svg
 

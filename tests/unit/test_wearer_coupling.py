@@ -124,7 +124,7 @@ def test_verdicts_on_one_strap_never_contradict_each_other(found, holds, rejecte
     limb = replace(other, stiffness=replace(fit.stiffness, value=limb_factor * fit.stiffness.value))
     strap = replace(found.strap, holds=holds)
     changed = replace(found, orthosis_side=replace(fit, stiffness=stiffness), limb_side=limb, strap=strap)
-    said, decision = coupling_verdicts(changed), changed.decision
+    said, decision = tuple(coupling_verdicts(changed)), changed.decision
     no_model = any("no model of the strap holds" in v.text for v in said)
     stopped = any("is rejected" in v.text for v in said)
     praised = [v.text for v in said if v.kind == "good"]

@@ -27,16 +27,19 @@ NAMES = ("inertia", "damping", "coulomb", "gravity", "stiffness", "offset")
 
 UNITS = ("kg*m^2", "N*m*s/rad", "N*m", "N*m", "N*m/rad", "N*m")
 
-NEWTON_TOLERANCE = 1e-10
-"""Largest change of the motion, over its size, at which Newton's iteration stops."""
 
-MAX_NEWTON_ITERATIONS = 30
+@dataclass(frozen=True)
+class NewtonSettings:
+    """Settings of the Newton search for a whole motion."""
 
-PIECE_STEPS = 256
-"""Number of steps that are solved together if Newton's method fails for the whole motion."""
+    newton_tolerance: float = 1e-10  # largest change of the motion, over its size, at which Newton's iteration stops
+    max_newton_iterations: int = 30
+    piece_steps: int = 256  # number of steps that are solved together if Newton's method fails for the whole motion
+    min_piece_steps: int = 4  # the motion counts as diverging if even this many steps cannot be solved
 
-MIN_PIECE_STEPS = 4
-"""The motion counts as diverging if even this many steps cannot be solved."""
+
+NEWTON_SETTINGS = NewtonSettings()
+
 
 MAX_END_SHIFT_RAD = 1e4
 """Radians by which a motion's end would move, to first order, if a parameter or the start were twice what it is: beyond
@@ -170,7 +173,7 @@ def _solve_whole_motion(
     states = np.array(guess, float)
     states[0] = initial
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(MAX_NEWTON_ITERATIONS):
+        for _ in range(NEWTON_SETTINGS.max_newton_iterations):
             after, slopes = _integrate_steps(values, states[:-1], drive, parameters=False)
             if not (np.isfinite(after).all() and np.isfinite(slopes).all()):
                 return None
@@ -178,7 +181,7 @@ def _solve_whole_motion(
             states = states + change
             if not np.isfinite(states).all():
                 return None
-            if np.abs(change).max() <= NEWTON_TOLERANCE * (1.0 + np.abs(states).max()):
+            if np.abs(change).max() <= NEWTON_SETTINGS.newton_tolerance * (1.0 + np.abs(states).max()):
                 return states
     return None
 
@@ -187,17 +190,17 @@ def _solve_piecewise(values: np.ndarray, initial: np.ndarray, drive: PendulumDri
     """The same from no guess: piece after piece, each started at rest where the last one ended."""
     states = np.empty((len(drive.steps) + 1, 2))
     states[0] = initial
-    begin, length = 0, PIECE_STEPS
+    begin, length = 0, NEWTON_SETTINGS.piece_steps
     while begin < len(drive.steps):
         end = min(begin + length, len(drive.steps))
         part = PendulumDrive(drive.steps[begin:end], drive.torque[begin:end], 1, drive.width)
         found = _solve_whole_motion(values, states[begin], part, np.tile(states[begin], (end - begin + 1, 1)))
-        if found is None and length <= MIN_PIECE_STEPS:
+        if found is None and length <= NEWTON_SETTINGS.min_piece_steps:
             states[begin:] = np.nan
             break
         if found is None:
             length //= 4
             continue
         states[begin : end + 1] = found
-        begin, length = end, PIECE_STEPS
+        begin, length = end, NEWTON_SETTINGS.piece_steps
     return states

@@ -21,29 +21,26 @@ from scipy.optimize import least_squares
 from ..._errors import RecordingError
 from ..._tabular import data_frame
 from ...numerics.filters import runs
+from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_length
 from .inertial import Inertial
 
-MIN_HINGE_RATE = 0.2
-"""A hinge can be found only if it turns at least this fast, RMS [rad/s]."""
 
-MIN_REST_S = 0.5
-"""A gyroscope's offset is estimated where the sensor rests for at least this time."""
+@dataclass(frozen=True)
+class HingeThresholds:
+    """Thresholds and prior spreads of the search for a hinge's axis and centre."""
 
-REST_SPREAD = 0.03
-"""Largest standard deviation of the rates of a sensor at rest [rad/s]."""
+    min_hinge_rate: float = 0.2  # a hinge can be found only if it turns at least this fast, RMS [rad/s]
+    min_rest_s: float = 0.5  # a gyroscope's offset is estimated where the sensor rests for at least this time
+    rest_spread: float = 0.03  # largest standard deviation of the rates of a sensor at rest [rad/s]
+    offset_spread: float = 0.01  # prior standard deviation of a MEMS gyroscope's remaining offset [rad/s]
+    arm_spread: float = 1.0  # prior standard deviation of a sensor's distance from the joint [m]
+    sign_ratio: float = 2.0  # the wrong direction of an axis must have a sum of squares larger by at least this factor
+    # Noise of acceleration [m/s^2] and rate [rad/s] that the first of two passes assumes.
+    start_noise: tuple[float, ...] = (0.3, 0.03)
 
-OFFSET_SPREAD = 0.01
-"""Prior standard deviation of a MEMS gyroscope's remaining offset [rad/s]."""
 
-ARM_SPREAD = 1.0
-"""Prior standard deviation of a sensor's distance from the joint [m]."""
-
-SIGN_RATIO = 2.0
-"""The wrong direction of an axis must have a sum of squares larger by at least this factor."""
-
-START_NOISE = (0.3, 0.03)
-"""Noise of acceleration [m/s^2] and rate [rad/s] that the first of two passes assumes."""
+HINGE_THRESHOLDS = HingeThresholds()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,20 +73,21 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
     rates = [imu.angular_velocity - offset for imu, offset in zip((proximal, distal), offsets, strict=True)]
     axes = hinge_axes(*rates)
     speed = min(float(np.sqrt(np.mean((rates[1] @ (s * axes[1]) - rates[0] @ axes[0]) ** 2))) for s in (1.0, -1.0))
-    if speed < MIN_HINGE_RATE:
+    if speed < HINGE_THRESHOLDS.min_hinge_rate:
         raise RecordingError(
             f"hinge: the joint turns at {np.degrees(speed):.2g} deg/s RMS in the "
-            f"{proximal.period * len(proximal):.3g} s given, "
-            f"expected at least {np.degrees(MIN_HINGE_RATE):.2g} deg/s: axis and centre cannot be found"
+            f"{proximal.period * len(proximal):.3g} s given, expected at least "
+            f"{np.degrees(HINGE_THRESHOLDS.min_hinge_rate):.2g} deg/s: axis and centre cannot be found"
         )
     motions = [_Motion.of(imu, offset) for imu, offset in zip((proximal, distal), offsets, strict=True)]
     arms = hinge_arms(motions[0], motions[1], axes)
     fits = sorted((_fit(motions, axes * [[1.0], [sense]], arms) for sense in (1.0, -1.0)), key=lambda fit: fit[0])
     (_, best, model), ratio = fits[0], fits[1][0] / max(fits[0][0], 1e-12)
-    if ratio < SIGN_RATIO:
+    if ratio < HINGE_THRESHOLDS.sign_ratio:
         raise RecordingError(
             "hinge: both senses of the distal axis fit the motion about equally "
-            f"(ratio of squares {ratio:.2g}, expected {SIGN_RATIO:g} or more): move the whole limb about other axes too"
+            f"(ratio of squares {ratio:.2g}, expected {HINGE_THRESHOLDS.sign_ratio:g} or more): "
+            "move the whole limb about other axes too"
         )
     found_axes, found_arms, _, drift = model.unpack(best.x)
     acceleration, rate = model.misfits(best.x)
@@ -209,7 +207,7 @@ def _fit(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray):
     model = _Model(motions, axes)
     start = np.concatenate([np.zeros(4), arms.ravel(), [_first_angle(motions, axes, arms), 0.0]])
     # The senses are compared by the first pass, whose weights are the same for both.
-    first = _weighed(model, start, START_NOISE)
+    first = _weighed(model, start, HINGE_THRESHOLDS.start_noise)
     acceleration, turning = model.misfits(first.x)
     noise = (max(_rms(acceleration), 1e-9), max(_rms(turning), 1e-9))
     return first.cost, _weighed(model, first.x, noise), model
@@ -218,7 +216,7 @@ def _fit(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray):
 def _weighed(model: _Model, start: np.ndarray, noise: tuple[float, float]):
     def misfit(x):
         acceleration, rate = model.misfits(x)
-        priors = [x[4:10] / ARM_SPREAD, [x[11] / OFFSET_SPREAD]]
+        priors = [x[4:10] / HINGE_THRESHOLDS.arm_spread, [x[11] / HINGE_THRESHOLDS.offset_spread]]
         return np.concatenate([acceleration.ravel() / noise[0], rate.ravel() / noise[1], *priors])
 
     return least_squares(misfit, start, x_scale="jac")
@@ -228,24 +226,20 @@ def _first_angle(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray) -> 
     first, second = (m.joint_acceleration(r) @ across(j).T for m, r, j in zip(motions, arms, axes, strict=True))
     change = motions[1].turned @ axes[1] - motions[0].turned @ axes[0]
     second = turned(second, change)
-    return float(
-        np.arctan2(
-            np.sum(second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]),
-            np.sum(second * first),
-        )
-    )
+    across_both = np.sum(second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0])
+    return float(np.arctan2(across_both, np.sum(second * first)))
 
 
 def _rest_offset(imu: Inertial) -> np.ndarray | None:
     """Mean rate over the first stretch in which the sensor rests; None where it never does."""
-    length = max(round(MIN_REST_S / imu.period), 3)
+    length = max(round(HINGE_THRESHOLDS.min_rest_s / imu.period), 3)
     rate = imu.angular_velocity
     if len(rate) < length:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(rate, length, axis=0)
-    quiet = np.sqrt(np.sum(np.var(windows, axis=-1), axis=-1)) < REST_SPREAD
+    quiet = np.sqrt(np.sum(np.var(windows, axis=-1), axis=-1)) < HINGE_THRESHOLDS.rest_spread
     # A slow steady turn is quiet too; an offset is small.
-    quiet &= np.linalg.norm(windows.mean(axis=-1), axis=-1) < 5.0 * REST_SPREAD
+    quiet &= np.linalg.norm(windows.mean(axis=-1), axis=-1) < 5.0 * HINGE_THRESHOLDS.rest_spread
     if not quiet.any():
         return None
     run = max(runs(quiet), key=lambda each: each.stop - each.start)
@@ -266,10 +260,17 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-GYROSCOPE_GAIN = 0.005  # share of a turn that a MEMS gyroscope's gain may miss
-DRIFT_WALK = 1e-4  # what its offset wanders in a second [rad/s/sqrt(s)]
-START_DRIFT = 0.003  # spread of the drift at first [rad/s]
-LEAST_KNOWN = 1.0  # a direction that tells the angle no better than this is not used [rad^2]
+@dataclass(frozen=True)
+class AngleNoise:
+    """Noise that the filter of a hinge's angle assumes."""
+
+    gyroscope_gain: float = 0.005  # share of a turn that a MEMS gyroscope's gain may miss
+    drift_walk: float = 1e-4  # what its offset wanders in a second [rad/s/sqrt(s)]
+    start_drift: float = 0.003  # spread of the drift at first [rad/s]
+    least_known: float = 1.0  # a direction that tells the angle no better than this is not used [rad^2]
+
+
+ANGLE_NOISE = AngleNoise()
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +303,7 @@ def hinge_angle(
         _direction(first, second, noise**2 * memory)
         for (first, second), noise, memory in zip((forces, turning), hinge.noise, hinge.memory, strict=True)
     ]
-    start = next((i for i in range(len(time)) if seen[0][1][i] < LEAST_KNOWN), None)
+    start = next((i for i in range(len(time)) if seen[0][1][i] < ANGLE_NOISE.least_known), None)
     if start is None:
         raise RecordingError("hinge: the acceleration of the joint is along its axis throughout: no angle can be found")
     first = (seen[0][0][start] - steps[1 : start + 1].sum(), seen[0][1][start])
@@ -328,10 +329,7 @@ def _change(time: np.ndarray, rate: np.ndarray, offline: bool) -> np.ndarray:
 
 def _direction(first: np.ndarray, second: np.ndarray, variance: float) -> tuple[np.ndarray, np.ndarray]:
     """Angle from the second plane vector to the first, and its variance: small for long vectors."""
-    angle = np.arctan2(
-        second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0],
-        np.sum(first * second, axis=1),
-    )
+    angle = np.arctan2(second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0], np.sum(first * second, axis=1))
     squares = [np.maximum(np.sum(v**2, axis=1), 1e-12) for v in (first, second)]
     return angle, variance * (1.0 / squares[0] + 1.0 / squares[1])
 
@@ -345,17 +343,17 @@ class _Filter:
         self.predicted, self.spread_predicted = np.empty((n, 2)), np.empty((n, 2, 2))
         self.state, self.spread = np.empty((n, 2)), np.empty((n, 2, 2))
         white = (hinge.noise[1] * period) ** 2
-        x, p = np.array([first[0], hinge.drift]), np.diag([first[1], START_DRIFT**2])
+        x, p = np.array([first[0], hinge.drift]), np.diag([first[1], ANGLE_NOISE.start_drift**2])
         for i in range(n):
             if i:
                 x = self.transition @ x
                 x[0] += steps[i]
                 p = self.transition @ p @ self.transition.T
-                p[0, 0] += white + (GYROSCOPE_GAIN * steps[i]) ** 2
-                p[1, 1] += DRIFT_WALK**2 * period
+                p[0, 0] += white + (ANGLE_NOISE.gyroscope_gain * steps[i]) ** 2
+                p[1, 1] += ANGLE_NOISE.drift_walk**2 * period
             self.predicted[i], self.spread_predicted[i] = x, p
             for angle, variance in seen:
-                if variance[i] < LEAST_KNOWN:
+                if variance[i] < ANGLE_NOISE.least_known:
                     miss = (angle[i] - x[0] + np.pi) % (2.0 * np.pi) - np.pi
                     gain = p[:, 0] / (p[0, 0] + variance[i])
                     x, p = x + gain * miss, p - np.outer(gain, p[0])
@@ -438,12 +436,7 @@ def fit_hinge(
     >>> fit = pl.fit_hinge(t, (thigh_rate, thigh_force), (shank_rate, shank_force))    # doctest: +SKIP
     >>> fit.angle.angle                                                            # doctest: +SKIP
     """
-    t = np.asarray(time, float)
-    if t.ndim != 1 or len(t) < 3 or not np.isfinite(t).all():
-        raise RecordingError(f"fit_hinge: found time of shape {t.shape}, expected (n,) without missing samples")
-    steps = np.diff(t)
-    if np.min(steps) <= 0.0 or np.ptp(steps) > 0.01 * float(np.median(steps)):
-        raise RecordingError("fit_hinge: found uneven time, expected evenly increasing samples; resample first")
+    (t,) = sampled("fit_hinge", time, least=3)
     if not calibration > 0.0:
         raise RecordingError(f"fit_hinge: calibration: found {calibration:g} s, expected a time above 0")
     first, second = _inertial(t, *proximal, "proximal"), _inertial(t, *distal, "distal")
@@ -453,10 +446,10 @@ def fit_hinge(
 
 
 def _inertial(time: np.ndarray, rate: ArrayLike, force: ArrayLike, where: str) -> Inertial:
-    found = {"angular velocity": np.asarray(rate, float), "specific force": np.asarray(force, float)}
-    for name, values in found.items():
+    found = [np.asarray(rate, float), np.asarray(force, float)]
+    for name, values in zip(("angular velocity", "specific force"), found, strict=True):
         if values.shape != (len(time), 3):
             raise RecordingError(f"fit_hinge, {where} {name}: found shape {values.shape}, expected ({len(time)}, 3)")
         if not np.isfinite(values).all():
             raise RecordingError(f"fit_hinge, {where} {name}: found missing samples (NaN), expected none")
-    return Inertial(time, found["angular velocity"], found["specific force"])
+    return Inertial(time, *found)

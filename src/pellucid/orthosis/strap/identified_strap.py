@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError, RecordingError
 from ...models.estimates import Estimates, Parameter
+from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_time
 from .coupled_impedance import CouplingFit, Instrument, decay_time, fit_coupling
 from .strap_choice import StrapChoice, choose_strap, strap_discrepancy
@@ -25,26 +26,29 @@ from .strap_model import FULL_MODEL, KELVIN_VOIGT, Orthosis, StrapModel, Strappe
 PRIOR_IMU_GAIN = Parameter("gain", "1", 1.0, 0.005)
 """Prior of the IMU's gain: filters that integrate rates are accurate to half a per cent."""
 
-SPRING_CALIBRATION_ERROR_SHARE = 0.003
-"""Relative standard error of the spring's calibration with weights, which scales all torques and the strap alike."""
 
-MAX_STANDARD_ERROR_SHARE = 0.10
-"""The interval of the stiffness is refused if its standard error exceeds this share of the value."""
+@dataclass(frozen=True)
+class StrapSettings:
+    """Priors and limits of an identified strap."""
 
-FIRST_NOISE_VARIANCE = 1e-3
-"""Variance of an independent sample of the IMU's angle, assumed in the first fit [rad^2]."""
+    # Relative standard error of the spring's calibration with weights, which scales all torques and the strap alike.
+    spring_calibration_error_share: float = 0.003
+    # The interval of the stiffness is refused if its standard error exceeds this share of the value.
+    max_standard_error_share: float = 0.10
+    # Variance of an independent sample of the IMU's angle, assumed in the first fit [rad^2].
+    first_noise_variance: float = 1e-3
+    # Prior standard deviation of the clock's shift between trials, for trials whose motion does not determine it.
+    clock_spread_s: float = 0.1
+    clock_iteration_count: int = 4  # number of Gauss-Newton steps for the IMU's clock in a held-out trial
+    # The strap counts as seen between these percentiles of its stretch.
+    stretch_percentiles: tuple[float, ...] = (1.0, 99.0)
 
-CLOCK_SPREAD_S = 0.1
-"""Prior standard deviation of the clock's shift between trials, for trials whose motion does not determine it."""
 
-CLOCK_ITERATION_COUNT = 4
-"""Number of Gauss-Newton steps for the IMU's clock in a held-out trial."""
+STRAP_SETTINGS = StrapSettings()
+
 
 MODEL_TEST_LEVEL = 0.05
 """Significance level of the test whether the model describes the strap."""
-
-STRETCH_PERCENTILES = (1.0, 99.0)
-"""The strap counts as seen between these percentiles of its stretch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +93,7 @@ class IdentifiedStrap:
         record = StrapRecord(swing, torque, clock, 0.0)
         path = CubicSpline(record.time, record.response(self.fit.model, self.fit.values)[0])
         shift, offset = clock, 0.0
-        for _ in range(CLOCK_ITERATION_COUNT):
+        for _ in range(STRAP_SETTINGS.clock_iteration_count):
             at = np.clip(record.seen_time + shift, record.time[0], record.time[-1])
             off = record.seen - self.fit.gain * path(at)
             rate = self.fit.gain * path(at, 1)
@@ -128,15 +132,19 @@ def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[lis
     clocks: Sequence[float] = [i.shift for i in coupling.instruments]
     # The records are made again after the clocks are known, because the excluded samples depend on the clock.
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]
-    clocks = fit_strap_model(KELVIN_VOIGT, records, gain=PRIOR_IMU_GAIN, noise=FIRST_NOISE_VARIANCE, start=start).shifts
+    clocks = fit_strap_model(
+        KELVIN_VOIGT, records, gain=PRIOR_IMU_GAIN, noise=STRAP_SETTINGS.first_noise_variance, start=start
+    ).shifts
     records = [StrapRecord(s, t, c, decay) for s, t, c in zip(swings, torques, clocks, strict=True)]
     usual = float(np.mean(clocks))
     for swing, torque in zip(steps, step_torques, strict=True):
         try:
-            records.append(StrapRecord(swing, torque, usual, decay, slowest=0.0, late=CLOCK_SPREAD_S))
+            records.append(StrapRecord(swing, torque, usual, decay, slowest=0.0, late=STRAP_SETTINGS.clock_spread_s))
         except IdentificationError:
             continue  # too few usable samples: the swings are fitted without this trial
-    first = fit_strap_model(FULL_MODEL, records, gain=PRIOR_IMU_GAIN, noise=FIRST_NOISE_VARIANCE, start=start)
+    first = fit_strap_model(
+        FULL_MODEL, records, gain=PRIOR_IMU_GAIN, noise=STRAP_SETTINGS.first_noise_variance, start=start
+    )
     ends = np.cumsum(first.lengths)
     residuals = [first.residual[e - n : e] for e, n in zip(ends, first.lengths, strict=True)]
     noise = [2.0 * correlation_time(r, [len(r)]) * float(np.mean(r**2)) for r in residuals]
@@ -155,7 +163,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
     count = len(fit.model.coefficients)
     total = (statistical + beside.covariance)[:count, :count].copy()
     values = np.array([c.sought(fit.values[c.name]) for c in fit.model.coefficients])
-    total[:2, :2] += SPRING_CALIBRATION_ERROR_SHARE**2 * np.outer(values[:2], values[:2])
+    total[:2, :2] += STRAP_SETTINGS.spring_calibration_error_share**2 * np.outer(values[:2], values[:2])
     # Features that were not significant may exist all the same, so their effect widens the interval.
     # Beside tissue, the stiffness is the strap's own and not the whole one, so such a model is no rival of others.
     full = choice.tried[(FULL_MODEL if fit.model.has("tissue") else FULL_MODEL.without("tissue")).name]
@@ -170,7 +178,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
         value, unit = fit.values[c.name], c.value(values[i]) if c.searched == "logarithm" else 1.0
         refused = ""
         # Swings cannot distinguish a branch that relaxes within seconds from permanent stiffness.
-        if c.name == "stiffness" and (not held or error[i] > MAX_STANDARD_ERROR_SHARE * value):
+        if c.name == "stiffness" and (not held or error[i] > STRAP_SETTINGS.max_standard_error_share * value):
             refused = "these motions do not tell the strap's stiffness from what relaxes or gives in it; hold torques"
         bound = c.name in fit.at_bound
         told = not bound and abs(value) > 1.96 * error[i] * unit
@@ -179,7 +187,7 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -
                       refused=refused)
         )  # fmt: skip
     seen = np.concatenate([r.response(fit.model, fit.values)[1] for r in records])
-    low, high = (float(v) for v in np.percentile(seen, STRETCH_PERCENTILES))
+    low, high = (float(v) for v in np.percentile(seen, STRAP_SETTINGS.stretch_percentiles))
     return IdentifiedStrap(
         fit.model, parameters[0], parameters[1], tuple(parameters[2:]), total, (low, high),
         (_tangent(parameters, total, low), _tangent(parameters, total, high)), beside.holds, choice.errors,
@@ -316,15 +324,10 @@ def _swing(name: str, arrays: Mapping[str, ArrayLike]) -> StrappedSwing:
         raise RecordingError(
             f"fit_strap, {name}: found {', '.join(map(str, arrays))}, expected {', '.join(missing)} too"
         )
-    found = {key: np.asarray(arrays[key], float) for key in SWING_ARRAYS}
-    for keys in (SWING_ARRAYS[:3], SWING_ARRAYS[3:]):
-        shapes = {key: found[key].shape for key in keys}
-        if len(set(shapes.values())) > 1 or found[keys[0]].ndim != 1:
-            raise RecordingError(f"fit_strap, {name}: found shapes {shapes}, expected one shape (n,)")
-    for key in SWING_ARRAYS[:4]:
-        if not np.isfinite(found[key]).all():
-            raise RecordingError(f"fit_strap, {name}, {key}: found missing samples (NaN), expected none")
-    steps = np.diff(found["time"])
-    if np.min(steps) <= 0.0 or np.ptp(steps) > 0.01 * float(np.median(steps)):
-        raise RecordingError(f"fit_strap, {name}: found uneven time, expected evenly increasing samples")
-    return StrappedSwing(name, "fitted", *(found[key] for key in SWING_ARRAYS))
+    where = f"fit_strap, {name}"
+    actuator = sampled(where, arrays["time"], position=arrays["position"], torque=arrays["torque"])
+    (imu_time,) = sampled(f"{where}, imu_time", arrays["imu_time"], even=False)
+    imu_angle = np.asarray(arrays["imu_angle"], float)
+    if imu_angle.shape != imu_time.shape:
+        raise RecordingError(f"{where}, imu_angle: found shape {imu_angle.shape}, expected {imu_time.shape}")
+    return StrappedSwing(name, "fitted", *actuator, imu_time, imu_angle)

@@ -22,7 +22,7 @@ from ...numerics.uncertainty import sandwich_covariance
 from ..input_output import InputOutput
 from ..transfer.fit_transfer_function import Response, TransferFit, evaluate_transfer_function, fit_records
 from ..transfer.pendulum_fit import PendulumFit, evaluate_pendulum, fit_pendulum
-from .strap_fit import REVERSAL_MARGIN_S
+from .strap_fit import RECORD_SETTINGS
 from .strap_model import CORE_NAMES, Limb, Orthosis, StrapModel, StrappedSwing, from_orthosis
 
 SPRING_HOLD = "first"
@@ -218,7 +218,7 @@ def _interpolate_gap(ahead: np.ndarray, against: np.ndarray, fs: float) -> np.nd
 
     `ahead` is this angle by the strap's model, and `against` the strap's torque, both of shape (n,).
     """
-    reach = max(1, round(REVERSAL_MARGIN_S * fs))
+    reach = max(1, round(RECORD_SETTINGS.reversal_margin_s * fs))
     free = np.convolve(np.abs(against) <= GAP_TORQUE_SHARE * np.std(against), np.ones(2 * reach + 1), "same") > 0.5
     on_flank = np.flatnonzero(~free)
     if not free.any() or len(on_flank) < 2:

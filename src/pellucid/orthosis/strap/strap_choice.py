@@ -4,8 +4,8 @@ The search starts from all features. A feature is significant if the held-out bl
 (``block_test``) and the error of the swings, or of the trials with held torques, grows by the share `MIN_IMPROVEMENT`.
 Features whose coefficient rests at the bound where it does nothing go first, without a test. All insignificant ones
 then go at once, if the blocks are predicted no worse without all of them; otherwise each may imitate another, and the
-least important one goes alone. The test has the family-wise level `FEATURE_TEST_LEVEL`: a strap without features
-receives one in at most this share of cases.
+least important one goes alone. The test has a family-wise level: a strap without features receives one in at most this
+share of cases.
 """
 
 from __future__ import annotations
@@ -23,11 +23,23 @@ from ...numerics.block_test import MIN_IMPROVEMENT, p_value_of_larger_loss
 from .strap_fit import StrapFit, StrapRecord, fit_strap_model
 from .strap_model import FULL_MODEL, KELVIN_VOIGT, STRAP_FEATURES, StrapModel
 
-FEATURE_TEST_LEVEL = 0.05
-"""Family-wise probability that a feature is chosen although the strap has none."""
 
-HELD_OUT_BLOCKS_PER_SWING = 4
-"""Each swing is divided into this many blocks, which are held out in turn."""
+@dataclass(frozen=True)
+class ChoiceThresholds:
+    """Thresholds of the choice of a strap model, and of the test of the chosen one."""
+
+    feature_test_level: float = 0.05  # family-wise probability that a feature is chosen although the strap has none
+    held_out_blocks_per_swing: int = 4  # each swing is divided into this many blocks, which are held out in turn
+    # The model is rejected only if the neglected effects reduce the held-out mean squared error by at least this share.
+    # Errors of a magnetometer, a swaying thigh and an oblique mounting allow a reduction of 3 % although the model is
+    # right.
+    min_discrepancy_gain: float = 0.05
+    # A neglected effect is used only if its column keeps at least this share of its norm after projection on the
+    # model's span. Otherwise the model represents the effect already.
+    min_column_remainder: float = 0.05
+
+
+CHOICE_THRESHOLDS = ChoiceThresholds()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +57,12 @@ def held_out_blocks(lengths: Sequence[int]) -> list[slice]:
     """Return the held-out blocks of every swing, as slices of all samples; `lengths` are the samples of each swing."""
     made, begin = [], 0
     for n in lengths:
-        edges = begin + np.arange(HELD_OUT_BLOCKS_PER_SWING + 1) * n // HELD_OUT_BLOCKS_PER_SWING
+        edges = (
+            begin
+            + np.arange(CHOICE_THRESHOLDS.held_out_blocks_per_swing + 1)
+            * n
+            // CHOICE_THRESHOLDS.held_out_blocks_per_swing
+        )
         made += [slice(int(a), int(b)) for a, b in pairwise(edges)]
         begin += n
     return made
@@ -55,7 +72,7 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
     """Choose a strap model by removing insignificant features from `full`, the fit of the model with all features."""
     blocks, noise = held_out_blocks(full.lengths), full.noise
     # Swings and held torques are different experiments: what relaxes slowly shows in the latter alone.
-    swinging = HELD_OUT_BLOCKS_PER_SWING * sum(not still for still in full.still)
+    swinging = CHOICE_THRESHOLDS.held_out_blocks_per_swing * sum(not still for still in full.still)
     kinds = [kind for kind in (slice(0, swinging), slice(swinging, len(blocks))) if blocks[kind]]
     tried: dict[str, StrapFit] = {}
 
@@ -75,7 +92,7 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
         return (p_value_of_larger_loss(without, loss)[0] if worse else 1.0), float(np.mean(np.concatenate(without)))
 
     best = fitted(FULL_MODEL, full)
-    level = FEATURE_TEST_LEVEL / len(STRAP_FEATURES)
+    level = CHOICE_THRESHOLDS.feature_test_level / len(STRAP_FEATURES)
     while idle := [f for f in best.model.features if STRAP_FEATURES[f][0].name in best.at_bound]:
         best = fitted(StrapModel(tuple(f for f in best.model.features if f not in idle)), best)
     while True:
@@ -94,17 +111,6 @@ def choose_strap(records: Sequence[StrapRecord], gain: Parameter, full: StrapFit
     fitted(FULL_MODEL.without("tissue"), full)  # the intervals of straps without tissue need it
     errors = {n: float(np.sqrt(np.mean(np.concatenate(f.loss(blocks))))) for n, f in tried.items()}
     return StrapChoice(best, plain, tried, missed, errors)
-
-
-MIN_DISCREPANCY_GAIN = 0.05
-"""The model is rejected only if the neglected effects reduce the held-out mean squared error by at least this share.
-
-Errors of a magnetometer, a swaying thigh and an oblique mounting allow a reduction of 3 % although the model is right.
-"""
-
-MIN_COLUMN_REMAINDER = 0.05
-"""A neglected effect is used only if its column keeps at least this share of its norm after projection on the model's
-span. Otherwise the model represents the effect already."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +192,7 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     found, words = neglected_columns(fit, records)
     basis = np.linalg.qr(w)[0]
     beside = np.linalg.norm(found - basis @ (basis.T @ found), axis=0)
-    new = beside > MIN_COLUMN_REMAINDER * np.linalg.norm(found, axis=0)
+    new = beside > CHOICE_THRESHOLDS.min_column_remainder * np.linalg.norm(found, axis=0)
     columns = found[:, new] * (size * np.sqrt(len(w)) / beside[new])
     words = tuple(word for word, is_new in zip(words, new, strict=True) if is_new)
     error = np.sqrt(np.diag(statistical)[open_]) * scale
@@ -235,7 +241,9 @@ def _model_test_p_value(
     known, neglected, unsure = priors
     alone = _held_out_losses(fit, np.hstack([own, body]), (known, unsure), blocks)
     beside = _held_out_losses(fit, np.hstack([own, body, columns]), (known, unsure, np.diag(neglected)), blocks)
-    if np.mean(np.concatenate(beside)) >= (1.0 - MIN_DISCREPANCY_GAIN) * np.mean(np.concatenate(alone)):
+    if np.mean(np.concatenate(beside)) >= (1.0 - CHOICE_THRESHOLDS.min_discrepancy_gain) * np.mean(
+        np.concatenate(alone)
+    ):
         return 1.0
     return p_value_of_larger_loss(alone, beside)[0]
 

@@ -5,9 +5,9 @@ r"""Fit any strap model by output error: the limb's angle predicted from the str
 
 The torque comes from encoders and is nearly free of noise; the IMU's angle is not. Output error places the noise on the
 output, so no regressor has errors that would bias the stiffness. The thigh sways and the gyroscope drifts more slowly
-than the limb swings. Therefore d is an arbitrary drift below `MIN_RESIDUAL_FREQUENCY_HZ` in each trial. This gives up
-the information of slow creep, and keeps the sway out of the intervals. Where the strap transmits almost no torque,
-slack would leave the limb's angle undetermined. These samples are excluded for every model.
+than the limb swings. Therefore d is an arbitrary drift of low frequency in each trial. This gives up the information of
+slow creep, and keeps the sway out of the intervals. Where the strap transmits almost no torque, slack would leave the
+limb's angle undetermined. These samples are excluded for every model.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...numerics.uncertainty import correlation_time, long_run_covariance
 from .strap_model import CONTACT_NAMES, CORE_NAMES, StrapModel, StrappedSwing, StrapTorque
-from .strap_search import MIN_IMU_SAMPLES, TRIAL_EDGE_S
+from .strap_search import SEARCH_SETTINGS
 
-EVALUATION_RATE_HZ = 125.0
-"""Torque and angle, low-passed at 15 Hz, are resampled to this rate."""
 
-MIN_RESIDUAL_FREQUENCY_HZ = 0.25
-"""Below this frequency the residual of a trial may drift freely, so it carries no information."""
+@dataclass(frozen=True)
+class RecordSettings:
+    """What of a trial is fitted, and when the search ends."""
 
-MIN_TORQUE_SHARE = 0.05
-"""Below this share of its standard deviation the torque does not show to which side the strap pulls."""
+    evaluation_rate_hz: float = 125.0  # torque and angle, low-passed at 15 Hz, are resampled to this rate
+    # Below this frequency the residual of a trial may drift freely, so it carries no information.
+    min_residual_frequency_hz: float = 0.25
+    # Below this share of its standard deviation the torque does not show to which side the strap pulls.
+    min_torque_share: float = 0.05
+    # Samples this close to such a reversal are excluded too, because the low-pass mixes both sides.
+    reversal_margin_s: float = 0.04
+    max_iterations: int = 40  # largest number of Levenberg-Marquardt steps
+    cost_tolerance: float = 1e-6  # the search stops when a step reduces the cost by less than this share
 
-REVERSAL_MARGIN_S = 0.04
-"""Samples this close to such a reversal are excluded too, because the low-pass mixes both sides."""
 
-MAX_ITERATIONS = 40
-"""Largest number of Levenberg-Marquardt steps."""
-
-COST_TOLERANCE = 1e-6
-"""The search stops when a step reduces the cost by less than this share."""
+RECORD_SETTINGS = RecordSettings()
 
 
 class StrapRecord:
@@ -58,31 +58,31 @@ class StrapRecord:
         shift: float,
         decay: float,
         *,
-        slowest: float = MIN_RESIDUAL_FREQUENCY_HZ,
+        slowest: float = RECORD_SETTINGS.min_residual_frequency_hz,
         late: float = float("inf"),
     ):
-        step = max(1, round(swing.fs / EVALUATION_RATE_HZ))
+        step = max(1, round(swing.fs / RECORD_SETTINGS.evaluation_rate_hz))
         self.name, self.shift, self.late, self.weight = swing.name, shift, late, 1.0
         self.steady = slowest == 0.0
         self.period = step / swing.fs
         self.time, self.robot = swing.time[::step], swing.position[::step]
         self.torque, self.sensitivity, self.body = torque.torque[::step], torque.sensitivity[::step], torque.covariance
-        self.still = MIN_TORQUE_SHARE * float(np.std(self.torque))
-        reach = max(1, round(REVERSAL_MARGIN_S / self.period))
+        self.still = RECORD_SETTINGS.min_torque_share * float(np.std(self.torque))
+        reach = max(1, round(RECORD_SETTINGS.reversal_margin_s / self.period))
         quiet = np.convolve(np.abs(self.torque) <= self.still, np.ones(2 * reach + 1), "same") > 0.5
         memory = np.ones(1 + max(1, round(decay / self.period)))
         doubtful = np.convolve(~torque.known[::step], memory)[: len(quiet)] > 0.5
         seen = swing.imu_time + shift
         kept = (
             np.isfinite(swing.imu_angle)
-            & (seen >= self.time[0] + TRIAL_EDGE_S)
-            & (seen <= self.time[-1] - TRIAL_EDGE_S)
+            & (seen >= self.time[0] + SEARCH_SETTINGS.trial_edge_s)
+            & (seen <= self.time[-1] - SEARCH_SETTINGS.trial_edge_s)
         )
         kept &= np.interp(seen, self.time, (quiet | doubtful).astype(float)) == 0.0
-        if kept.sum() < MIN_IMU_SAMPLES:
+        if kept.sum() < SEARCH_SETTINGS.min_imu_samples:
             raise IdentificationError(
                 f"{swing.name}: found {int(kept.sum())} samples of the IMU while the strap pulls, expected "
-                f"{MIN_IMU_SAMPLES} or more: swing further"
+                f"{SEARCH_SETTINGS.min_imu_samples} or more: swing further"
             )
         self.seen_time, self.seen = swing.imu_time[kept], swing.imu_angle[kept]
         span = seen[kept] - seen[kept][0]
@@ -266,7 +266,7 @@ class _Search:
     def run(self, x: np.ndarray) -> StrapFit:
         residual, jacobian, cost = self.evaluate(x)
         damp, converged = 1e-4, False
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(RECORD_SETTINGS.max_iterations):
             slope = jacobian.T @ residual + self.prior * (self.expected - x)
             held = ((x <= self.lower) & (slope < 0.0)) | ((x >= self.upper) & (slope > 0.0))
             open_ = ~held
@@ -288,7 +288,7 @@ class _Search:
                 break
             gained = cost - there[2]
             x, (residual, jacobian, cost), damp = y, there, max(damp / 10.0, 1e-10)
-            if gained <= COST_TOLERANCE * cost:
+            if gained <= RECORD_SETTINGS.cost_tolerance * cost:
                 converged = True
                 break
         slope = jacobian.T @ residual + self.prior * (self.expected - x)

@@ -280,20 +280,24 @@ def _direction(velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
     return filled
 
 
-MIN_SLIP_RAD = np.radians(1.5)
-"""Steps smaller than this are ignored [rad]."""
+@dataclass(frozen=True)
+class SlipThresholds:
+    """Thresholds for the slip of a strap."""
 
-MIN_SLIP_STANDARD_ERRORS = 6.0
-"""A step must exceed this many standard errors. By chance the largest of hundreds of candidates reaches about 3.5."""
+    min_slip_rad: float = np.radians(1.5)  # steps smaller than this are ignored [rad]
+    # A step must exceed this many standard errors. By chance the largest of hundreds of candidates reaches about 3.5.
+    min_slip_standard_errors: float = 6.0
+    # The noise of the residual is estimated from the means of blocks of this length, longer than one swing [s].
+    block_length_s: float = 2.5
+    # A step is not searched for in this many blocks at either end of a trial, where it cannot be told from noise.
+    excluded_end_blocks: int = 2
 
-BLOCK_LENGTH_S = 2.5
-"""The noise of the residual is estimated from the means of blocks of this length, longer than one swing [s]."""
+
+SLIP_THRESHOLDS = SlipThresholds()
+
 
 CLOCK_CORRECTIONS_S = np.arange(-0.15, 0.16, 0.025)
 """Corrections of the IMU's clock that are tried, because the clock was found from two different angles [s]."""
-
-EXCLUDED_END_BLOCKS = 2
-"""A step is not searched for in this many blocks at either end of a trial, where it cannot be told from noise."""
 
 
 @dataclass(frozen=True)
@@ -334,7 +338,7 @@ def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | 
     t, r = time[known], residual[known]
     n = len(r)
     each = _samples_per_block(t)
-    first, last = EXCLUDED_END_BLOCKS * each, n - EXCLUDED_END_BLOCKS * each
+    first, last = SLIP_THRESHOLDS.excluded_end_blocks * each, n - SLIP_THRESHOLDS.excluded_end_blocks * each
     if last - first < each:
         return None
     before = np.cumsum(r)[first:last]
@@ -350,11 +354,11 @@ def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | 
     spread = np.sqrt(np.sum(blocks**2) / (len(blocks) - 2))
     share = len(blocks) / n
     error = spread * np.sqrt(1.0 / (share * count[at]) + 1.0 / (share * (n - count[at])))
-    if abs(step[at]) < max(MIN_SLIP_RAD, MIN_SLIP_STANDARD_ERRORS * error):
+    if abs(step[at]) < max(SLIP_THRESHOLDS.min_slip_rad, SLIP_THRESHOLDS.min_slip_standard_errors * error):
         return None
     return Slip(recording, float(t[count[at]]), float(step[at]))
 
 
 def _samples_per_block(time: np.ndarray) -> int:
     """Return the number of samples in a block."""
-    return max(1, round(BLOCK_LENGTH_S * (len(time) - 1) / max(float(time[-1] - time[0]), 1e-9)))
+    return max(1, round(SLIP_THRESHOLDS.block_length_s * (len(time) - 1) / max(float(time[-1] - time[0]), 1e-9)))

@@ -16,7 +16,7 @@ is nearly linear in 1/k and b/k, so these are sampled; the prior is stated for k
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -33,33 +33,28 @@ NAMES = ("stiffness", "damping", "gain")
 UNITS = ("N*m/rad", "N*m*s/rad", "1")
 """Units of `NAMES`, in their order."""
 
-PRIOR_STIFFNESS_SPREAD = 100.0
-"""Prior standard deviation of the stiffness above 0 [N m/rad]. A strap this stiff holds a swing within 5 degrees."""
 
-PRIOR_DAMPING_SPREAD = 10.0
-"""Prior standard deviation of the damping above 0 [N m s/rad]."""
+@dataclass(frozen=True)
+class PosteriorSettings:
+    """Priors of a strap and its instruments, and the sizes of neglected effects."""
 
-PRIOR_GAIN_SPREAD = 0.05
-"""Prior standard deviation of the IMU's gain around 1 [1]."""
+    # Prior standard deviation of the stiffness above 0 [N m/rad]. A strap this stiff holds a swing within 5 degrees.
+    prior_stiffness_spread: float = 100.0
+    prior_damping_spread: float = 10.0  # prior standard deviation of the damping above 0 [N m s/rad]
+    prior_gain_spread: float = 0.05  # prior standard deviation of the IMU's gain around 1 [1]
+    prior_clock_spread_s: float = 1.0  # prior standard deviation of the IMU's clock offset around its estimate [s]
+    # Prior standard deviation of the IMU's mounting angle around its estimate [rad].
+    prior_mounting_spread_rad: float = 1.0
+    slack_width_share: float = 0.5  # width w of the neglected slack, divided by the standard deviation of the stretch
+    relaxation_time_s: float = 1.0  # time constant T of the neglected branch that relaxes [s]
+    # Largest standard deviation of one neglected effect, divided by the strap's torque, where s is 1.
+    max_neglected_torque_share: float = 0.5
+    # A neglected effect is used only if its column keeps at least this share of its norm after projection on the
+    # strap's own columns. Otherwise it cannot be distinguished from stiffness and damping.
+    min_column_remainder: float = 0.02
 
-PRIOR_CLOCK_SPREAD_S = 1.0
-"""Prior standard deviation of the IMU's clock offset around its estimate [s]."""
 
-PRIOR_MOUNTING_SPREAD_RAD = 1.0
-"""Prior standard deviation of the IMU's mounting angle around its estimate [rad]."""
-
-SLACK_WIDTH_SHARE = 0.5
-"""Width w of the neglected slack, divided by the standard deviation of the stretch."""
-
-RELAXATION_TIME_S = 1.0
-"""Time constant T of the neglected branch that relaxes [s]."""
-
-MAX_NEGLECTED_TORQUE_SHARE = 0.5
-"""Largest standard deviation of one neglected effect, divided by the strap's torque, where s is 1."""
-
-MIN_COLUMN_REMAINDER = 0.02
-"""A neglected effect is used only if its column keeps at least this share of its norm after projection on the strap's
-own columns. Otherwise it cannot be distinguished from stiffness and damping."""
+POSTERIOR_SETTINGS = PosteriorSettings()
 
 
 class _ByCompliance(Prior):
@@ -123,10 +118,10 @@ def strap_posterior(
     known = np.concatenate(bodies) @ (vectors * np.sqrt(np.maximum(turned, 0.0)))
     columns = np.hstack([lacking * size, known])
     shares = np.array([1.0] * lacking.shape[1] + [0.0] * known.shape[1])
-    about = (1.0, PRIOR_GAIN_SPREAD) if gain is None else (gain.value, gain.standard_error)
+    about = (1.0, POSTERIOR_SETTINGS.prior_gain_spread) if gain is None else (gain.value, gain.standard_error)
     spread = np.array(
-        [PRIOR_STIFFNESS_SPREAD, PRIOR_DAMPING_SPREAD, about[1]]
-        + [PRIOR_CLOCK_SPREAD_S, PRIOR_MOUNTING_SPREAD_RAD] * len(trials)
+        [POSTERIOR_SETTINGS.prior_stiffness_spread, POSTERIOR_SETTINGS.prior_damping_spread, about[1]]
+        + [POSTERIOR_SETTINGS.prior_clock_spread_s, POSTERIOR_SETTINGS.prior_mounting_spread_rad] * len(trials)
     )
     centre = np.concatenate([[0.0, 0.0, about[0]], values[3:]])
     lower = np.concatenate([[0.0, 0.0], np.full(len(values) - 2, -np.inf)])
@@ -168,8 +163,8 @@ def _lacking(trial: StrapTrial, point: StrapPoint, number: int) -> np.ndarray:
     stretch = stretch - stretch.mean()
     period, spread = 1.0 / trial.fs, max(float(np.std(stretch)), 1e-9)
     rate = np.gradient(stretch, period)
-    relaxed = lfilter([1.0, -1.0], [1.0, -np.exp(-period / RELAXATION_TIME_S)], stretch)
-    width = SLACK_WIDTH_SHARE * spread
+    relaxed = lfilter([1.0, -1.0], [1.0, -np.exp(-period / POSTERIOR_SETTINGS.relaxation_time_s)], stretch)
+    width = POSTERIOR_SETTINGS.slack_width_share * spread
     torque = np.column_stack([stretch**3, width * np.tanh(stretch / width), relaxed, np.gradient(rate, period)])
     torque *= k * spread / np.std(torque, axis=0)
     answer = Spectrum(torque, trial.fs).response(k, b, 0.0)
@@ -181,9 +176,11 @@ def _beside(columns: np.ndarray, own: np.ndarray, size: float) -> tuple[np.ndarr
     """Return the columns that stiffness and damping cannot replace, shape (m, c), and their scales, (c,).
 
     A scale makes the part of the column outside the span of `own` as large as `size` (root mean square), and is limited
-    by `MAX_NEGLECTED_TORQUE_SHARE`.
+    by `POSTERIOR_SETTINGS.max_neglected_torque_share`.
     """
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     beside = np.linalg.norm(columns - basis @ (basis.T @ columns), axis=0)
-    some = beside > MIN_COLUMN_REMAINDER * np.linalg.norm(columns, axis=0)
-    return columns[:, some], np.minimum(size * np.sqrt(len(columns)) / beside[some], MAX_NEGLECTED_TORQUE_SHARE)
+    some = beside > POSTERIOR_SETTINGS.min_column_remainder * np.linalg.norm(columns, axis=0)
+    return columns[:, some], np.minimum(
+        size * np.sqrt(len(columns)) / beside[some], POSTERIOR_SETTINGS.max_neglected_torque_share
+    )

@@ -18,30 +18,26 @@ from ...numerics.clocks import best_delay
 from ...numerics.uncertainty import sandwich_covariance
 from .strap_model import StrappedSwing, StrapTorque
 
-TRIAL_EDGE_S = 1.0
-"""Samples are excluded for this time at either end of a trial, where the unknown initial state still acts [s]."""
 
-TRANSFORM_BRIDGE_S = 2.0
-"""A smooth bridge of this length connects the end of a trial with its beginning, because the transform is periodic
-[s]."""
+@dataclass(frozen=True)
+class SearchSettings:
+    """What of a trial is used, and how far and how long is searched."""
 
-MAX_CLOCK_SHIFT_S = 1.5
-"""Largest difference between the clocks of IMU and actuator that is searched [s]."""
+    # Samples are excluded for this time at either end of a trial, where the unknown initial state still acts [s].
+    trial_edge_s: float = 1.0
+    # A smooth bridge of this length connects the end of a trial with its beginning, because the transform is periodic
+    # [s].
+    transform_bridge_s: float = 2.0
+    max_clock_shift_s: float = 1.5  # largest difference between the clocks of IMU and actuator that is searched [s]
+    min_imu_samples: int = 40  # smallest number of IMU samples in a trial
+    min_motion_rad: float = np.radians(2.0)  # smallest range of the orthosis's angle in a trial [rad]
+    max_iterations: int = 60  # largest number of Levenberg-Marquardt steps
+    cost_tolerance: float = 1e-9  # the search stops when a step reduces the cost by less than this share
+    min_coefficient_share: float = 1e-6  # lower bound of stiffness and damping, relative to their first values
 
-MIN_IMU_SAMPLES = 40
-"""Smallest number of IMU samples in a trial."""
 
-MIN_MOTION_RAD = np.radians(2.0)
-"""Smallest range of the orthosis's angle in a trial [rad]."""
+SEARCH_SETTINGS = SearchSettings()
 
-MAX_ITERATIONS = 60
-"""Largest number of Levenberg-Marquardt steps."""
-
-COST_TOLERANCE = 1e-9
-"""The search stops when a step reduces the cost by less than this share."""
-
-MIN_COEFFICIENT_SHARE = 1e-6
-"""Lower bound of stiffness and damping, relative to their first values."""
 
 STRAP_PARAMETERS = ("stiffness", "damping")
 """Parameters of the strap, in the covariance's order."""
@@ -51,25 +47,26 @@ def clock_shift(swing: StrappedSwing) -> float:
     """Return a first estimate of the IMU's clock shift [s]: the shift at which its angle follows the orthosis's
     best."""
     known = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
-    if known.sum() < MIN_IMU_SAMPLES or np.ptp(swing.position) < MIN_MOTION_RAD:
+    if known.sum() < SEARCH_SETTINGS.min_imu_samples or np.ptp(swing.position) < SEARCH_SETTINGS.min_motion_rad:
         raise IdentificationError(
             f"{swing.name}: found {int(known.sum())} samples of the IMU and {np.degrees(np.ptp(swing.position)):.1f} "
-            f"deg of motion, expected {MIN_IMU_SAMPLES} and {np.degrees(MIN_MOTION_RAD):.0f} deg or more"
+            f"deg of motion, expected {SEARCH_SETTINGS.min_imu_samples} and "
+            f"{np.degrees(SEARCH_SETTINGS.min_motion_rad):.0f} deg or more"
         )
     imu_time, imu_angle = swing.imu_time[known], swing.imu_angle[known]
     shift = best_delay(
         imu_time,
         imu_angle,
         lambda at: np.interp(at, swing.time, swing.position),
-        np.arange(-MAX_CLOCK_SHIFT_S, MAX_CLOCK_SHIFT_S + 1e-9, 0.01),
+        np.arange(-SEARCH_SETTINGS.max_clock_shift_s, SEARCH_SETTINGS.max_clock_shift_s + 1e-9, 0.01),
         span=(swing.time[0], swing.time[-1]),
         either_sense=False,
-        fewest=MIN_IMU_SAMPLES,
+        fewest=SEARCH_SETTINGS.min_imu_samples,
     )
     if shift is None:
         raise IdentificationError(
             f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within "
-            f"{MAX_CLOCK_SHIFT_S:g} s"
+            f"{SEARCH_SETTINGS.max_clock_shift_s:g} s"
         )
     return shift
 
@@ -79,7 +76,7 @@ class Spectrum:
 
     def __init__(self, columns: np.ndarray, fs: float):
         n = len(columns)
-        total = fft.next_fast_len(n + round(TRANSFORM_BRIDGE_S * fs), real=True)
+        total = fft.next_fast_len(n + round(SEARCH_SETTINGS.transform_bridge_s * fs), real=True)
         share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, total - n + 1) / (total - n + 1))[:, None]
         self.length, self.total = n, total
         self.spectrum = fft.rfft(np.vstack([columns, columns[-1] + share * (columns[0] - columns[-1])]), axis=0)
@@ -135,7 +132,9 @@ class StrapTrial:
         """Return the IMU's times on the actuator's clock, `shift` later [s], and which are used; shapes (m,)."""
         time = self.swing.imu_time + shift
         first, last = self.swing.time[0], self.swing.time[-1]
-        keep = self.usable & (time >= first + TRIAL_EDGE_S) & (time <= last - TRIAL_EDGE_S)
+        keep = (
+            self.usable & (time >= first + SEARCH_SETTINGS.trial_edge_s) & (time <= last - SEARCH_SETTINGS.trial_edge_s)
+        )
         near = np.clip(np.round((np.where(self.usable, time, first) - first) * self.fs), 0, len(self.swing.time) - 1)
         return time, keep & ~self.doubtful[near.astype(int)]
 
@@ -189,10 +188,10 @@ class StrapProblem:
         for trial in self.trials:
             shift = clock_shift(trial.swing)
             time, keep = trial.times(shift)
-            if keep.sum() < MIN_IMU_SAMPLES:
+            if keep.sum() < SEARCH_SETTINGS.min_imu_samples:
                 raise IdentificationError(
                     f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected "
-                    f"{MIN_IMU_SAMPLES} or more: the IMU and the actuator did not record together"
+                    f"{SEARCH_SETTINGS.min_imu_samples} or more: the IMU and the actuator did not record together"
                 )
             t = time[keep]
             seen = trial.swing.imu_angle[keep] / self.gain - trial.angle(t)
@@ -217,12 +216,17 @@ class StrapProblem:
 
     def _search(self, start: StrapPoint, inertia: bool, hold_strap: bool) -> tuple[StrapPoint, float]:
         free = self._free(inertia, hold_strap)
-        floor = np.array([MIN_COEFFICIENT_SHARE * start.stiffness, MIN_COEFFICIENT_SHARE * start.damping])
+        floor = np.array(
+            [
+                SEARCH_SETTINGS.min_coefficient_share * start.stiffness,
+                SEARCH_SETTINGS.min_coefficient_share * start.damping,
+            ]
+        )
         x, damp = self._vector(start), 1e-3
         scale = np.concatenate([[start.stiffness, max(start.damping, 1e-3), 0.05, 0.1], np.full(len(x) - 4, 0.05)])
         residual, jacobian, cost = self._evaluate(x)
         done = False
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(SEARCH_SETTINGS.max_iterations):
             z = jacobian[:, free] * scale[free]
             gram, slope = z.T @ z, z.T @ residual
             while damp < 1e9:
@@ -239,7 +243,7 @@ class StrapProblem:
                 break
             gained = cost - c
             x, residual, jacobian, cost, damp = y, r, j, c, max(damp / 10.0, 1e-12)
-            if gained <= COST_TOLERANCE * cost:
+            if gained <= SEARCH_SETTINGS.cost_tolerance * cost:
                 done = True
                 break
         return self._point(x, done), cost

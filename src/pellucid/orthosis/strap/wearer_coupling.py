@@ -6,7 +6,7 @@ Arrays in, values out: recorded and simulated swings take the same path.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -157,7 +157,14 @@ def identify_wearer(
     ]
     used = [s for s in fitted if s.name not in {slip.recording for slip in slips}]
     if not used:
-        _refuse_slipped(participant, [slip for slip in slips if slip.recording in {s.name for s in fitted}])
+        names = {s.name for s in fitted}
+        where = ", ".join(
+            f"{s.recording} at {s.time:.1f} s by {np.degrees(s.step):+.1f} deg" for s in slips if s.recording in names
+        )
+        raise IdentificationError(
+            f"{participant}: the strap slipped in every fitted swing ({where}), expected one mounting throughout a "
+            "trial; tighten it, or cut the trials there with a window"
+        )
     fit = fit_coupling(used, [torques[s.name] for s in used], gain=gain)
     instruments = dict(zip([s.name for s in used], fit.instruments, strict=True))
     for swing in swings:
@@ -182,22 +189,19 @@ def identify_wearer(
             made = replace(made, posterior=drawn)
         except IdentificationError as error:
             made = replace(made, no_posterior=str(error))
-    return replace(made, verdicts=coupling_verdicts(made, failure))
+    return replace(made, verdicts=tuple(coupling_verdicts(made, failure)))
 
 
-def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
-    """Return the verdicts on one wearer's coupling; `no_limb` says why there is no estimate by the limb's balance."""
+def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> Iterator[Verdict]:
+    """Yield the verdicts on one wearer's coupling; `no_limb` says why there is no estimate by the limb's balance."""
     who, fit, decision = found.participant, found.orthosis_side, found.decision
-    said = [
-        Verdict(
+    for s in found.slips:
+        yield Verdict(
             "warning",
             f"{who}: the strap slipped by {np.degrees(s.step):+.1f} deg {s.time:.1f} s into {s.recording}; that trial "
             "was not fitted, and what is judged on it mixes two mountings.",
         )
-        for s in found.slips
-    ]
-    evaluated = [j for j in found.evaluated if j.split == "heldout"]
-    if evaluated:
+    if any(j.split == "heldout" for j in found.evaluated):
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
         limit = f" (the IMU's own error allows {ceiling:.1f} %)" if np.isfinite(ceiling) else ""
         kind = "good" if decision.is_good else "note" if decision.predicts else "warning"
@@ -206,84 +210,55 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
         text += f"mismatch in swings it was not fitted on{limit}"
         if decision.predicts and not decision.is_good:
             text += ", although " + ("no model of it holds" if not decision.holds else "its parameters are rejected")
-        said.append(Verdict(kind, f"{text}."))
+        yield Verdict(kind, f"{text}.")
     else:
-        said.append(Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones."))
+        yield Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones.")
     for parameter in (fit.stiffness, fit.damping):
         if parameter in decision.rejected:
-            said.append(
-                Verdict(
-                    "warning",
-                    f"{who}: the {parameter.name} was stopped at its bound of zero and is rejected: the torque of the "
-                    "strap and the mismatch do not belong together, or the IMU's clock took its place.",
-                )
+            yield Verdict(
+                "warning",
+                f"{who}: the {parameter.name} was stopped at its bound of zero and is rejected: the torque of the "
+                "strap and the mismatch do not belong together, or the IMU's clock took its place.",
             )
         elif not parameter.identifiable:
-            said.append(
-                Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
-            )
-    said += strap_verdicts(found, decision)
-    said.append(_inertia_verdict(who, fit, found.strap, decision))
-    said.append(_side_verdict(found, no_limb, decision))
+            yield Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
+    yield from _strap_verdicts(found, decision)
+    yield _inertia_verdict(who, fit, found.strap, decision)
+    yield _side_verdict(found, no_limb, decision)
     if found.published:
-        said.append(_published_verdict(found))
-    return tuple(said)
+        yield _published_verdict(found)
 
 
-def strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> list[Verdict]:
-    """Return the verdicts on the strap: its features, its stiffness over the range seen, and the test of the model."""
+def _strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> Iterator[Verdict]:
+    """Yield the verdicts on the strap: its features, its stiffness over the range seen, and the test of the model."""
     who, strap = found.participant, found.strap
     if strap is None:
-        return [Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")]
+        yield Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")
+        return
     low, high = (np.degrees(v) for v in strap.range)
     at_low, at_high = (p.value for p in strap.ends)
     what = strap.model.words if strap.model.features else "a spring and a damper predict it best"
     what += " (stiffness and tangents are the strap's own, without the tissue)" if strap.model.has("tissue") else ""
-    said = [
-        Verdict(
-            "note",
-            f"{who}: {what}; seen from {low:+.1f} to {high:+.1f} deg, where its tangent is {at_low:.3g} and "
-            f"{at_high:.3g} N*m/rad, {strap.stiffness.value:.3g} where it begins to pull. A spring and a damper that "
-            f"do best over these swings have {_read(found.orthosis_side.stiffness)}.",
-        )
-    ]
+    yield Verdict(
+        "note",
+        f"{who}: {what}; seen from {low:+.1f} to {high:+.1f} deg, where its tangent is {at_low:.3g} and "
+        f"{at_high:.3g} N*m/rad, {strap.stiffness.value:.3g} where it begins to pull. A spring and a damper that "
+        f"do best over these swings have {_read(found.orthosis_side.stiffness)}.",
+    )
     if strap.stiffness.refused:
-        said.append(Verdict("warning", f"{who}: the stiffness's interval is refused: {strap.stiffness.refused}."))
+        yield Verdict("warning", f"{who}: the stiffness's interval is refused: {strap.stiffness.refused}.")
     if not found.held:
-        said.append(
-            Verdict(
-                "note",
-                f"{who}: whether the strap relaxes over longer than a swing is not told: record torques that are held.",
-            )
-        )
+        text = "whether the strap relaxes over longer than a swing is not told: record torques that are held."
+        yield Verdict("note", f"{who}: {text}")
     if not strap.model.in_core:
-        said.append(
-            Verdict(
-                "note",
-                f"{who}: laws, and torques that are computed through the strap, use the spring and the damper that do "
-                "best; they know neither friction nor tissue of the strap.",
-            )
-        )
+        text = "laws, and torques that are computed through the strap, use the spring and the damper that do best; "
+        yield Verdict("note", f"{who}: {text}they know neither friction nor tissue of the strap.")
     if not decision.holds:
-        said.append(
-            Verdict(
-                "warning",
-                f"{who}: no model of the strap holds: blocks held out are predicted better with physics beside it "
-                f"(p {strap.holds:.2g}).",
-            )
-        )
-    return said
+        text = "no model of the strap holds: blocks held out are predicted better with physics beside it"
+        yield Verdict("warning", f"{who}: {text} (p {strap.holds:.2g}).")
 
 
 # --- steps ----------------------------------------------------------------------------------------------------------
-
-
-def _refuse_slipped(participant: str, slips: Sequence[Slip]) -> None:
-    where = ", ".join(f"{s.recording} at {s.time:.1f} s by {np.degrees(s.step):+.1f} deg" for s in slips)
-    raise IdentificationError(
-        f"{participant}: the strap slipped in every fitted swing ({where}), expected one mounting throughout a trial; "
-        "tighten it, or cut the trials there with a window"
-    )
 
 
 def _strap(used, torques, fit, steps, orthosis) -> IdentifiedStrap | None:
@@ -294,14 +269,9 @@ def _strap(used, torques, fit, steps, orthosis) -> IdentifiedStrap | None:
         return None
 
 
-def _compared(swing, torque, instrument, fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, the measured mismatch and that of a strap, at the IMU's samples within the trial."""
-    model = mismatch(torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
-    time, seen = _within(swing, *seen_mismatch(swing, instrument))
-    return time, seen, np.interp(time, swing.time, model)
-
-
-def _within(swing: StrappedSwing, time: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _seen(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and the measured mismatch at the IMU's samples within the trial."""
+    time, seen = seen_mismatch(swing, instrument)
     inside = np.isfinite(seen) & (time >= swing.time[0] + SWING_EDGE_S) & (time <= swing.time[-1] - SWING_EDGE_S)
     return time[inside], seen[inside]
 
@@ -324,11 +294,16 @@ def _published(used, angles, orthosis, limb) -> dict[str, PublishedCoupling]:
 
 
 def _judge(swing, torque, instrument, fit, strap, other, published, angles, orthosis, limb, imu_sd) -> EvaluatedSwing:
-    time, seen, model = _compared(swing, torque.torque, instrument, fit)
+    def responds(of: np.ndarray, by: CouplingFit) -> np.ndarray:
+        return mismatch(of, swing.fs, stiffness=by.stiffness.value, damping=by.damping.value)
+
+    time, seen = _seen(swing, instrument)
+    predicted = responds(torque.torque, fit)
+    model = np.interp(time, swing.time, predicted)
     simulated = {"orthosis": model}
-    predicted = mismatch(torque.torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
     if other is not None:
-        simulated["limb"] = _compared(swing, from_limb(swing, limb, angles[swing.name]).torque, instrument, other)[2]
+        by_limb = responds(from_limb(swing, limb, angles[swing.name]).torque, other)
+        simulated["limb"] = np.interp(time, swing.time, by_limb)
     literal = None
     if published:
         rhs = torque_mismatch(swing, angles[swing.name], orthosis, limb)
@@ -339,7 +314,7 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
         # Each strap model is evaluated with its own estimate of clock and mounting.
         simulated["kelvin_voigt"], fits["kelvin_voigt"] = model, fits["orthosis"]
         instrument = strap.instrument(swing, torque, instrument.shift)
-        before, (time, seen) = time, _within(swing, *seen_mismatch(swing, instrument))
+        before, (time, seen) = time, _seen(swing, instrument)
         simulated = {name: np.interp(time, before, values) for name, values in simulated.items()}
         predicted = strap.mismatch(swing, torque)
         simulated["orthosis"] = np.interp(time, swing.time, predicted)
@@ -357,8 +332,7 @@ def _judge(swing, torque, instrument, fit, strap, other, published, angles, orth
 def _read(parameter: Parameter) -> str:
     if parameter.refused:
         return f"{parameter.value:.3g} {parameter.unit} (interval refused)"
-    half = 1.96 * parameter.standard_error
-    return f"{parameter.value:.3g} ± {half:.2g} {parameter.unit}"
+    return f"{parameter.value:.3g} ± {1.96 * parameter.standard_error:.2g} {parameter.unit}"
 
 
 def _interval(parameter: Parameter) -> str:
@@ -369,9 +343,8 @@ def _interval(parameter: Parameter) -> str:
 def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None, decision: StrapDecision) -> Verdict:
     if not decision.has_inertia:
         kind = "good" if decision.holds and not decision.rejected else "note"
-        return Verdict(
-            kind, f"{who}: nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
-        )
+        text = f"nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
+        return Verdict(kind, f"{who}: {text}")
     if strap is not None and strap.model.features:
         return Verdict(
             "note",

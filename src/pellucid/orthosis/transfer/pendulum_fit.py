@@ -34,23 +34,25 @@ from ..transfer_function import filtered_powers
 from .fit_transfer_function import Response, fit_percent, require_samples
 from .srivc import SINGULAR_VALUE_TOLERANCE
 
-WIDTH_SHARE = 0.02
-"""Default width of the smooth sign of velocity, as a share of the records' largest speed."""
+
+@dataclass(frozen=True)
+class PendulumSettings:
+    """Settings of the fit of a pendulum."""
+
+    width_share: float = 0.02  # default width of the smooth sign of velocity, as a share of the records' largest speed
+    min_inertia_share: float = 1e-6  # lower bound of the inertia, as a share of its first estimate
+    # Time steps are divided until the product of a step and friction's rate at rest, (b + c/w)/I, is below this.
+    max_step_rate_product: float = 0.5
+    # A time step is divided into at most this many substeps. More would only resolve a smooth sign that is too narrow.
+    max_substeps: int = 16
+    velocity_reach_s: float = 0.02  # the first estimate of the velocity is a difference over twice this time
+
+
+PENDULUM_SETTINGS = PendulumSettings()
+
 
 DEFAULT_FREE_PARAMETERS = NAMES
 """Parameters that are estimated by default."""
-
-MIN_INERTIA_SHARE = 1e-6
-"""Lower bound of the inertia, as a share of its first estimate."""
-
-MAX_STEP_RATE_PRODUCT = 0.5
-"""Time steps are divided until the product of a step and friction's rate at rest, (b + c/w)/I, is below this."""
-
-MAX_SUBSTEPS = 16
-"""A time step is divided into at most this many substeps. More would only resolve a smooth sign that is too narrow."""
-
-VELOCITY_REACH_S = 0.02
-"""The first estimate of the velocity is a difference over twice this time."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -99,7 +101,7 @@ def fit_pendulum(
         _require(record, len(names) + 2)
     speeds = [_speed(r) for r in records]
     if width is None:
-        width = WIDTH_SHARE * max(float(np.quantile(np.abs(v), 0.99)) for v in speeds)
+        width = PENDULUM_SETTINGS.width_share * max(float(np.quantile(np.abs(v), 0.99)) for v in speeds)
     problem = _Problem(tuple(records), tuple(names), known, hold, width)
     lower, upper = _bounds(names, bounds or {})
     best = None
@@ -117,7 +119,7 @@ def fit_pendulum(
     start = best[1]
     if "inertia" in names:
         i = names.index("inertia")
-        lower[i] = max(lower[i], MIN_INERTIA_SHARE * start[i])
+        lower[i] = max(lower[i], PENDULUM_SETTINGS.min_inertia_share * start[i])
     k = len(names)
     free_state = np.full(2 * len(records), np.inf)
     low, high = np.concatenate([lower, -free_state]), np.concatenate([upper, free_state])
@@ -178,8 +180,8 @@ class _Problem:
         """Choose time steps short enough for the friction of `x`, and start the simulations from measured motions."""
         inertia, damping, coulomb = self.full(x)[:3]
         longest = max(float(np.median(np.diff(r.time))) for r in self.records)
-        wanted = longest * (damping + coulomb / self.width) / inertia / MAX_STEP_RATE_PRODUCT
-        substeps = int(np.clip(np.ceil(wanted), 1, MAX_SUBSTEPS))
+        wanted = longest * (damping + coulomb / self.width) / inertia / PENDULUM_SETTINGS.max_step_rate_product
+        substeps = int(np.clip(np.ceil(wanted), 1, PENDULUM_SETTINGS.max_substeps))
         if substeps == self.prepared:
             return
         self.prepared, self.last = substeps, None
@@ -367,9 +369,9 @@ def _rates(records: Sequence[InputOutput]) -> np.ndarray:
 
 
 def _speed(record: InputOutput) -> np.ndarray:
-    """Return a rough velocity, shape (n,) [rad/s]: differences over twice `VELOCITY_REACH_S`, against quantisation."""
+    """Return a rough velocity, shape (n,) [rad/s]: differences over a reach, against quantisation."""
     n = len(record)
-    reach = max(1, round(VELOCITY_REACH_S / float(np.median(np.diff(record.time)))))
+    reach = max(1, round(PENDULUM_SETTINGS.velocity_reach_s / float(np.median(np.diff(record.time)))))
     after, before = np.minimum(np.arange(n) + reach, n - 1), np.maximum(np.arange(n) - reach, 0)
     return (record.output[after] - record.output[before]) / (record.time[after] - record.time[before])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,6 @@ from ....study.pages.forest import number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ....study.pages.page import Answer, Page, Section, Tile, without_drawing
 from ....study.pages.quantities import number, typeset_sentence, unit_text
-from ....study.procedures.posterior_beside import pair_with_posterior
 from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.print_result import MIN_EXPLAINED_PERCENT
 from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
@@ -25,23 +25,24 @@ from ....study.study import Study
 from ...strap.identified_strap import IdentifiedStrap
 from ...strap.wearer_coupling import EvaluatedSwing
 from ...transfer.fit_transfer_function import Response
-from .coupling_result import CouplingResult, WearerStages
+from .coupling_result import CouplingResult, WearerStages, strap_beside_posterior
 from .coupling_table import CouplingTable
 
-MAX_DRAWN_S = 12.0
-"""Length of a response or swing that is drawn [s]."""
 
-FRAME_COUNT = 60
-"""Number of frames of the movement."""
+@dataclass(frozen=True)
+class PageSettings:
+    """What is drawn on the page of an orthosis and its wearers."""
 
-MISMATCH_MAGNIFICATION = 2.0
-"""Magnification of the drawn angle between leg and orthosis, which is often of a few degrees."""
+    max_drawn_s: float = 12.0  # length of a response or swing that is drawn [s]
+    frame_count: int = 60  # number of frames of the movement
+    # Magnification of the drawn angle between leg and orthosis, which is often of a few degrees.
+    mismatch_magnification: float = 2.0
+    hold_dot_points: float = 5.0  # diameter of the dot of a hold, in points
+    legend_share: float = 0.14  # share of a panel's height that is kept free for the legend
 
-HOLD_DOT_POINTS = 5.0
-"""Diameter of the dot of a hold, in points."""
 
-LEGEND_SHARE = 0.14
-"""Share of a panel's height that is kept free for the legend."""
+PAGE_SETTINGS = PageSettings()
+
 
 STRAP_PARAMETERS = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
 """Strap parameters that are drawn, with their labels."""
@@ -57,11 +58,11 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     straight = line_of_best_fit(angle, torque)
     line(axis, np.degrees(span), straight.slope * span + straight.intercept, color=colour("stribeck"), linewidth=1.2)
     line(axis, np.degrees(span), fit.torque(span), color=colour("fitted"), linewidth=1.8)
-    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=HOLD_DOT_POINTS)
+    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=PAGE_SETTINGS.hold_dot_points)
     tidy(axis, first=True, text="Torque (N·m)")
     axis.set_xlabel("Angle from hanging (deg)")
     names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
-    key(axis, names, room=LEGEND_SHARE)
+    key(axis, names, room=PAGE_SETTINGS.legend_share)
     return Drawing(
         "gravity",
         figure,
@@ -75,7 +76,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     """Draw the held-out response of the orthosis to a torque: measured, by the pendulum, and by the published form."""
     figure, axis = one_panel(3.4)
     start = pendulum.time[0]
-    shown = pendulum.time <= start + MAX_DRAWN_S
+    shown = pendulum.time <= start + PAGE_SETTINGS.max_drawn_s
     for values, role, width in (
         (pendulum.measured, "measured", 2.6),
         (linear.simulated, "stribeck", 1.2),
@@ -85,7 +86,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     tidy(axis, first=True, text="Angle (deg)")
     axis.set_xlabel("Time (s)")
     names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
-    key(axis, names, room=LEGEND_SHARE)
+    key(axis, names, room=PAGE_SETTINGS.legend_share)
     reached = "diverges" if pendulum.diverges else f"{pendulum.fit:.1f} %"
     rest = f"pendulum {reached}, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
@@ -111,7 +112,7 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
         span = np.linspace(angle.min(), angle.max(), 121)
         drawn = limb.gravity.value * np.sin(span - limb.zero.value)
         line(axis, np.degrees(span), drawn, color=colour("fitted"), linewidth=1.8)
-        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=HOLD_DOT_POINTS)
+        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=PAGE_SETTINGS.hold_dot_points)
         tidy(axis, first=axis is panels[0], text="Torque (N·m)")
         axis.set_xlabel("Angle (deg)")
         size = number(limb.gravity.value, limb.gravity.standard_error)
@@ -132,7 +133,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     limb, axis = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
-    shown = np.abs(swing.time - middle) <= 0.5 * MAX_DRAWN_S
+    shown = np.abs(swing.time - middle) <= 0.5 * PAGE_SETTINGS.max_drawn_s
     time = swing.time[shown]
     entries = [("IMU", colour("measured"))]
     line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
@@ -144,12 +145,12 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     entries.insert(1, ("strap", colour(role)))
     tidy(axis, first=True, text="Mismatch (deg)")
     axis.set_xlabel("Time (s)")
-    key(axis, entries, room=LEGEND_SHARE)
+    key(axis, entries, room=PAGE_SETTINGS.legend_share)
     rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % if the model were perfect"
     heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
-    frames = np.linspace(float(time[0]), float(time[-1]), FRAME_COUNT)
+    frames = np.linspace(float(time[0]), float(time[-1]), PAGE_SETTINGS.frame_count)
     orthosis = np.zeros(len(time)) if swing.position is None else swing.position[shown]
     turned = np.interp(frames, time, orthosis), np.interp(frames, time, swing.seen[shown])
     ways = {**_leg_in_orthosis(limb, *turned), "cursor": cursor(axis, frames)}
@@ -157,8 +158,8 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
         f"mismatch_{who}",
         figure,
         f"Left: orthosis (grey) and leg (black) as they were recorded, the angle between them "
-        f"{MISMATCH_MAGNIFICATION:g} times as large. Right: angle between limb and orthosis of {who}: by the IMU, and "
-        "as the identified strap answers the torque that the orthosis's balance gives. "
+        f"{PAGE_SETTINGS.mismatch_magnification:g} times as large. Right: angle between limb and orthosis "
+        f"of {who}: by the IMU, and as the identified strap answers the torque that the orthosis's balance gives. "
         + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
         + (" The published equation has no strap in it." if len(entries) > 2 else ""),
         ways,
@@ -176,7 +177,7 @@ def _leg_in_orthosis(axis: Axes, orthosis: np.ndarray, mismatch: np.ndarray) -> 
     ways = {}
     drawn = (
         ("orthosis", orthosis, 1.0, colour("muted"), 13.0),
-        ("leg", orthosis + MISMATCH_MAGNIFICATION * mismatch, 1.08, colour("measured"), 5.0),
+        ("leg", orthosis + PAGE_SETTINGS.mismatch_magnification * mismatch, 1.08, colour("measured"), 5.0),
     )
     for name, angle, length, tone, width in drawn:
         # The foot swings back when the knee bends.
@@ -209,7 +210,7 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
         ("IMU", colour("measured")), ("strap", colour("fitted")), ("its tangent", colour("load")),
         ("spring alone", colour("stribeck")),
     ]  # fmt: skip
-    key(axis, names, room=LEGEND_SHARE)
+    key(axis, names, room=PAGE_SETTINGS.legend_share)
     heads(
         [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
     )
@@ -271,7 +272,7 @@ ORIENTATION_FILTER_NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 def page(study: Study, findings: CouplingResult) -> Page:
     """Build the page of a result."""
     sections = (
-        _found(findings),
+        Section("coupling_found", "What was found", tables=figure_tables(findings)),
         _orthosis(findings),
         *([_limbs(findings)] if any(w.limb is not None for w in findings.wearers.values()) else []),
         _straps(findings),
@@ -313,15 +314,6 @@ def _tiles(findings: CouplingResult) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _found(findings: CouplingResult) -> Section:
-    return Section(
-        "coupling_found",
-        "What was found",
-        (),
-        figure_tables(findings),
-    )
-
-
 def _orthosis(findings: CouplingResult) -> Section:
     fit = findings.orthosis
     drawings = [draw(gravity_figure, fit.gravity)]
@@ -361,7 +353,7 @@ def _straps(findings: CouplingResult) -> Section:
             drawings.append(draw(strap_figure, who, stages.coupling.strap))
         drawings.append(draw(mismatch_figure, who, drawn_swing(stages.coupling.evaluated)))
         if stages.coupling.posterior is not None:
-            compared = pair_with_posterior(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
+            compared = strap_beside_posterior(stages.coupling)
             drawings.append(draw(posterior_figure, compared, findings.confidence, f"posterior-{who}"))
     return Section(
         "coupling_straps",

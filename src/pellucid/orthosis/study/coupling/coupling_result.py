@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
 import numpy as np
@@ -12,6 +12,7 @@ from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.gravity_holds import accuracy
 from ....study.procedures.posterior_beside import (
+    ComparedPosterior,
     pair_with_posterior,
     posterior_rows,
     posterior_table,
@@ -19,7 +20,7 @@ from ....study.procedures.posterior_beside import (
 )
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
-from ...strap.coupled_impedance import PublishedCoupling
+from ...strap.coupled_impedance import UNITS as COEFFICIENT_UNITS
 from ...strap.identified_strap import IdentifiedStrap
 from ...strap.limb import KNEE_DAMPING_SPREAD, ImuCalibration, LimbFit, MuscleTorque
 from ...strap.orthosis_alone import COVARIANCE_ORDER, OrthosisFit
@@ -60,6 +61,8 @@ class CouplingResult(Result):
     orthosis: OrthosisFit
     wearers: Mapping[str, WearerStages]  # results by participant
     refused: Mapping[str, str]  # reasons, by participant, why the strap could not be identified
+    notes: Mapping[str, str] = field(repr=False)  # corrections of a recording's angles, by recording
+    files: Mapping[str | None, Mapping[str, str]] = field(repr=False)  # checksums by participant; None: nobody wore it
 
 
 def coupling_result(
@@ -73,23 +76,22 @@ def coupling_result(
     confidence: float,
 ) -> CouplingResult:
     """Build the tables, verdicts, rows and cards from the results of the stages."""
+    files = {
+        who: {name: digest for name, digest in checksums.items() if participants[name] == who}
+        for who in (None, *wearers, *refused)
+    }
+    made = CouplingResult(
+        study=study, headline=_headline(orthosis, wearers), tables=(), verdicts=(), rows=(), cards={},
+        checksums=checksums, confidence=confidence, orthosis=orthosis, wearers=wearers, refused=refused, notes=notes,
+        files=files,
+    )  # fmt: skip
+    tables, verdicts, rows = tuple(_tables(made)), tuple(_verdicts(made)), tuple(_rows(made))
+    return replace(made, tables=tables, verdicts=verdicts, rows=rows, cards=_cards(made))
 
-    def files(who: str | None) -> dict[str, str]:
-        return {name: digest for name, digest in checksums.items() if participants[name] == who}
 
-    return CouplingResult(
-        study=study,
-        headline=_headline(orthosis, wearers),
-        tables=(*_tables(orthosis, wearers), *_posterior_tables(wearers, confidence)),
-        verdicts=(*_verdicts(orthosis, wearers, refused, notes), *_posterior_verdicts(wearers, confidence)),
-        rows=tuple(_rows(study, orthosis, wearers, refused, checksums, files, confidence)),
-        cards=_cards(study, orthosis, wearers, files, confidence),
-        checksums=checksums,
-        confidence=confidence,
-        orthosis=orthosis,
-        wearers=wearers,
-        refused=refused,
-    )
+def strap_beside_posterior(found: WearerCoupling) -> tuple[ComparedPosterior, ...]:
+    """Return the parameters of the spring and damper, each beside its posterior; there must be one."""
+    return pair_with_posterior(found.orthosis_side.parameters, found.posterior)
 
 
 def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str:
@@ -101,7 +103,8 @@ def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str
     return f"Straps of {straps}{evaluated}; orthosis {alone}."
 
 
-def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Iterator[ParameterTable | FigureTable]:
+def _tables(found: CouplingResult) -> Iterator[ParameterTable | FigureTable]:
+    orthosis, wearers = found.orthosis, found.wearers
     yield ParameterTable("Orthosis", orthosis.parameters)
     yield ParameterTable("Orthosis, published form", orthosis.linear.physical)
     rows = [
@@ -119,17 +122,12 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
         if stages.limb is not None:
             known = tuple(p for p in (stages.limb.gravity, stages.limb.inertia) if np.isfinite(p.value))
             yield ParameterTable(f"{who}: limb", known)
-    tried = [
-        (
-            who,
-            ", ".join(StrapModel.named(name).features) or "a spring and a damper",
-            1e3 * error,
-            "yes" if name == strap.model.name else "",
-        )
-        for who, stages in wearers.items()
-        if (strap := stages.coupling.strap) is not None
-        for name, error in sorted(strap.errors.items(), key=lambda pair: pair[1])
-    ]
+    tried = []
+    for who, stages in wearers.items():
+        errors = {} if (strap := stages.coupling.strap) is None else strap.errors
+        for name, error in sorted(errors.items(), key=lambda pair: pair[1]):
+            features = ", ".join(StrapModel.named(name).features) or "a spring and a damper"
+            tried.append((who, features, 1e3 * error, "yes" if name == strap.model.name else ""))
     if tried:
         heads = ("Participant", "Model of the strap", "Error of blocks held out [mrad]", "Chosen")
         chosen = tuple(i for i, row in enumerate(tried) if row[-1])
@@ -144,36 +142,18 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
         for j in stages.coupling.evaluated
     ]
     yield FigureTable("Mismatch explained", heads, tuple(evaluated))
-
-
-def _posterior_tables(wearers: Mapping[str, WearerStages], confidence: float) -> Iterator[FigureTable]:
     for who, stages in wearers.items():
-        found = stages.coupling
-        if found.posterior is not None:
-            compared = pair_with_posterior(found.orthosis_side.parameters, found.posterior)
-            yield posterior_table(f"{who}: posterior beside those of a spring and a damper", compared, confidence)
-
-
-def _posterior_verdicts(wearers: Mapping[str, WearerStages], confidence: float) -> Iterator[Verdict]:
-    for who, stages in wearers.items():
-        found = stages.coupling
-        if found.no_posterior:
-            yield Verdict("warning", f"{who}: no posterior could be drawn: {found.no_posterior}.")
-        if found.posterior is not None:
-            compared = pair_with_posterior(found.orthosis_side.parameters, found.posterior)
-            yield from posterior_verdicts(compared, found.posterior, confidence, who)
+        if stages.coupling.posterior is not None:
+            title = f"{who}: posterior beside those of a spring and a damper"
+            yield posterior_table(title, strap_beside_posterior(stages.coupling), found.confidence)
 
 
 def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _verdicts(
-    orthosis: OrthosisFit,
-    wearers: Mapping[str, WearerStages],
-    refused: Mapping[str, str],
-    notes: Mapping[str, str],
-) -> Iterator[Verdict]:
+def _verdicts(found: CouplingResult) -> Iterator[Verdict]:
+    orthosis, wearers = found.orthosis, found.wearers
     reached, linear = orthosis.mean_fit(), orthosis.mean_fit(linear=True)
     if np.isfinite(reached):
         yield Verdict(
@@ -198,30 +178,29 @@ def _verdicts(
             yield Verdict("warning", f"{who}: {name} is not used: {why}.")
         for note in stages.notes:
             yield Verdict("warning", f"{who}: {note}.")
-    for who, why in refused.items():
+    for who, why in found.refused.items():
         yield Verdict("warning", f"{who}: refused. {why}.")
-    for name, note in notes.items():
+    for name, note in found.notes.items():
         yield Verdict("note", f"{name}: {note}.")
+    for who, coupling in ((who, stages.coupling) for who, stages in wearers.items()):
+        if coupling.no_posterior:
+            yield Verdict("warning", f"{who}: no posterior could be drawn: {coupling.no_posterior}.")
+        if coupling.posterior is not None:
+            compared = strap_beside_posterior(coupling)
+            yield from posterior_verdicts(compared, coupling.posterior, found.confidence, who)
 
 
 # --- figures --------------------------------------------------------------------------------------------------------
 
 
-def _rows(
-    study: str,
-    orthosis: OrthosisFit,
-    wearers: Mapping[str, WearerStages],
-    refused: Mapping[str, str],
-    checksums: Mapping[str, str],
-    files: Callable[[str | None], Mapping[str, str]],
-    confidence: float,
-) -> Iterator[ResultRow]:
-    all_of = {who: combined_checksum(files(who).values()) for who in (None, *wearers, *refused)}
+def _rows(found: CouplingResult) -> Iterator[ResultRow]:
+    orthosis, confidence = found.orthosis, found.confidence
+    all_of = {who: combined_checksum(sums.values()) for who, sums in found.files.items()}
 
     def row(what: str, value, unit: str, split: str, note: str = "", checksum: str | None = None) -> ResultRow:
         # Ids begin with the orthosis or with a wearer.
         checksum = checksum or all_of.get(what.split(".")[0], all_of[None])
-        return ResultRow(f"{study}.{what}", value, unit, "identify", split, checksum, note)
+        return ResultRow(f"{found.study}.{what}", value, unit, "identify", split, checksum, note)
 
     def parameter(what: str, p: Parameter, extra: str = "") -> ResultRow:
         low, high = p.interval(confidence)
@@ -239,17 +218,16 @@ def _rows(
         checks = orthosis.linear_checks if linear else orthosis.checks
         for recording, response in checks.items():
             why = "refused: the simulation diverges" if response.diverges else ""
-            checksum = checksums.get(recording)
+            checksum = found.checksums.get(recording)
             yield row(f"{name}.{recording}", _known(response.fit), "%", "heldout", why, checksum=checksum)
-    for who, stages in wearers.items():
+    for who, stages in found.wearers.items():
         yield from _limb_rows(who, stages, row, parameter)
-        yield from _coupling_rows(who, stages.coupling, row, parameter, checksums)
-        if stages.coupling.posterior is not None:
-            drawn = stages.coupling.posterior
+        yield from _coupling_rows(who, stages.coupling, row, parameter, found.checksums)
+        if (drawn := stages.coupling.posterior) is not None:
             plain = ResultRow("", None, "1", "identify", "fitted", all_of[who], drawn.settled)
-            compared = pair_with_posterior(stages.coupling.orthosis_side.parameters, drawn)
-            yield from posterior_rows(f"{study}.{who}.coupling", compared, confidence, plain)
-    for who, why in refused.items():
+            compared = strap_beside_posterior(stages.coupling)
+            yield from posterior_rows(f"{found.study}.{who}.coupling", compared, confidence, plain)
+    for who, why in found.refused.items():
         yield row(f"{who}.coupling.fit", None, "%", "heldout", f"refused: {why}")
 
 
@@ -263,14 +241,9 @@ def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[Resul
             yield parameter(f"{who}.limb.inertia", stages.limb.inertia, "shares of the body, scaled by gravity")
         for table, segment in stages.limb.segments.items():
             of_found, of_table = accuracy(stages.limb.gravity.value, segment.gravity())
-            near = f"agreement {of_found:.2f} % of the one found, {of_table:.2f} % of this one"
-            yield row(
-                f"{who}.limb.gravity.{table}",
-                segment.gravity(),
-                "N*m",
-                "fitted",
-                f"{ANTHROPOMETRIC_TABLE_NAMES[table]}; {near}",
-            )
+            note = f"{ANTHROPOMETRIC_TABLE_NAMES[table]}; "
+            note += f"agreement {of_found:.2f} % of the one found, {of_table:.2f} % of this one"
+            yield row(f"{who}.limb.gravity.{table}", segment.gravity(), "N*m", "fitted", note)
     if stages.muscles is not None:
         note = "plain linear map from EMG, repetition by repetition"
         yield row(f"{who}.muscles.rmse", stages.muscles.rmse, "N*m", "heldout", note)
@@ -290,7 +263,10 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
         yield parameter(f"{head}.limb_side.k", found.limb_side.stiffness)
         yield parameter(f"{head}.limb_side.b", found.limb_side.damping)
     for form, literal in found.published.items():
-        yield from _published_rows(f"{head}.published_form.{form}", literal, row)
+        for letter, name in {"inertia": "inertia", "b": "damping", "k": "stiffness"}.items():
+            note = "at its bound" if name in literal.at_bound else ""
+            value, unit = getattr(literal, name), COEFFICIENT_UNITS[name]
+            yield row(f"{head}.published_form.{form}.{letter}", value, unit, "fitted", note)
     names = {
         "orthosis": "fit", "kelvin_voigt": "kelvin_voigt.fit", "limb": "limb_side.fit",
         "published": "published_form.fit",
@@ -322,88 +298,40 @@ def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[R
     yield row(f"{head}.holds", strap.holds, "1", "heldout", "p of no physics beside the model being missed")
 
 
-def _published_rows(head: str, literal: PublishedCoupling, row) -> Iterator[ResultRow]:
-    for name, value, unit in (
-        ("inertia", literal.inertia, "kg*m^2"),
-        ("b", literal.damping, "N*m*s/rad"),
-        ("k", literal.stiffness, "N*m/rad"),
-    ):
-        note = "at its bound" if {"b": "damping", "k": "stiffness"}.get(name, name) in literal.at_bound else ""
-        yield row(f"{head}.{name}", value, unit, "fitted", note)
-
-
 # --- cards ----------------------------------------------------------------------------------------------------------
 
 
-def _cards(
-    study: str,
-    orthosis: OrthosisFit,
-    wearers: Mapping[str, WearerStages],
-    files: Callable[[str | None], Mapping[str, str]],
-    confidence: float,
-) -> dict[str, ParameterCard]:
-    def card(kind: str, name: str, parameters, covariance, who: str | None, processing: str, **settings):
-        return ParameterCard(
-            kind,
-            study,
-            name,
-            tuple(p.on_card(confidence) for p in parameters),
-            tuple(tuple(float(x) for x in row) for row in np.atleast_2d(covariance)),
-            settings,
-            processing,
-            confidence,
-            files(who),
-            version("pellucid"),
-        )
+def _cards(found: CouplingResult) -> dict[str, ParameterCard]:
+    made: dict[str, ParameterCard] = {}
 
-    by_name = {p.name: p for p in orthosis.parameters}
-    made = {
-        "orthosis": card(
-            "orthosis",
-            "orthosis",
-            [by_name[name] for name in COVARIANCE_ORDER],
-            orthosis.covariance,
-            None,
-            "gravity from holds; inertia and friction by output error on sines",
-            zero=float(orthosis.orthosis.zero),
-            torque_offset=float(orthosis.orthosis.offset),
-        )
-    }
-    for who, stages in wearers.items():
-        fit = stages.coupling.orthosis_side
-        made[f"{who}.coupling"] = card(
-            "coupling",
-            f"{who}.coupling",
-            [fit.stiffness, fit.damping],
-            fit.covariance,
-            who,
-            "output error on the IMU's angle, torque by the orthosis's balance; the spring and the damper that do best",
-            participant=who,
-        )
-        if (strap := stages.coupling.strap) is not None:
-            made[f"{who}.strap"] = card(
-                "strap",
-                f"{who}.strap",
-                [strap.stiffness, strap.damping, *strap.others],
-                strap.covariance,
-                who,
-                "output error on the IMU's angle; the model by blocks held out",
-                participant=who,
-                model=strap.model.name,
-                stretch_low=strap.range[0],
-                stretch_high=strap.range[1],
-                holds=strap.fits,
-            )
-        if stages.limb is not None and np.isfinite(stages.limb.inertia.value):
-            limb = stages.limb
-            made[f"{who}.limb"] = card(
-                "limb",
-                f"{who}.limb",
-                [limb.inertia, limb.gravity, LIMB_DAMPING],
-                limb.limb.covariance,
-                who,
-                "gravity on a rigid plate, muscles at rest; inertia by shares of the body",
-                participant=who,
-                zero=float(limb.zero.value),
-            )
+    def add(
+        kind: str, who: str | None, parameters: Sequence[Parameter], covariance: np.ndarray, how: str, **settings
+    ) -> None:
+        name, of = (kind, {}) if who is None else (f"{who}.{kind}", {"participant": who})
+        made[name] = ParameterCard(
+            kind, found.study, name, tuple(p.on_card(found.confidence) for p in parameters),
+            tuple(map(tuple, np.atleast_2d(covariance).astype(float).tolist())), of | settings, how, found.confidence,
+            found.files[who], version("pellucid"),
+        )  # fmt: skip
+
+    alone = found.orthosis
+    by_name = {p.name: p for p in alone.parameters}
+    how = "gravity from holds; inertia and friction by output error on sines"
+    places = {"zero": float(alone.orthosis.zero), "torque_offset": float(alone.orthosis.offset)}
+    add("orthosis", None, [by_name[name] for name in COVARIANCE_ORDER], alone.covariance, how, **places)
+    for who, stages in found.wearers.items():
+        fit, strap, limb = stages.coupling.orthosis_side, stages.coupling.strap, stages.limb
+        how = "output error on the IMU's angle, torque by the orthosis's balance; "
+        how += "the spring and the damper that do best"
+        add("coupling", who, [fit.stiffness, fit.damping], fit.covariance, how)
+        if strap is not None:
+            add(
+                "strap", who, [strap.stiffness, strap.damping, *strap.others], strap.covariance,
+                "output error on the IMU's angle; the model by blocks held out", model=strap.model.name,
+                stretch_low=strap.range[0], stretch_high=strap.range[1], holds=strap.fits,
+            )  # fmt: skip
+        if limb is not None and np.isfinite(limb.inertia.value):
+            how = "gravity on a rigid plate, muscles at rest; inertia by shares of the body"
+            parameters = [limb.inertia, limb.gravity, LIMB_DAMPING]
+            add("limb", who, parameters, limb.limb.covariance, how, zero=float(limb.zero.value))
     return made

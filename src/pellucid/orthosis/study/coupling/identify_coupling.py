@@ -6,7 +6,7 @@ continue.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -19,6 +19,7 @@ from ....files.recording import Recording
 from ....models.anthropometry import Segment, known_segments
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.wrapping import unwrap
+from ....study.procedures.procedure import Progress, quiet
 from ....study.study import Study
 from ....study.study_file import Participant, StudyFile
 from ...imu.inertial import inertial
@@ -39,11 +40,9 @@ from ...strap.limb import (
 from ...strap.orthosis_alone import OrthosisFit, fit_orthosis
 from ...strap.strap_model import StrappedSwing
 from ...strap.wearer_coupling import identify_wearer
-from .cards import actuator_card
+from .cards import actuator_card, emg_cards
 from .coupling_result import CouplingResult, WearerStages, coupling_result
 from .coupling_table import CouplingTable
-
-Progress = Callable[[str, float], None]
 
 EMG_CHAIN_NAME = "knee"
 """EMG chain from raw EMG to envelopes. It is zero-phase, because the processing is offline."""
@@ -69,21 +68,17 @@ RECORDING_PROTOCOLS = (
 """Protocols of the recordings that the procedure may use."""
 
 
-def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingResult:
+def identify_coupling(study: Study, tell: Progress = quiet) -> CouplingResult:
     """Identify orthosis, limbs and straps of a study with ``[coupling]``.
 
     Recordings are told apart by their protocol: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
     ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
     """
-    tell = on_progress or (lambda text, share: None)
-    table = study.find_table(CouplingTable)
-    if table is not None and table.posterior:
+    if study.table(CouplingTable).posterior:
         require_sampler()
     tell("reading recordings", 0.0)
     recordings = study.recordings()
-    found = identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
-    from .cards import emg_cards
-
+    found = identify_worn(study.config, recordings, tell=lambda text, share: tell(text, 0.3 + 0.7 * share))
     made = emg_cards(study, recordings, found.orthosis.orthosis, found.wearers)
     actuator = actuator_card(study.name, recordings)
     if actuator is not None:
@@ -92,13 +87,10 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 
 
 def identify_worn(
-    config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
+    config: StudyFile, recordings: Sequence[Recording], *, tell: Progress = quiet
 ) -> CouplingResult:
     """Identify a study from recordings in memory; `config` has the table [coupling]."""
-    tell = on_progress or (lambda text, share: None)
-    asked = config.find_table(CouplingTable)
-    if asked is None:
-        raise IdentificationError("study.toml: found no [coupling], expected one for a wearer strapped to an orthosis")
+    asked = config.table(CouplingTable)
     trials = _Trials(recordings)
     tell("the orthosis alone", 0.0)
     trials.learn_range()

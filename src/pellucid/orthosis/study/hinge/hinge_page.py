@@ -78,16 +78,8 @@ def axes_figure(trials: tuple[HingeTrial, ...], name: str) -> Drawing:
             direction = trial.hinge.axes[side]
             tilt = np.degrees(direction[others] / direction[main])
             error = 1.96 * np.degrees(np.max(trial.hinge.standard_errors[2 * side : 2 * side + 2]))
-            axis.errorbar(
-                tilt[0],
-                tilt[1],
-                xerr=error,
-                yerr=error,
-                color=colour("fitted"),
-                marker="o",
-                markersize=4.5,
-                linewidth=1.0,
-            )
+            style = {"color": colour("fitted"), "marker": "o", "markersize": 4.5, "linewidth": 1.0}
+            axis.errorbar(*tilt, xerr=error, yerr=error, **style)
             ends.append((float(tilt[1]), trial.name, colour("fitted")))
         tidy(axis, first=side == 0, text=f"Tilt towards {'xyz'[others[1]]} (deg)")
         axis.set_xlabel(f"Tilt towards {'xyz'[others[0]]} (deg)")
@@ -111,31 +103,22 @@ def page(study: Study, findings: HingeResult) -> Page:
         following=(paper_step(study),),
         tiles=tuple(_tile(t) for t in evaluated),
         sections=(
-            _found(findings),
+            Section("hinge_found", "What was found", tables=figure_tables(findings)),
             *([_angles(study, evaluated)] if evaluated else []),
-            _hinges(findings),
             Section(
-                "hinge_method",
-                "How",
-                paragraphs=(f"{PROCESSING_NOTE[0].upper()}{PROCESSING_NOTE[1:]}.",),
-                notes=study.notes,
+                "hinge", "Axis and centre", tables=parameter_tables(findings),
+                drawings=(draw(axes_figure, findings.trials, "axes"),),
+            ),
+            Section(
+                "hinge_method", "How", (f"{PROCESSING_NOTE[0].upper()}{PROCESSING_NOTE[1:]}.",), notes=study.notes
             ),
         ),
-    )
+    )  # fmt: skip
 
 
 def _tile(trial: HingeTrial) -> Tile:
-    scores = trial.scores
-    return Tile(
-        f"Angle error, {trial.name}",
-        f"{np.degrees(scores['offline'].rms):.2f}",
-        "deg RMS",
-        f"{np.degrees(scores['causal'].rms):.2f} without later samples",
-    )
-
-
-def _found(findings: HingeResult) -> Section:
-    return Section("hinge_found", "What was found", (), figure_tables(findings))
+    offline, causal = (f"{np.degrees(trial.scores[estimate].rms):.2f}" for estimate in ("offline", "causal"))
+    return Tile(f"Angle error, {trial.name}", offline, "deg RMS", f"{causal} without later samples")
 
 
 def _angles(study: Study, evaluated: tuple[HingeTrial, ...]) -> Section:
@@ -145,8 +128,3 @@ def _angles(study: Study, evaluated: tuple[HingeTrial, ...]) -> Section:
         drawings.append(draw(angle_figure, trial, start, f"angle_{i + 1}"))
         drawings.append(draw(error_figure, trial, start, f"error_{i + 1}"))
     return Section("hinge_angle", "Angle and error", drawings=tuple(drawings))
-
-
-def _hinges(findings: HingeResult) -> Section:
-    drawing = draw(axes_figure, findings.trials, "axes")
-    return Section("hinge", "Axis and centre", tables=parameter_tables(findings), drawings=(drawing,))

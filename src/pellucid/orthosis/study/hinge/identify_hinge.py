@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.clocks import Alignment, align, clock_drift
+from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
@@ -197,7 +198,7 @@ class HingeResult(Result):
     trials: tuple[HingeTrial, ...] = ()
 
 
-def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | None = None) -> HingeResult:
+def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
     """Find hinge and angle in every recording, and judge the angle where there is a reference. `study` [hinge]."""
     table = study.table(HingeTable)
     if table.score_from < table.calibration:
@@ -208,8 +209,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
     recordings = study.recordings()
     trials, failures = [], {}
     for i, recording in enumerate(recordings):
-        if on_progress:
-            on_progress(recording.name, i / len(recordings))
+        tell(recording.name, i / len(recordings))
         try:
             trials.append(hinge_trial(recording, table))
         except PellucidError as error:
@@ -281,18 +281,17 @@ def _evaluated(
     late = clock_delay(trial.offline, reference, max(end - table.calibration, start + table.calibration), end)
     delay = alignment.delay if table.delay is None else table.delay
     gyroscopes = hinge_angle(*imus, trial.hinge, directions=False)
-    common = {
-        "calibration": start + table.calibration,
-        "score_from": start + table.score_from,
-        "sense": float(np.sign(alignment.gain)),
-    }
+    estimates = (
+        (trial.offline, delay), (trial.causal, delay), (trial.offline, alignment.delay), (trial.offline, 0.0),
+        (gyroscopes, delay),
+    )  # fmt: skip
     scores = {
-        "offline": score(trial.offline, reference, delay=delay, **common),
-        "causal": score(trial.causal, reference, delay=delay, **common),
-        "aligned": score(trial.offline, reference, delay=alignment.delay, **common),
-        "unaligned": score(trial.offline, reference, delay=0.0, **common),
-        "gyroscopes": score(gyroscopes, reference, delay=delay, **common),
-    }
+        name: score(
+            estimate, reference, calibration=start + table.calibration, score_from=start + table.score_from,
+            sense=float(np.sign(alignment.gain)), delay=late_by,
+        )
+        for name, (estimate, late_by) in zip(SCORED_ANGLES, estimates, strict=True)
+    }  # fmt: skip
     return replace(
         trial, reference=reference, alignment=alignment, clock_drift=clock_drift(alignment, late), scores=scores
     )
@@ -302,16 +301,7 @@ def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
     def row(what, value, unit, split, note=""):
         return ResultRow(f"{study}.{what}.{trial.name}", value, unit, COMMAND_NAME, split, checksum, note)
 
-    found = [
-        row(f"axis.{side}.{c}", trial.hinge.axes[i, k], "1", "fitted")
-        for i, side in enumerate(("proximal", "distal"))
-        for k, c in enumerate("xyz")
-    ]
-    found += [
-        row(f"centre_to_{side}.{c}", trial.hinge.arms[i, k], "m", "fitted")
-        for i, side in enumerate(("proximal", "distal"))
-        for k, c in enumerate("xyz")
-    ]
+    found = [row(name, value, unit, "fitted") for name, unit, value, _ in _places(trial.hinge)]
     if not trial.scores:
         return found
     notes = {
@@ -327,15 +317,28 @@ def _rows(study: str, trial: HingeTrial, checksum: str) -> list[ResultRow]:
         for estimate in SCORED_ANGLES
     ]
     error, drift = 1.96 * trial.alignment.delay_error, trial.clock_drift
+    spread = 1.96 * drift[1]
     found += [
         row("angle.largest_deg", np.degrees(trial.scores["offline"].largest), "deg", "heldout"),
         row("reference.excluded", trial.reference.excluded, "1", "heldout", _excluded(trial)),
         row("clock.delay", trial.alignment.delay, "s", "fitted", f"first seconds; +- {1e3 * error:.2g} ms (95 %)"),
-        row(
-            "clock.drift", drift[0], "s/s", "fitted", f"first to last seconds; +- {1.96 * drift[1]:.2g} (95 %); unused"
-        ),
+        row("clock.drift", drift[0], "s/s", "fitted", f"first to last seconds; +- {spread:.2g} (95 %); unused"),
     ]
     return found
+
+
+def _places(hinge: Hinge) -> Iterator[tuple[str, str, float, float]]:
+    """Yield name, unit, value and standard error of the components of both axes, then of both arms."""
+    sides = tuple(enumerate(("proximal", "distal")))
+    for i, side in sides:
+        # A tilt across the axis moves its components by no more than itself.
+        tilt = float(np.max(hinge.standard_errors[2 * i : 2 * i + 2]))
+        for k, c in enumerate("xyz"):
+            across = float(np.sqrt(max(1.0 - hinge.axes[i, k] ** 2, 0.0)))
+            yield f"axis.{side}.{c}", "1", float(hinge.axes[i, k]), tilt * across
+    for i, side in sides:
+        for k, c in enumerate("xyz"):
+            yield f"centre_to_{side}.{c}", "m", float(hinge.arms[i, k]), float(hinge.standard_errors[4 + 3 * i + k])
 
 
 def _delay(trial: HingeTrial) -> str:
@@ -362,72 +365,45 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
     ways = ("offline", "causal", "own delay", "no delay", "rates alone")
     heads = ("recording", *(f"{estimate} [deg]" for estimate in ways), "delay found [ms]", "excluded samples")
     rows = tuple(
-        (
-            t.name,
-            *(float(np.degrees(t.scores[estimate].rms)) for estimate in SCORED_ANGLES),
-            1e3 * t.alignment.delay,
-            t.reference.excluded,
-        )
+        (t.name, *(float(np.degrees(t.scores[e].rms)) for e in SCORED_ANGLES), 1e3 * t.alignment.delay,
+         t.reference.excluded)
         for t in evaluated
-    )
+    )  # fmt: skip
     return [FigureTable("RMS error of the angle, after the calibration", heads, rows)]
 
 
 def _parameters(trial: HingeTrial) -> ParameterTable:
-    hinge, parameters = trial.hinge, []
-    # A tilt across the axis moves its components by no more than itself.
-    tilt = [float(np.max(hinge.standard_errors[2 * i : 2 * i + 2])) for i in range(2)]
-    for i, side in enumerate(("proximal", "distal")):
-        for k, c in enumerate("xyz"):
-            across = np.sqrt(max(1.0 - hinge.axes[i, k] ** 2, 0.0))
-            parameters.append(Parameter(f"axis_{side}_{c}", "1", float(hinge.axes[i, k]), tilt[i] * float(across)))
-    for i, side in enumerate(("proximal", "distal")):
-        for k, c in enumerate("xyz"):
-            error = float(hinge.standard_errors[4 + 3 * i + k])
-            parameters.append(Parameter(f"centre_to_{side}_{c}", "m", float(hinge.arms[i, k]), error))
+    hinge = trial.hinge
+    parameters = [Parameter(name.replace(".", "_"), *rest) for name, *rest in _places(hinge)]
     parameters.append(Parameter("drift", "rad/s", hinge.drift, float(hinge.standard_errors[10])))
     return ParameterTable(f"Hinge of {trial.name}, from its first {hinge.seconds:.3g} s", tuple(parameters))
 
 
-def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTable) -> list[Verdict]:
-    found = []
+def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTable) -> Iterator[Verdict]:
     for trial in trials:
+        who = trial.name
         if trial.scores:
-            scores = trial.scores
-            degrees = {estimate: float(np.degrees(scores[estimate].rms)) for estimate in SCORED_ANGLES}
-            found.append(
-                Verdict(
-                    "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",
-                    f"{trial.name}: {degrees['offline']:.2f} deg RMS from {table.score_from:g} s on "
-                    f"({degrees['causal']:.2f} without later samples, {degrees['gyroscopes']:.2f} by "
-                    "gyroscopes alone).",
-                )
+            degrees = {estimate: float(np.degrees(trial.scores[estimate].rms)) for estimate in SCORED_ANGLES}
+            yield Verdict(
+                "good" if degrees["offline"] < 0.5 * degrees["gyroscopes"] else "note",
+                f"{who}: {degrees['offline']:.2f} deg RMS from {table.score_from:g} s on ({degrees['causal']:.2f} "
+                f"without later samples, {degrees['gyroscopes']:.2f} by gyroscopes alone).",
             )
-            found.append(
-                Verdict(
-                    "note",
-                    f"{trial.name}: {_delay(trial)}; the rates of the first {table.calibration:g} s say "
-                    f"{1e3 * trial.alignment.delay:.1f} ms, and the two clocks drift apart by "
-                    f"{1e6 * trial.clock_drift[0]:.0f} us every second. With the delay of those first seconds the "
-                    f"error is {degrees['aligned']:.2f} deg, with none {degrees['unaligned']:.2f} deg.",
-                )
+            yield Verdict(
+                "note",
+                f"{who}: {_delay(trial)}; the rates of the first {table.calibration:g} s say "
+                f"{1e3 * trial.alignment.delay:.1f} ms, and the two clocks drift apart by "
+                f"{1e6 * trial.clock_drift[0]:.0f} us every second. With the delay of those first seconds the "
+                f"error is {degrees['aligned']:.2f} deg, with none {degrees['unaligned']:.2f} deg.",
             )
-            if trial.reference.excluded:
-                found.append(
-                    Verdict(
-                        "warning",
-                        f"{trial.name}: {trial.reference.excluded} reference samples are not judged; "
-                        f"{_excluded(trial)}.",
-                    )
-                )
+            if excluded := trial.reference.excluded:
+                yield Verdict("warning", f"{who}: {excluded} reference samples are not judged; {_excluded(trial)}.")
         if trial.interpolated:
-            found.append(Verdict("warning", f"{trial.name}: {trial.interpolated} missing IMU samples were bridged."))
+            yield Verdict("warning", f"{who}: {trial.interpolated} missing IMU samples were bridged.")
         if not trial.hinge.rested:
-            found.append(
-                Verdict("note", f"{trial.name}: no rest in the calibration, so gyroscope offsets were not read.")
-            )
-    found += [Verdict("warning", f"{name} cannot be used: {why}.") for name, why in failures.items()]
-    return found
+            yield Verdict("note", f"{who}: no rest in the calibration, so gyroscope offsets were not read.")
+    for name, why in failures.items():
+        yield Verdict("warning", f"{name} cannot be used: {why}.")
 
 
 def _card(study: Study, trial: HingeTrial, table: HingeTable, checksums) -> ParameterCard:

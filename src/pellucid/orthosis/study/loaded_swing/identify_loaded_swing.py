@@ -6,7 +6,7 @@ regression; of several swings the one that shows inertia best decides. What the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
@@ -20,6 +20,7 @@ from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
 from ....models.parameter_card import ParameterCard
+from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
@@ -42,8 +43,6 @@ MAX_RELATIVE_HALF_WIDTH = 0.25
 Chosen by judgement; no measurement is recorded.
 """
 
-Progress = Callable[[str, float], None]
-
 
 @dataclass(frozen=True)
 class LegAlone:
@@ -65,18 +64,17 @@ class LoadedSwingResult(Result):
     wearers: Mapping[str, str | None]  # Participant in the exoskeleton by recording; None where it was empty
 
 
-def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingResult:
+def identify_loaded_swing(study: Study, tell: Progress = quiet) -> LoadedSwingResult:
     """Identify the exoskeleton and every participant's leg. `study` [loaded_swing]."""
-    tell = on_progress or (lambda text, share: None)
     tell("reading recordings", 0.0)
-    return identify_swings(study.config, study.recordings(), on_progress=lambda text, s: tell(text, 0.5 + 0.5 * s))
+    return identify_swings(study.config, study.recordings(), tell=lambda text, s: tell(text, 0.5 + 0.5 * s))
 
 
 def identify_swings(
-    config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
+    config: StudyFile, recordings: Sequence[Recording], *, tell: Progress = quiet
 ) -> LoadedSwingResult:
     """Identify the exoskeleton and every leg from recordings that are already read. `config` [loaded_swing]."""
-    tell, asked = on_progress or (lambda text, share: None), config.table(LoadedSwingTable)
+    asked = config.table(LoadedSwingTable)
     used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY_PROTOCOL, LOADED_PROTOCOL)]
     alone = [r for r in used if r.protocol == EMPTY_PROTOCOL]
     people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED_PROTOCOL and r.participant))
@@ -173,34 +171,21 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         for who, leg in legs.items()
     ]
     heads = ("Participant", "p' - p (kg*m^2)", "Winter's", "q' - q (kg*m)", "Winter's", "Residual (N*m)")
-    nothing = (None, None)
-    rows = tuple(
-        (
-            who,
-            leg.inertia.value,
-            (leg.usual or nothing)[0],
-            leg.weight_moment.value,
-            (leg.usual or nothing)[1],
-            leg.loaded.residual_rms,
-        )
-        for who, leg in legs.items()
-    )
-    results = [
-        ResultRow(
-            f"{study}.{who}.{name}", value, unit, "identify", "fitted", combined_checksum(files(*whose).values()), note
-        )
-        for who, leg in legs.items()
-        for name, value, unit, note, whose in (
-            ("p", leg.inertia.value, "kg*m^2", half(leg.inertia), (None, who)),
-            ("q", leg.weight_moment.value, "kg*m", half(leg.weight_moment), (None, who)),
-            ("residual", leg.loaded.residual_rms, "N*m", "", (who,)),
-        )
-    ]
-    alone = combined_checksum(files(None).values())
-    results += [
-        ResultRow(f"{study}.exoskeleton.{name}", p.value, p.unit, "identify", "fitted", alone, "")
-        for name, p in (("p", empty.inertia), ("q", empty.weight_moment))
-    ]
+    rows, results = [], []
+
+    def add(name: str, value: float, unit: str, note: str, *whose: str | None) -> None:
+        checksum = combined_checksum(files(*whose).values())
+        results.append(ResultRow(f"{study}.{name}", value, unit, "identify", "fitted", checksum, note))
+
+    for who, leg in legs.items():
+        p, q, residual = leg.inertia, leg.weight_moment, leg.loaded.residual_rms
+        usual_p, usual_q = leg.usual or (None, None)
+        rows.append((who, p.value, usual_p, q.value, usual_q, residual))
+        add(f"{who}.p", p.value, "kg*m^2", half(p), None, who)
+        add(f"{who}.q", q.value, "kg*m", half(q), None, who)
+        add(f"{who}.residual", residual, "N*m", "", who)
+    for name, each in (("p", empty.inertia), ("q", empty.weight_moment)):
+        add(f"exoskeleton.{name}", each.value, each.unit, "", None)
     mean = float(np.mean([leg.inertia.value for leg in legs.values()]))
     return LoadedSwingResult(
         study=study,
@@ -208,7 +193,7 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
             f"{len(legs)} legs by difference: in the mean {mean:.3g} kg*m^2 about the knee, and "
             f"{np.mean([leg.weight_moment.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
         ),
-        tables=(*tables, FigureTable("Legs", heads, rows)),
+        tables=(*tables, FigureTable("Legs", heads, tuple(rows))),
         verdicts=tuple(_verdicts(config, legs, confidence)),
         rows=tuple(results),
         cards=_cards(study, empty, legs, files, confidence),

@@ -21,20 +21,11 @@ DRAWN_SPAN_S = 20.0
 def page(study: Study, findings: LoadedSwingResult) -> Page:
     """Return the report's page, figures drawn."""
     asked = study.table(LoadedSwingTable)
-    tiles = [
-        Tile(
-            "Exoskeleton, inertia", number(findings.empty.inertia.value, findings.empty.inertia.standard_error), "kg·m²"
-        )
-    ]
-    tiles += [
-        Tile(
-            f"Leg, {who}",
-            number(leg.inertia.value, leg.inertia.standard_error),
-            "kg·m²",
-            f"{number(leg.weight_moment.value, digits=3)} kg·m",
-        )
-        for who, leg in findings.legs.items()
-    ]
+    bare = findings.empty.inertia
+    tiles = [Tile("Exoskeleton, inertia", number(bare.value, bare.standard_error), "kg·m²")]
+    for who, leg in findings.legs.items():
+        moment = f"{number(leg.weight_moment.value, digits=3)} kg·m"
+        tiles.append(Tile(f"Leg, {who}", number(leg.inertia.value, leg.inertia.standard_error), "kg·m²", moment))
     return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
         headline=typeset_sentence(findings.headline),

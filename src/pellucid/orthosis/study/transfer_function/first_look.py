@@ -21,17 +21,21 @@ from ...transfer.best_linear_approximation import (
 )
 from .transfer_function_table import TransferFunctionTable
 
-LINEAR_FIT_WARNING_PERCENT = 90.0
-"""A warning appears if the best fit that a linear model can reach has its upper confidence limit below this."""
 
-DISTORTION_TEST_LEVEL = 0.05
-"""Level of the test for distortion; below this p-value distortion is reported."""
+@dataclass(frozen=True)
+class LookThresholds:
+    """Thresholds of the look at recordings before any model."""
 
-MAX_GRID_DEVIATION_STEPS = 0.5
-"""A recording counts as evenly sampled if no sample is further than this off an even grid, in steps of the grid."""
+    # A warning appears if the best fit that a linear model can reach has its upper confidence limit below this.
+    linear_fit_warning_percent: float = 90.0
+    distortion_test_level: float = 0.05  # level of the test for distortion; below this p-value distortion is reported
+    # A recording counts as evenly sampled if no sample is further than this off an even grid, in steps of the grid.
+    max_grid_deviation_steps: float = 0.5
+    # A reference is periodic if it differs from itself a period later by at most this share of its standard deviation.
+    repetition_tolerance: float = 1e-3
 
-REPETITION_TOLERANCE = 1e-3
-"""A reference is periodic if it differs from itself a period later by at most this share of its standard deviation."""
+
+LOOK_THRESHOLDS = LookThresholds()
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +96,7 @@ def _even(recording: Recording, asked: TransferFunctionTable) -> tuple[float, li
         raise IdentificationError(f"{where}: found {len(time)} samples, expected a recorded movement")
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.abs(time - np.linspace(time[0], time[-1], len(time))).max())
-    if not (step > 0.0 and off <= MAX_GRID_DEVIATION_STEPS * step):
+    if not (step > 0.0 and off <= LOOK_THRESHOLDS.max_grid_deviation_steps * step):
         raise IdentificationError(f"{where}: found samples up to {off:.3g} s off an even grid of {step:.3g} s")
     return 1.0 / step, signals
 
@@ -139,7 +143,7 @@ def _repeating(recording: Recording, signals: Sequence[np.ndarray | None], sampl
     else:
         size = float(np.std(given))
         off = np.abs(given[samples:] - given[:-samples]) if n > samples else np.zeros(0)
-        same = off <= REPETITION_TOLERANCE * size
+        same = off <= LOOK_THRESHOLDS.repetition_tolerance * size
         edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
         runs = edges.reshape(-1, 2)
         if not len(runs):
@@ -162,7 +166,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
     path = f"from {channels[0]} to {channels[1]}"
     for look in (each for each in looks.values() if each.periodic):
         found = look.found
-        if not found.p_value < DISTORTION_TEST_LEVEL:
+        if not found.p_value < LOOK_THRESHOLDS.distortion_test_level:
             yield Verdict(
                 "good",
                 f"Before any model ({look.name}): {_many(look)} show no distortion beyond noise (p = "
@@ -175,7 +179,7 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             share = max(found.even_share, 1.0 - found.even_share)
             by = f", {100.0 * share:.0f} % of it of {side} order"
         yield Verdict(
-            "warning" if found.highest_fit_limit < LINEAR_FIT_WARNING_PERCENT else "note",
+            "warning" if found.highest_fit_limit < LOOK_THRESHOLDS.linear_fit_warning_percent else "note",
             f"Before any model ({look.name}): no linear model {path} can hold better than {found.highest_fit:.0f} % "
             f"over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % confidence); noise alone would leave "
             f"{found.highest_fit_noise:.1f} %. What is not linear has {_times(found.nonlinear_to_noise)} times the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 
@@ -13,6 +13,7 @@ from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
+from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
@@ -28,23 +29,23 @@ from . import first_look
 from .first_look import FirstLook, first_looks
 from .transfer_function_table import TransferFunctionTable
 
-Progress = Callable[[str, float], None]
 
-HELD_OUT_SHARE = 1.0 / 3.0
-"""If no recording is held out, this last share of each recording tests coefficients fitted to the rest."""
+@dataclass(frozen=True)
+class TransferThresholds:
+    """What is held out, and how verdicts and tables are decided."""
 
-GOOD_FIT_PERCENT = 80.0
-"""A verdict calls a fit of at least this good, and warns of any below. Chosen by judgement; no measurement is
-recorded."""
+    # If no recording is held out, this last share of each recording tests coefficients fitted to the rest.
+    held_out_share: float = 1.0 / 3.0
+    # A verdict calls a fit of at least this good, and warns of any below. Chosen by judgement; no measurement is
+    # recorded.
+    good_fit_percent: float = 80.0
+    # A warning appears if the fit falls by more percentage points than this from the fitted to the held-out part.
+    # Chosen by judgement; no measurement is recorded.
+    max_fit_drop_points: float = 10.0
+    max_separate_tables: int = 3  # up to this many fits, each has its own table of parameters
 
-MAX_FIT_DROP_POINTS = 10.0
-"""A warning appears if the fit falls by more percentage points than this from the fitted to the held-out part.
 
-Chosen by judgement; no measurement is recorded.
-"""
-
-MAX_SEPARATE_TABLES = 3
-"""Up to this many fits, each has its own table of parameters."""
+TRANSFER_THRESHOLDS = TransferThresholds()
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -56,9 +57,16 @@ class TransferResult(Result):
     # Held-out responses by recording: the last part of a fitted recording, or all of one that is never fitted
     heldout: Mapping[str, Response]
     refused: Mapping[str, str]  # Reasons by recording that could not be fitted
+    unevaluated: Mapping[str, str]  # Reasons by fitted recording of which no part could be held out
+    notes: Mapping[str, tuple[str, ...]]  # What was left out of each recording
     units: tuple[str, str]  # Units of input and output
     channels: tuple[str, str]  # Channels of input and output
     looks: Mapping[str, FirstLook]  # First looks by name, made before any fit
+
+    @property
+    def single(self) -> dict[str, TransferFit]:
+        """Fits of one recording alone, by its name."""
+        return {name: fit for name, fit in self.fits.items() if len(fit.responses) == 1}
 
     def seen_with(self, look: FirstLook) -> TransferFit | None:
         """Return the transfer function fitted to the recordings of a `look`, or to the first that has one."""
@@ -66,24 +74,20 @@ class TransferResult(Result):
         return next((self.fits[name] for name in names if name in self.fits), None)
 
 
-def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferResult:
+def identify_transfer(study: Study, tell: Progress = quiet) -> TransferResult:
     """Identify a transfer function from every recording of a study with ``[transfer_function]``.
 
     A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
     never fitted is judged with coefficients from all fitted ones of its participant and condition. Held out means that
     coefficients are frozen and only the initial state is estimated, because no other data contain it.
     """
-    tell = on_progress or (lambda text, share: None)
     asked = study.table(TransferFunctionTable)
     channels = (asked.input, asked.output)
     tell("reading recordings", 0.0)
     recordings = study.recordings()
     units = _units(recordings, channels)
-    ready: dict[str, InputOutput] = {}
-    fits: dict[str, TransferFit] = {}
-    heldout: dict[str, Response] = {}
-    refused: dict[str, str] = {}
-    unevaluated: dict[str, str] = {}
+    ready, fits, heldout = dict[str, InputOutput](), dict[str, TransferFit](), dict[str, Response]()
+    refused, unevaluated = dict[str, str](), dict[str, str]()
     tell("looking before any model", 0.1)
     looks, unseen = first_looks(recordings, asked)
 
@@ -123,28 +127,21 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
             refused[recording.name] = str(error)
     if not fits:
         raise IdentificationError("no recording can be fitted:\n" + "\n".join(refused.values()))
-    notes = {name: record.notes for name, record in ready.items()}
     made = TransferResult(
-        study=study.name,
-        headline=_headline(recordings, fits, heldout),
-        tables=(*first_look.tables(looks), *_tables(recordings, fits, heldout, refused)),
-        verdicts=(
-            *first_look.verdicts(looks, unseen, channels),
-            *_verdicts(fits, heldout, refused, unevaluated, notes),
-        ),
-        rows=(),
-        cards={},
-        checksums={r.name: r.checksum for r in recordings},
-        confidence=asked.confidence,
-        fits=fits,
-        heldout=heldout,
-        refused=refused,
-        units=units,
-        channels=channels,
-        looks=looks,
+        study=study.name, headline="", tables=(), verdicts=(), rows=(), cards={},
+        checksums={r.name: r.checksum for r in recordings}, confidence=asked.confidence,
+        fits=fits, heldout=heldout, refused=refused, unevaluated=unevaluated,
+        notes={name: record.notes for name, record in ready.items()},
+        units=units, channels=channels, looks=looks,
+    )  # fmt: skip
+    return replace(
+        made,
+        headline=_headline(made, recordings),
+        tables=(*first_look.tables(looks), *_tables(made, recordings)),
+        verdicts=(*first_look.verdicts(looks, unseen, channels), *_verdicts(made)),
+        rows=tuple(_rows(made, recordings)),
+        cards=_cards(made),
     )
-    rows = tuple(_rows(made, recordings, notes, unevaluated))
-    return replace(made, rows=rows, cards=_cards(made))
 
 
 def faults(study: Study) -> list[Fault]:
@@ -189,7 +186,7 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
-    cut = round((1.0 - HELD_OUT_SHARE) * len(record))
+    cut = round((1.0 - TRANSFER_THRESHOLDS.held_out_share) * len(record))
     found = fit(record.part(0, cut, "fitted"))
     return evaluate_transfer_function(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
@@ -197,60 +194,41 @@ def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) 
 # --- headline, tables and verdicts ----------------------------------------------------------------------------------
 
 
-def _headline(
-    recordings: tuple[Recording, ...], fits: Mapping[str, TransferFit], heldout: Mapping[str, Response]
-) -> str:
-    names = {r.name for r in recordings}
-    inside = [f.responses[0].fit for name, f in fits.items() if name in names]
+def _headline(found: TransferResult, recordings: Sequence[Recording]) -> str:
+    inside = [f.responses[0].fit for f in found.single.values()]
     wanted = sum(r.use == "fit" for r in recordings)
     text = f"{len(inside)} of {wanted} recordings fitted, {min(inside):.1f} to {max(inside):.1f} %"
-    if heldout:
-        outside = [r.fit for r in heldout.values()]
+    if found.heldout:
+        outside = [r.fit for r in found.heldout.values()]
         text += f"; held out {min(outside):.1f} to {max(outside):.1f} %"
     return text + "."
 
 
-def _tables(
-    recordings: tuple[Recording, ...],
-    fits: Mapping[str, TransferFit],
-    heldout: Mapping[str, Response],
-    refused: Mapping[str, str],
-) -> tuple[ParameterTable | FigureTable, ...]:
+def _tables(found: TransferResult, recordings: Sequence[Recording]) -> Iterator[ParameterTable | FigureTable]:
+    fits = found.fits
     shown = next(iter(fits.values()))
-    evaluated_rows = tuple(
-        (
-            r.name,
-            fits[r.name].responses[0].fit if r.name in fits else None,
-            heldout[r.name].fit if r.name in heldout else None,
-        )
-        for r in recordings
-    )
-    tables: list[ParameterTable | FigureTable] = [
-        FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), evaluated_rows)
-    ]
+    inside = {name: f.responses[0].fit for name, f in found.single.items()}
+    outside = {name: r.fit for name, r in found.heldout.items()}
+    rows = tuple((r.name, inside.get(r.name), outside.get(r.name)) for r in recordings)
+    yield FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), rows)
     for title, each in (("Coefficients", shown.parameters), ("Inertia, damping, stiffness", shown.physical)):
         if each:
             heads = ("Recording", *(f"{p.name} [{p.unit}]" for p in each))
-            rows = tuple((name, *(f[p.name].value for p in each)) for name, f in fits.items())
-            tables.append(FigureTable(title, heads, rows))
-    if len(fits) <= MAX_SEPARATE_TABLES:
-        tables += [ParameterTable(name, (*f.parameters, *f.physical)) for name, f in fits.items()]
-    if refused:
-        reasons = tuple((name, reason) for name, reason in refused.items())
-        tables.append(FigureTable("Refused", ("Recording", "Why"), reasons))
-    return tuple(tables)
+            yield FigureTable(title, heads, tuple((n, *(f[p.name].value for p in each)) for n, f in fits.items()))
+    if len(fits) <= TRANSFER_THRESHOLDS.max_separate_tables:
+        yield from (ParameterTable(name, f.every) for name, f in fits.items())
+    if found.refused:
+        yield FigureTable("Refused", ("Recording", "Why"), tuple(found.refused.items()))
 
 
-def _verdicts(
-    fits: Mapping[str, TransferFit],
-    heldout: Mapping[str, Response],
-    refused: Mapping[str, str],
-    unevaluated: Mapping[str, str],
-    notes: Mapping[str, tuple[str, ...]],
-) -> Iterator[Verdict]:
-    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= GOOD_FIT_PERCENT}
+def _verdicts(result: TransferResult) -> Iterator[Verdict]:
+    fits = result.fits
+    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= TRANSFER_THRESHOLDS.good_fit_percent}
     if good:
-        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {GOOD_FIT_PERCENT:g} % or more.")
+        yield Verdict(
+            "good",
+            f"{len(good)} of {len(fits)} transfer functions fit by {TRANSFER_THRESHOLDS.good_fit_percent:g} % or more.",
+        )
     worst = {n: min(r.fit for r in f.responses) for n, f in fits.items() if n not in good}
     if worst:
         low, high = f"{min(worst.values()):.1f}", f"{max(worst.values()):.1f}"
@@ -265,8 +243,8 @@ def _verdicts(
         if weak:
             clause = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
             yield Verdict("warning", f"Recording {name}: the {clause.format(', '.join(weak))} zero.")
-        out = heldout.get(name)
-        if out is not None and out.fit < made.responses[0].fit - MAX_FIT_DROP_POINTS:
+        out = result.heldout.get(name)
+        if out is not None and out.fit < made.responses[0].fit - TRANSFER_THRESHOLDS.max_fit_drop_points:
             yield Verdict(
                 "warning",
                 f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
@@ -274,28 +252,23 @@ def _verdicts(
             )
         for note in made.notes:
             yield Verdict("note", f"Recording {name}: {note}.")
-    for name, found in notes.items():
-        for note in found:
+    for name, notes in result.notes.items():
+        for note in notes:
             yield Verdict("note", f"Recording {name}: {note}.")
-    for name, reason in refused.items():
+    for name, reason in result.refused.items():
         yield Verdict("warning", f"Recording {name}: refused. {reason}.")
-    for name, reason in unevaluated.items():
+    for name, reason in result.unevaluated.items():
         yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
 
 
 # --- rows and cards -------------------------------------------------------------------------------------------------
 
 
-def _rows(
-    made: TransferResult,
-    recordings: tuple[Recording, ...],
-    notes: Mapping[str, tuple[str, ...]],
-    unevaluated: Mapping[str, str],
-) -> Iterator[ResultRow]:
+def _rows(made: TransferResult, recordings: Sequence[Recording]) -> Iterator[ResultRow]:
     head = f"{made.study}.transfer_function"
     yield from first_look.rows(head, made.looks, made.checksums)
     for r in recordings:
-        left = "; ".join(notes.get(r.name, ()))
+        left = "; ".join(made.notes.get(r.name, ()))
         split = "fitted" if r.use == "fit" else "heldout"
         own = ResultRow("", None, "%", "identify", split, r.checksum, left)
         if r.name in made.refused:
@@ -312,7 +285,7 @@ def _rows(
         yield replace(own, id=f"{head}.fit.{r.name}", value=response.fit, note=about)
         last = replace(own, id=f"{head}.heldout_fit.{r.name}", split="heldout")
         if out is None:
-            yield replace(last, note=unevaluated.get(r.name, "not judged"))
+            yield replace(last, note=made.unevaluated.get(r.name, "not judged"))
         else:
             yield replace(last, value=out.fit, note="last third; coefficients from the rest, initial state estimated")
         yield replace(own, id=f"{head}.rmse.{r.name}", value=response.rmse, unit=made.units[1])
@@ -320,11 +293,10 @@ def _rows(
         unit = found.physical[-1].unit if found.physical else None
         note = "stiffness is one over it" if unit else ""
         yield replace(own, id=f"{head}.static_gain.{r.name}", value=gain, unit=ratio(made.units), note=note)
-        for p in (*found.parameters, *found.physical):
+        for p in found.every:
             low, high = p.interval(made.confidence)
             note = f"{100.0 * made.confidence:.4g} % interval {low:.6g} to {high:.6g}"
-            if not p.identifiable:
-                note += "; holds zero"
+            note += "" if p.identifiable else "; holds zero"
             yield replace(own, id=f"{head}.{p.name}.{r.name}", value=p.value, unit=p.unit, note=note)
 
 

@@ -16,7 +16,7 @@ from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
 from ....study.procedures.study_page import figure_tables, paper_step, provenance, study_page
 from ....study.study import Study
-from ...transfer.fit_transfer_function import Response, TransferFit
+from ...transfer.fit_transfer_function import Response
 from .first_look import FirstLook
 from .identify_transfer import TransferResult, ratio
 
@@ -245,13 +245,8 @@ def page(study: Study, found: TransferResult) -> Page:
     )
 
 
-def _single(found: TransferResult) -> dict[str, TransferFit]:
-    """Fits of one recording alone, by its name."""
-    return {name: fit for name, fit in found.fits.items() if len(fit.responses) == 1}
-
-
 def _tiles(found: TransferResult) -> tuple[Tile, ...]:
-    inside = {n: f.responses[0].fit for n, f in _single(found).items()}
+    inside = {n: f.responses[0].fit for n, f in found.single.items()}
     best = max(inside, key=inside.get)
     tiles = [
         Tile("Recordings fitted", f"{len(inside)}", "", f"{len(found.refused)} refused"),
@@ -265,35 +260,34 @@ def _tiles(found: TransferResult) -> tuple[Tile, ...]:
 
 
 def _found(found: TransferResult) -> Section:
-    single = _single(found)
+    single = found.single
     names = list(dict.fromkeys([*single, *found.heldout]))
     nan = float("nan")
     inside = np.array([single[n].responses[0].fit if n in single else nan for n in names])
     outside = np.array([found.heldout[n].fit if n in found.heldout else nan for n in names])
-    shown = next(iter(found.fits.values()))
-    each = (*shown.parameters, *shown.physical)
+    each = next(iter(found.fits.values())).every
     heads = ("Recording", "Fit (%)", "Held out (%)", *(f"{p.name} ({unit_text(p.unit)})" for p in each))
     best = max(single, key=lambda n: single[n].responses[0].fit)
     rows = []
     for name, value, out in zip(names, inside, outside, strict=True):
-        parameters = (*single[name].parameters, *single[name].physical) if name in single else ()
-        cells = [number(p.value, p.standard_error) for p in parameters] or ["–"] * len(each)
-        rows.append(Row((name.replace("_", " "), _percent(value), _percent(out), *cells), name == best))
+        known = single[name].every if name in single else ()
+        cells = [number(p.value, p.standard_error) for p in known] or ["–"] * len(each)
+        rows.append(Row((name.replace("_", " "), _figure(value), _figure(out), *cells), name == best))
     tables = [Table(heads, tuple(rows), frozenset(range(1, len(heads))), "Every recording's transfer function.", True)]
     if found.refused:
         reasons = tuple(Row((name.replace("_", " "), typeset_sentence(why))) for name, why in found.refused.items())
         tables.append(Table(("Recording", "Why it was refused"), reasons, wide=True))
-    return Section(
-        "found",
-        "What was found",
-        (),
-        tuple(tables),
-        (draw(fits, names, inside, outside),),
-    )
+    return Section("found", "What was found", tables=tuple(tables), drawings=(draw(fits, names, inside, outside),))
 
 
-def _percent(value: float) -> str:
+def _figure(value: float) -> str:
     return number(float(value), digits=3) if np.isfinite(value) else "–"
+
+
+def _evenly(items: list, count: int) -> list:
+    """At most `count` of some items, evenly spaced from the first to the last."""
+    at = np.unique(np.round(np.linspace(0, len(items) - 1, min(count, len(items)))).astype(int))
+    return [items[k] for k in at]
 
 
 def _looks(found: TransferResult) -> Iterator[Section]:
@@ -301,10 +295,8 @@ def _looks(found: TransferResult) -> Iterator[Section]:
         return
     periodic = [look for look in found.looks.values() if look.periodic]
     others = [look for look in found.looks.values() if not look.periodic]
-    # Evenly among those that no period tells apart.
-    chosen = np.unique(np.round(np.linspace(0, len(others) - 1, min(MAX_DRAWN_FIRST_LOOKS, len(others)))).astype(int))
     drawings = []
-    for look in (*periodic, *(others[k] for k in chosen)):
+    for look in (*periodic, *_evenly(others, MAX_DRAWN_FIRST_LOOKS)):
         drawings.append(_response_seen(found, look))
         if look.periodic:
             drawings.append(_lines_seen(found, look))
@@ -363,11 +355,9 @@ def _lines_seen(found: TransferResult, look: FirstLook) -> Drawing:
 
 def _responses(found: TransferResult) -> Section:
     labels = tuple(shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
-    single = _single(found)
-    ranked = sorted(single, key=lambda n: -single[n].responses[0].fit)
-    chosen = np.unique(np.round(np.linspace(0, len(ranked) - 1, min(MAX_DRAWN_RESPONSES, len(ranked)))).astype(int))
-    drawings = [_response(single[ranked[k]].responses[0], labels) for k in chosen]
-    drawings += [_response(r, labels) for n, r in found.heldout.items() if n not in single]
+    ranked = sorted((f.responses[0] for f in found.single.values()), key=lambda response: -response.fit)
+    drawings = [_response(response, labels) for response in _evenly(ranked, MAX_DRAWN_RESPONSES)]
+    drawings += [_response(r, labels) for n, r in found.heldout.items() if n not in found.single]
     hold = next(iter(found.fits.values())).hold
     return Section(
         "responses",
@@ -380,14 +370,14 @@ def _responses(found: TransferResult) -> Section:
     )
 
 
-def _response(response: Response, labels: tuple[tuple[str, float], ...]) -> Drawing:
-    heldout = response.split == "heldout"
+def _response(found: Response, labels: tuple[tuple[str, float], ...]) -> Drawing:
+    heldout = found.split == "heldout"
     words = "held out" if heldout else "fitted"
     return draw(
-        response, response.time, response.measured, response.simulated, response.input, labels,
-        f"response-{response.recording}".replace(".", "-"), heldout=heldout,
-        caption=f"{response.recording.replace('_', ' ')}, {words}: measured (grey) and simulated, what the simulation "
-        f"misses, and the input. Fit {number(response.fit, digits=3)} %.",
+        response, found.time, found.measured, found.simulated, found.input, labels,
+        f"response-{found.recording}".replace(".", "-"), heldout=heldout,
+        caption=f"{found.recording.replace('_', ' ')}, {words}: measured (grey) and simulated, what the simulation "
+        f"misses, and the input. Fit {number(found.fit, digits=3)} %.",
     )  # fmt: skip
 
 
@@ -396,18 +386,8 @@ def _poles(found: TransferResult) -> Section:
     rows = []
     for name, values in poles.items():
         for p in values[values.imag >= 0.0]:
-            pair = p.imag > 0.0
-            rows.append(
-                Row(
-                    (
-                        name.replace("_", " "),
-                        number(float(p.real), digits=3),
-                        number(float(p.imag), digits=3) if pair else "–",
-                        number(float(abs(p)) / (2.0 * np.pi), digits=3) if pair else "–",
-                        number(float(-p.real / abs(p)), digits=3) if pair else "–",
-                    )
-                )
-            )
+            of_pair = (p.imag, abs(p) / (2.0 * np.pi), -p.real / abs(p)) if p.imag > 0.0 else (np.nan,) * 3
+            rows.append(Row((name.replace("_", " "), *(_figure(x) for x in (p.real, *of_pair)))))
     heads = ("Recording", "Real part (1/s)", "Imaginary part (rad/s)", "Frequency (Hz)", "Damping ratio")
     return Section(
         "poles",
@@ -423,17 +403,12 @@ def _coefficients(found: TransferResult) -> Section:
     tables = []
     for name, fit in found.fits.items():
         rows = tuple(
-            Row(
-                (
-                    PHYSICAL_PARAMETER_WORDS.get(p.name, p.name),
-                    number(p.value, p.standard_error),
-                    unit_text(p.unit) or "–",
-                    parameter_interval(p, level),
-                    relative_sd(p),
-                )
-            )
-            for p in (*fit.parameters, *fit.physical)
-        )
+            Row((
+                PHYSICAL_PARAMETER_WORDS.get(p.name, p.name), number(p.value, p.standard_error),
+                unit_text(p.unit) or "–", parameter_interval(p, level), relative_sd(p),
+            ))
+            for p in fit.every
+        )  # fmt: skip
         tables.append(Table(heads, rows, frozenset({1, 3, 4}), f"{name.replace('_', ' ')}.", True))
     return Section(
         "coefficients",
