@@ -14,14 +14,19 @@ from ..models.robot import Robot
 from ..numerics.filters import central_difference, decimate, runs
 from ..numerics.motion import Filtering, JudgedData, lowpassed
 
-DEFAULT_PART_COUNT = 10
-"""A recording whose joints do not stop together is divided into this many equal parts."""
 
-MIN_COMMON_STOPS = 4
-"""A recording is divided at its common stops if there are at least this many, otherwise into equal parts."""
+@dataclass(frozen=True)
+class SegmentSettings:
+    """How a recording is divided into segments."""
 
-MIN_SEGMENT_ROWS = 20
-"""A segment must have at least this many rows with motion; shorter ones are joined to the one before."""
+    default_part_count: int = 10  # a recording whose joints do not stop together is divided into this many equal parts
+    # A recording is divided at its common stops if there are at least this many, otherwise into equal parts.
+    min_common_stops: int = 4
+    # A segment must have at least this many rows with motion; shorter ones are joined to the one before.
+    min_segment_rows: int = 20
+
+
+SEGMENT_SETTINGS = SegmentSettings()
 
 
 class CarriedPayload(Protocol):
@@ -75,6 +80,11 @@ class JudgedTreeMotion(TreeMotion, JudgedData):
     """A held-out stretch: errors and the verdict on the prediction may depend on it, and nothing else."""
 
 
+def fitted_without_payload(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
+    """Return the motions without a payload that may be fitted."""
+    return [m for m in motions if m.payload is None and m.use == "fit"]
+
+
 def tree_motion_of(
     time: np.ndarray,
     position: np.ndarray,
@@ -109,11 +119,8 @@ def tree_motion_of(
     slow = np.broadcast_to(np.asarray(filtering.dead_band if dead_band is None else dead_band, float), (m,))
     of_effort = filtering if effort_lowpass is None else Filtering(effort_lowpass, filtering.order)
     try:
-        if velocity is None:
-            q = lowpassed(position, rate, filtering)
-            v = central_difference(q, rate)
-        else:
-            q, v = lowpassed(position, rate, filtering), lowpassed(velocity, rate, filtering)
+        q = lowpassed(position, rate, filtering)
+        v = central_difference(q, rate) if velocity is None else lowpassed(velocity, rate, filtering)
         a = central_difference(v, rate)
         u = lowpassed(drive, rate, of_effort)
         wanted, asked = (None if x is None else lowpassed(x, rate, of_effort) for x in (desired, desired_drive))
@@ -167,9 +174,9 @@ def segments_of(
     if asked is None:
         stops = runs(np.asarray(still.all(axis=1)))
         within = [stop for stop in stops if stop.start > 0 and stop.stop < len(time)]
-        if len(within) >= MIN_COMMON_STOPS:
+        if len(within) >= SEGMENT_SETTINGS.min_common_stops:
             return _between(stops, np.asarray(moving.any(axis=1)))
-    parts = min(asked or DEFAULT_PART_COUNT, max(len(time) // MIN_SEGMENT_ROWS, 1))
+    parts = min(asked or SEGMENT_SETTINGS.default_part_count, max(len(time) // SEGMENT_SETTINGS.min_segment_rows, 1))
     return np.arange(len(time)) * parts // max(len(time), 1)
 
 
@@ -181,11 +188,11 @@ def _between(stops: list[slice], moves: np.ndarray) -> np.ndarray:
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         if start == stop:
             continue
-        if gathered >= MIN_SEGMENT_ROWS:
+        if gathered >= SEGMENT_SETTINGS.min_segment_rows:
             number, gathered = number + 1, 0
         segment[start:stop] = number
         gathered += int(moves[start:stop].sum())
-    if 0 < gathered < MIN_SEGMENT_ROWS and number > 0:
+    if 0 < gathered < SEGMENT_SETTINGS.min_segment_rows and number > 0:
         segment[segment == number] = number - 1
     return segment
 

@@ -24,18 +24,22 @@ import numpy as np
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 
-STATES_PER_COLUMN = 20
-"""Number of random states per column of the regressor."""
 
-RANDOM_SEED = 20261122
-"""Random seed of these states."""
+@dataclass(frozen=True)
+class BaseSettings:
+    """How the base parameters are found."""
 
-MIN_COLUMN_REMAINDER = 1e-8
-"""A unit column is independent if more than this share of it lies outside the span of the others. Rounding leaves
-1e-13."""
+    states_per_column: int = 20  # number of random states per column of the regressor
+    random_seed: int = 20261122  # random seed of these states
+    # A unit column is independent if more than this share of it lies outside the span of the others. Rounding leaves
+    # 1e-13.
+    min_column_remainder: float = 1e-8
+    # Members of a combination whose coefficient is below this are rounding and are not stated.
+    min_stated_coefficient: float = 1e-6
 
-MIN_STATED_COEFFICIENT = 1e-6
-"""Members of a combination whose coefficient is below this are rounding and are not stated."""
+
+BASE_SETTINGS = BaseSettings()
+
 
 LINK_PARAMETER_ORDER = ("moment_x", "moment_y", "moment_z", "inertia_zz", "inertia_xy", "inertia_xz", "inertia_yz",
                         "inertia_xx", "inertia_yy", "mass")  # fmt: skip
@@ -92,7 +96,7 @@ class BaseParameters:
         """Return the combination of a base parameter in words: "link_2.moment_x + 0.225 link_3.mass"."""
         row = self.combination[self.names.index(name)]
         lead = self.chosen[self.names.index(name)]
-        others = [i for i in np.flatnonzero(np.abs(row) > MIN_STATED_COEFFICIENT) if i != lead]
+        others = [i for i in np.flatnonzero(np.abs(row) > BASE_SETTINGS.min_stated_coefficient) if i != lead]
         return _format_sum([(1.0, self.members[lead]), *((row[i], self.members[i]) for i in others)])
 
 
@@ -100,7 +104,7 @@ def _format_sum(parts: Sequence[tuple[float, str]]) -> str:
     """Format a sum such as "a - b + 0.2 c"."""
     said = ""
     for factor, name in parts:
-        size = "" if abs(abs(factor) - 1.0) < MIN_STATED_COEFFICIENT else f"{abs(factor):.3g} "
+        size = "" if abs(abs(factor) - 1.0) < BASE_SETTINGS.min_stated_coefficient else f"{abs(factor):.3g} "
         sign = (" - " if factor < 0.0 else " + ") if said else ("-" if factor < 0.0 else "")
         said += f"{sign}{size}{name}"
     return said
@@ -109,12 +113,14 @@ def _format_sum(parts: Sequence[tuple[float, str]]) -> str:
 def find_base_parameters(robot: Robot) -> BaseParameters:
     """Compute the base parameters of a robot from its kinematics alone."""
     members = rigid_names(robot)
-    rng = np.random.default_rng(RANDOM_SEED)
+    rng = np.random.default_rng(BASE_SETTINGS.random_seed)
     m = len(robot.names)
-    states = (rng.uniform(-scale, scale, (STATES_PER_COLUMN * len(members), m)) for scale in (np.pi, 3.0, 10.0))
+    states = (
+        rng.uniform(-scale, scale, (BASE_SETTINGS.states_per_column * len(members), m)) for scale in (np.pi, 3.0, 10.0)
+    )
     y = rigid_columns(robot, *states).reshape(-1, len(members))
     size = np.linalg.norm(y, axis=0)
-    seen = size > MIN_COLUMN_REMAINDER * size.max()
+    seen = size > BASE_SETTINGS.min_column_remainder * size.max()
     y = np.divide(y, size, where=seen, out=np.zeros_like(y))
     square = np.asarray(np.linalg.qr(y, mode="r"))
     order = sorted(np.flatnonzero(seen).tolist(), key=lambda i: _choice_order(i, len(robot.tree.order)))
@@ -124,7 +130,7 @@ def find_base_parameters(robot: Robot) -> BaseParameters:
         for _ in range(2):  # the second projection removes the rounding errors of the first
             column = column - spanned @ (spanned.T @ column)
         left = np.linalg.norm(column)
-        if left > MIN_COLUMN_REMAINDER:
+        if left > BASE_SETTINGS.min_column_remainder:
             leading.append(i)
             spanned = np.column_stack([spanned, column / left])
     if len(leading) != _rank(square):
@@ -133,7 +139,7 @@ def find_base_parameters(robot: Robot) -> BaseParameters:
     stands = np.linalg.lstsq(square[:, chosen], square, rcond=None)[0] * (size / size[chosen][:, None])
     stands[np.abs(stands) < 1e-9 * np.abs(stands).max(axis=1, keepdims=True)] = 0.0
     stands[:, chosen] = np.eye(len(chosen))
-    alone = [np.count_nonzero(np.abs(row) > MIN_STATED_COEFFICIENT) == 1 for row in stands]
+    alone = [np.count_nonzero(np.abs(row) > BASE_SETTINGS.min_stated_coefficient) == 1 for row in stands]
     names = tuple(members[i] if a else f"{members[i]}.{REGROUPED_SUFFIX}" for i, a in zip(chosen, alone, strict=True))
     return BaseParameters(names, members, chosen, stands)
 
@@ -143,7 +149,7 @@ def _rank(square: np.ndarray) -> int:
     from scipy.linalg import qr
 
     diagonal = np.abs(np.diag(qr(square, mode="r", pivoting=True)[0]))
-    return int(np.sum(diagonal > MIN_COLUMN_REMAINDER))
+    return int(np.sum(diagonal > BASE_SETTINGS.min_column_remainder))
 
 
 def _choice_order(index: int, links: int) -> tuple[int, int]:

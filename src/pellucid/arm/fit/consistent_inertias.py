@@ -95,17 +95,27 @@ def least_eigenvalue(bodies: np.ndarray) -> np.ndarray:
 BODY_PARAMETER_COUNT = 10
 """Number of inertial parameters of a body."""
 
-MIN_RELATIVE_EIGENVALUE = 1e-10
-"""A direction is undetermined if its eigenvalue of N, scaled to unit diagonal, is below this share of the largest."""
 
-MAX_UNDETERMINED_SHARE = 1e-6
-"""A parameter is undetermined if the undetermined directions contain at least this squared share of it."""
+@dataclass(frozen=True)
+class ConsistencySettings:
+    """Tolerances of the search for consistent bodies."""
 
-PREFERENCE_WEIGHT_SHARE = 1e-9
-"""Weight of the distance to `nearest` while a bound is active, as a share of the objective."""
+    # A direction is undetermined if its eigenvalue of N, scaled to unit diagonal, is below this share of the largest.
+    min_relative_eigenvalue: float = 1e-10
+    # A parameter is undetermined if the undetermined directions contain at least this squared share of it.
+    max_undetermined_share: float = 1e-6
+    # Weight of the distance to `nearest` while a bound is active, as a share of the objective.
+    preference_weight_share: float = 1e-9
+    solver_tolerance: float = 1e-9  # tolerance of the conic solver on gap and feasibility
+    max_steps: int = 6  # largest number of Gauss-Newton steps. A model without load terms needs one.
+    # Gauss-Newton steps stop when the load changes by at most this share of the RMS effort.
+    load_change_tolerance: float = 1e-4
+    # Ratio of Student's 97.5 % quantile to the normal one for a single degree of freedom.
+    student_ratio_one_degree: float = 6.5
 
-SOLVER_TOLERANCE = 1e-9
-"""Tolerance of the conic solver on gap and feasibility."""
+
+CONSISTENCY_SETTINGS = ConsistencySettings()
+
 
 SOLVED_STATUSES = ("Solved", "AlmostSolved")
 """Statuses of the conic solver that count as a solution."""
@@ -124,7 +134,9 @@ class SplitObjective:
     told: np.ndarray  # mask of the determined parameters, (c,)
 
     @classmethod
-    def of(cls, normal: np.ndarray, projected: np.ndarray, least: float = MIN_RELATIVE_EIGENVALUE) -> SplitObjective:
+    def of(
+        cls, normal: np.ndarray, projected: np.ndarray, least: float = CONSISTENCY_SETTINGS.min_relative_eigenvalue
+    ) -> SplitObjective:
         """Split the objective with N = `normal`, (c, c), and b = `projected`, (c,).
 
         `least` is the smallest relative eigenvalue of a determined direction.
@@ -134,7 +146,7 @@ class SplitObjective:
         values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
         shown = values > least * values[-1]
         seen = scale[:, None] * vectors[:, shown] / np.sqrt(values[shown])
-        told = np.sum(vectors[:, ~shown] ** 2, axis=1) < MAX_UNDETERMINED_SHARE
+        told = np.sum(vectors[:, ~shown] ** 2, axis=1) < CONSISTENCY_SETTINGS.max_undetermined_share
         return cls(seen.T @ projected, seen, scale[:, None] * vectors[:, ~shown], told)
 
     def loss(self, values: np.ndarray, normal: np.ndarray, projected: np.ndarray) -> float:
@@ -270,7 +282,7 @@ class _Problem:
         if not np.any(np.asarray(weight) > 0.0):
             whole = _squared_norm(told.best)
             weight = (
-                PREFERENCE_WEIGHT_SHARE
+                CONSISTENCY_SETTINGS.preference_weight_share
                 * whole
                 / max(_squared_norm(near[:, :s] @ told.best), _squared_norm(self.wanted))
             )
@@ -309,7 +321,7 @@ class _Problem:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_TOLERANCE
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CONSISTENCY_SETTINGS.solver_tolerance
         size = np.abs(hessian).max(initial=1e-300)
         quadratic, constraints = sparse.csc_matrix(np.triu(hessian / size)), sparse.csc_matrix(a)
         solution = clarabel.DefaultSolver(quadratic, slope / size, constraints, b, cones, settings).solve()
@@ -318,15 +330,6 @@ class _Problem:
 
 FROM_PRIOR_REASON = "from the prior: the motion does not show it"
 """Reason for refusing the interval of a parameter whose value comes from the maker's bodies."""
-
-MAX_STEPS = 6
-"""Largest number of Gauss-Newton steps. A model without load terms needs one."""
-
-LOAD_CHANGE_TOLERANCE = 1e-4
-"""Gauss-Newton steps stop when the load changes by at most this share of the RMS effort."""
-
-STUDENT_RATIO_ONE_DEGREE = 6.5
-"""Ratio of Student's 97.5 % quantile to the normal one for a single degree of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -419,11 +422,11 @@ def solve_consistent(
     solver = solver or nearest_bodies_solver(nearest)
     start = fit_rows(model, rows)[0] if start is None else start
     spread, values, before = FullParametrisation.of(model), start.values, None
-    for _ in range(MAX_STEPS if model.loads else 1):
+    for _ in range(CONSISTENCY_SETTINGS.max_steps if model.loads else 1):
         load = compute_loads(rows, model, values) if model.loads else None
         if before is not None:
             moved = np.sqrt(np.mean((load - before) ** 2, axis=0))
-            if np.all(moved <= LOAD_CHANGE_TOLERANCE * np.maximum(rows.size, 1e-12)):
+            if np.all(moved <= CONSISTENCY_SETTINGS.load_change_tolerance * np.maximum(rows.size, 1e-12)):
                 break
         before = load
         at = linearise_rows(model, rows, load, model.alpha(values) if model.loads else None)
@@ -463,7 +466,9 @@ def make_consistent_estimate(
     told = fit.told if told is None else told
     covariance = jackknife_covariance(found)
     freedom = float(max(len(_segments_with_rows(found.equations)) - 1, 1))
-    covariance *= (student_to_normal_ratio(freedom) if freedom > 1.0 else STUDENT_RATIO_ONE_DEGREE) ** 2
+    covariance *= (
+        student_to_normal_ratio(freedom) if freedom > 1.0 else CONSISTENCY_SETTINGS.student_ratio_one_degree
+    ) ** 2
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)

@@ -11,6 +11,7 @@ from ..._errors import IdentificationError, RecordingError
 from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ...numerics.motion import Filtering
+from ...numerics.sampled import sampled
 from ..tree_motion import TreeMotion, tree_motion_of
 from .fit_tree import identify_tree
 from .tree_estimate import TreeEstimate
@@ -98,12 +99,7 @@ def _motion(robot: Robot, arrays, name: str, lowpass, order, decimate, dead_band
         raise RecordingError(
             f"fit_robot, {name}: found {', '.join(map(str, arrays))}, expected {', '.join(missing)} too"
         )
-    time = np.asarray(arrays["time"], float)
-    if time.ndim != 1 or len(time) < 3:
-        raise RecordingError(f"fit_robot, {name}: found time of shape {time.shape}, expected (n,)")
-    steps = np.diff(time)
-    if np.min(steps) <= 0.0 or np.ptp(steps) > 0.01 * float(np.median(steps)):
-        raise RecordingError(f"fit_robot, {name}: found uneven time, expected evenly increasing samples")
+    (time,) = sampled(f"fit_robot, {name}", arrays["time"], least=3)
     wanted = (len(time), len(robot.names))
     found = {key: np.asarray(arrays[key], float) for key in ("position", "effort", "velocity") if key in arrays}
     for key, values in found.items():
@@ -119,16 +115,9 @@ def _motion(robot: Robot, arrays, name: str, lowpass, order, decimate, dead_band
         raise IdentificationError(
             f"fit_robot: lowpass: found {lowpass:g} Hz, expected above 0 and below {fs / 2:g} Hz, half the rate"
         )
-    border = trim
-    if border is None:
-        border = 0 if lowpass is None else int(np.ceil(SETTLING_PERIODS * fs / lowpass))
+    settling = 0 if lowpass is None else int(np.ceil(SETTLING_PERIODS * fs / lowpass))
+    filtering = Filtering(lowpass, order, decimate, 0.0, settling if trim is None else trim)
     return tree_motion_of(
-        time,
-        found["position"],
-        found["effort"],
-        Filtering(lowpass, order, decimate, 0.0, border),
-        velocity=found.get("velocity"),
-        dead_band=dead_band,
-        turns=robot.turns_array,
-        recording=name,
-    )
+        time, found["position"], found["effort"], filtering, velocity=found.get("velocity"), dead_band=dead_band,
+        turns=robot.turns_array, recording=name,
+    )  # fmt: skip

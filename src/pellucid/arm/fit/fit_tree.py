@@ -172,11 +172,14 @@ def identify_tree(
     sure = estimate_uncertainty(at, found)
     best = make_tree_estimate("best", rows, found, at, uncertainty=sure, notes=_notes(rows, choice, at.model))
     base_out = best_out = maker_out = jackknife = None
+
+    def choose_and_fit(part: TreeRows) -> tuple[TreeModel, TreeSolution]:
+        *_, solution, linearised = fit_best_model(part, rate, terms, ripple)
+        return linearised.model, solution
+
     if leave_out and rows.segments > 1:
         base_out = cross_validate_segments(rows, lambda part: (plain, fit_rows(plain, part)[0]))
-        best_out = cross_validate_segments(
-            rows, lambda part: _model_and_solution(fit_best_model(part, rate, terms, ripple))
-        )
+        best_out = cross_validate_segments(rows, choose_and_fit)
         jackknife = jackknife_segments(at.model, rows, found, sure.covariance, sure.textbook)
         maker = rows_without_maker_effort(rows, motions)
         friction = plain_model(maker)
@@ -203,12 +206,6 @@ def fit_best_model(
         model = replace(model, ripples=ripples)
         found, at = fit_rows(model, rows, load=compute_loads(rows, model, found.values))
     return choice, lines, found, at
-
-
-def _model_and_solution(
-    found: tuple[FamilyChoice, Sequence[SpectralLine], TreeSolution, LinearisedModel],
-) -> tuple[TreeModel, TreeSolution]:
-    return found[3].model, found[2]
 
 
 def rows_without_maker_effort(rows: TreeRows, motions: Sequence[TreeMotion]) -> TreeRows:

@@ -52,21 +52,23 @@ from .tree_regression import NormalEquations, TreeModel, TreeRows, fit_rows
 PRIOR_WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
 """Weights of the prior that are tried, on the scale of the weighted sum of squares."""
 
-MAX_NEWTON_STEPS = 100
-"""Largest number of Newton steps."""
 
-DECREMENT_TOLERANCE = 1e-9
-"""Newton steps stop when the decrement is at most this share of the objective."""
+@dataclass(frozen=True)
+class PriorSettings:
+    """Settings of the fit with the maker's inertias as a prior."""
 
-BARRIER_SHARE = 1e-6
-"""Strength of the logarithmic barrier at the bounds of other parameters, as a share of the objective per parameter."""
+    max_newton_steps: int = 100  # largest number of Newton steps
+    decrement_tolerance: float = 1e-9  # newton steps stop when the decrement is at most this share of the objective
+    # Strength of the logarithmic barrier at the bounds of other parameters, as a share of the objective per parameter.
+    barrier_share: float = 1e-6
+    # A parameter comes from the prior if the efforts contribute less than this share of its information.
+    min_effort_share: float = 0.5
+    # Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
+    # point masses, which have no entropic distance.
+    min_body_extent_m: float = 0.01
 
-MIN_EFFORT_SHARE = 0.5
-"""A parameter comes from the prior if the efforts contribute less than this share of its information."""
 
-MIN_BODY_EXTENT_M = 0.01
-"""Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
-point masses, which have no entropic distance."""
+PRIOR_SETTINGS = PriorSettings()
 
 
 @dataclass(frozen=True)
@@ -95,19 +97,21 @@ def entropic_solver(maker: np.ndarray, weight: float) -> Solver:
 
 
 def _with_extent(maker: np.ndarray) -> np.ndarray:
-    """Give points, rods and plates among the bodies an extent of `MIN_BODY_EXTENT_M` in every direction."""
+    """Give points, rods and plates among the bodies the least extent of a prior in every direction."""
     wrong = np.flatnonzero(least_eigenvalue(maker) < -EIGENVALUE_TOLERANCE)
     if wrong.size:
         raise IdentificationError(
             f"found moments of inertia of body {wrong[0] + 1} that no body has, expected each to be at most the sum of "
             "the other two about the centre of mass: mend the robot's description, or take the euclidean distance"
         )
-    flat = least_eigenvalue(maker) < maker[:, 0] * MIN_BODY_EXTENT_M**2
+    flat = least_eigenvalue(maker) < maker[:, 0] * PRIOR_SETTINGS.min_body_extent_m**2
     lift = (flat * np.maximum(maker[:, 0], MIN_EIGENVALUE / SCALING_LENGTH_M**2))[:, None, None] * np.diag(
         [1.0, 1.0, 1.0, 0.0]
     )
     return bodies_from_pseudo_inertia(
-        pseudo_inertia(maker) + MIN_BODY_EXTENT_M**2 * lift + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
+        pseudo_inertia(maker)
+        + PRIOR_SETTINGS.min_body_extent_m**2 * lift
+        + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
     )
 
 
@@ -130,7 +134,7 @@ def _minimise_entropic(
     back = np.linalg.inv(pseudo_inertia(maker))
     pull = np.einsum("iab,tba->it", back, basis).ravel()
     told = SplitObjective.of(normal, projected)
-    push = BARRIER_SHARE * (told.best @ told.best) / max(len(told.best), 1)
+    push = PRIOR_SETTINGS.barrier_share * (told.best @ told.best) / max(len(told.best), 1)
     below, above = np.isfinite(lowest), np.isfinite(highest)
     start = told.seen @ told.best
     room = 1e-3 * np.sqrt((told.best @ told.best) / np.maximum(np.diag(normal), 1e-12 * normal.max()))
@@ -152,7 +156,7 @@ def _minimise_entropic(
         return float(0.5 * x @ normal @ x - projected @ x + 0.5 * weight * (pull @ x[:k] - log.sum()) - push * edges)
 
     now = value(theta)
-    for _ in range(MAX_NEWTON_STEPS):
+    for _ in range(PRIOR_SETTINGS.max_newton_steps):
         inverse = np.linalg.inv(pseudo_inertia(theta[:k].reshape(-1, BODY_PARAMETER_COUNT)))
         moved = np.einsum("iab,tbc->itac", inverse, basis)  # P^-1 E_t
         slope, hessian = normal @ theta - projected, normal.copy()
@@ -173,7 +177,7 @@ def _minimise_entropic(
             share *= 0.5
         theta = theta + share * step
         now = value(theta)
-        if decrement <= DECREMENT_TOLERANCE * (told.best @ told.best):
+        if decrement <= PRIOR_SETTINGS.decrement_tolerance * (told.best @ told.best):
             break
     return ConsistentFit(
         theta,
@@ -258,5 +262,5 @@ def fit_with_prior(
     note = (
         f"the maker's inertias weigh {choice.weight:g} ({distance}): what is missed on segments left out is then least"
     )
-    told = share >= MIN_EFFORT_SHARE
+    told = share >= PRIOR_SETTINGS.min_effort_share
     return make_consistent_estimate("prior", rows, found, nearest=maker, told=told, notes=(note,)), choice

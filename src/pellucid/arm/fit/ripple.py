@@ -23,7 +23,7 @@ import numpy as np
 
 from ...numerics.block_test import sign_flip_p_value
 from .tree_estimate import Ripple
-from .tree_families import MAX_TERM_P_VALUE
+from .tree_families import FAMILY_THRESHOLDS
 from .tree_regression import (
     LinearisedModel,
     TreeSolution,
@@ -33,23 +33,23 @@ from .tree_regression import (
     sum_normal_equations,
 )
 
-MAX_LINE_P_VALUE = 0.01
-"""A spectral line is fitted only if its p value is below this."""
 
-MIN_PERIODS = 4.0
-"""A ripple must have at least this many periods within the travelled range. Links and gravity cause slower lines."""
+@dataclass(frozen=True)
+class RippleThresholds:
+    """Thresholds of the search for drive ripple."""
 
-MIN_ORDER = 4.0
-"""Smallest order of a ripple, in periods per turn. Gravity has order one, its products with inertia order two."""
+    max_line_p_value: float = 0.01  # a spectral line is fitted only if its p value is below this
+    # A ripple must have at least this many periods within the travelled range. Links and gravity cause slower lines.
+    min_periods: float = 4.0
+    # Smallest order of a ripple, in periods per turn. Gravity has order one, its products with inertia order two.
+    min_order: float = 4.0
+    min_rows_per_period: float = 8.0  # the highest order has this many rows per period at the median speed
+    order_oversampling: int = 8  # number of orders that are evaluated for each independent one
+    # Number of independent neighbouring orders with which a line is compared, half on either side.
+    neighbour_count: int = 30
 
-MIN_ROWS_PER_PERIOD = 8.0
-"""The highest order has this many rows per period at the median speed."""
 
-ORDER_OVERSAMPLING = 8
-"""Number of orders that are evaluated for each independent one."""
-
-NEIGHBOUR_COUNT = 30
-"""Number of independent neighbouring orders with which a line is compared, half on either side."""
+RIPPLE_THRESHOLDS = RippleThresholds()
 
 
 @dataclass(frozen=True)
@@ -72,24 +72,24 @@ def find_strongest_line(
     turns = (high - low) / (2.0 * np.pi)
     if turns <= 0.0 or not np.isfinite(rate):
         return None
-    first = max(MIN_ORDER, MIN_PERIODS / turns)
-    last = 2.0 * np.pi * rate / MIN_ROWS_PER_PERIOD / float(np.median(np.abs(speed)))
+    first = max(RIPPLE_THRESHOLDS.min_order, RIPPLE_THRESHOLDS.min_periods / turns)
+    last = 2.0 * np.pi * rate / RIPPLE_THRESHOLDS.min_rows_per_period / float(np.median(np.abs(speed)))
     independent = (last - first) * turns
-    if independent < NEIGHBOUR_COUNT:
+    if independent < RIPPLE_THRESHOLDS.neighbour_count:
         return None
     # Rows are summed in bins of the angle, 16 per period of the highest order; one transform then has all orders.
     bins = int(np.ceil(16.0 * last * turns))
-    padded = 1 << int(np.ceil(np.log2(bins * ORDER_OVERSAMPLING)))
+    padded = 1 << int(np.ceil(np.log2(bins * RIPPLE_THRESHOLDS.order_oversampling)))
     at = np.minimum(((angle - low) / (high - low) * bins).astype(int), bins - 1)
     gathered = np.bincount(at, residual - residual.mean(), minlength=bins)
     power = np.abs(np.fft.rfft(gathered, padded)) ** 2
     orders = np.arange(len(power)) * bins / padded / turns
     inside = np.flatnonzero((orders >= first) & (orders <= last))
-    beside = _neighbour_mean(power, max(1, round(NEIGHBOUR_COUNT / 2 * padded / bins)))
+    beside = _neighbour_mean(power, max(1, round(RIPPLE_THRESHOLDS.neighbour_count / 2 * padded / bins)))
     prominence = power[inside] / np.maximum(beside[inside], 1e-300)
     best = int(inside[np.argmax(prominence)])
     x = float(prominence.max())
-    order = _refine_order(angle, residual, float(orders[best]), 1.0 / turns / ORDER_OVERSAMPLING)
+    order = _refine_order(angle, residual, float(orders[best]), 1.0 / turns / RIPPLE_THRESHOLDS.order_oversampling)
     return SpectralLine(motor, order, float(-np.expm1(independent * np.log1p(-np.exp(-max(x, 1e-9))))))
 
 
@@ -135,12 +135,12 @@ def choose_ripples(
     kept: list[Ripple] = []
     best = left_out_losses(sum_normal_equations(at), found.sd)
     for line in sorted(lines, key=lambda x: x.p_value):
-        if line.p_value >= MAX_LINE_P_VALUE:
+        if line.p_value >= RIPPLE_THRESHOLDS.max_line_p_value:
             continue
         tried = replace(model, ripples=(*model.ripples, *kept, Ripple(line.motor, line.order, 0.0, 0.0)))
         equations = sum_normal_equations(linearise_rows(tried, rows, load, model.alpha(found.values)))
         losses = left_out_losses(equations, found.sd)
-        if sign_flip_p_value(best - losses) < MAX_TERM_P_VALUE:
+        if sign_flip_p_value(best - losses) < FAMILY_THRESHOLDS.max_term_p_value:
             kept.append(Ripple(line.motor, line.order, 0.0, 0.0))
             best = losses
     return tuple(kept), lines

@@ -3,7 +3,7 @@ r"""Choose the friction terms of each joint by forward selection, tested on left
 The search starts from plain friction and tries every further term of every joint. Each segment is predicted by a fit to
 the others. A term reduces the loss of segment s by :math:`D_s = \sum_j (e_{js}^2 - e'^2_{js})/\sigma_j^2`. If the term
 were useless, each D_s could as well have the other sign. A term qualifies if the share of all choices of signs with no
-smaller total is below `MAX_TERM_P_VALUE`, if its coefficient is physical, and if it saves at least the share
+smaller total is below `max_term_p_value`, if its coefficient is physical, and if it saves at least the share
 `min_improvement` of the error of its joint. The qualifying term with the largest reduction is added, and the search
 continues. Only the given rows take part, so cross-validation can repeat the choice.
 
@@ -36,17 +36,23 @@ from .tree_regression import (
     weight_joints,
 )
 
-MAX_TERM_P_VALUE = 0.157
-"""A term is added only if its p value is below this level, at which Akaike's criterion adds one parameter. On 17
-simulated robots of four joints, with no least improvement, the error on left-out segments is 2 % smaller than with a
-level of 5 %. On ten of them it finds 32 of 53 terms instead of 21, and adds 10 false ones instead of 2."""
 
-STRIBECK_SPEED_SHARES = (0.25, 0.125, 0.0625, 0.03125)
-"""Stribeck velocities that are tried, as shares of a joint's largest speed. With larger ones the term would change the
-whole friction curve."""
+@dataclass(frozen=True)
+class FamilyThresholds:
+    """Thresholds of the choice of friction terms."""
 
-MIN_SEGMENTS = 5
-"""Terms are chosen only with at least this many segments. With fewer, no choice of signs is rare enough."""
+    # A term is added only if its p value is below this level, at which Akaike's criterion adds one parameter. On 17
+    # simulated robots of four joints, with no least improvement, the error on left-out segments is 2 % smaller than
+    # with a level of 5 %. On ten of them it finds 32 of 53 terms instead of 21, and adds 10 false ones instead of 2.
+    max_term_p_value: float = 0.157
+    # Stribeck velocities that are tried, as shares of a joint's largest speed. With larger ones the term would change
+    # the whole friction curve.
+    stribeck_speed_shares: tuple[float, ...] = (0.25, 0.125, 0.0625, 0.03125)
+    # Terms are chosen only with at least this many segments. With fewer, no choice of signs is rare enough.
+    min_segments: int = 5
+
+
+FAMILY_THRESHOLDS = FamilyThresholds()
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ def choose_families(
     start, _ = fit_rows(plain, rows)
     pool = _CandidateModel(robot, rows.base, plain.families, candidates=tuple(_candidates(rows, terms)))
     present = np.unique(rows.segment[rows.used.any(axis=1)])
-    if len(present) < MIN_SEGMENTS or not pool.candidates:
+    if len(present) < FAMILY_THRESHOLDS.min_segments or not pool.candidates:
         return FamilyChoice(plain.families, {}, ())
     equations = sum_normal_equations(linearise_rows(pool, rows, compute_loads(rows, plain, start.values)))
     equations = equations.of_segments(present)
@@ -120,7 +126,7 @@ def choose_families(
         worth = []
         for place, each, fine in zip(at, saved.T, physical, strict=True):
             p = sign_flip_p_value(each)
-            if fine and p < MAX_TERM_P_VALUE and each.sum() >= least[waiting[int(place)].joint]:
+            if fine and p < FAMILY_THRESHOLDS.max_term_p_value and each.sum() >= least[waiting[int(place)].joint]:
                 worth.append((float(each.sum()), p, int(place)))
         if not worth:
             break
@@ -147,7 +153,9 @@ def _candidates(rows: TreeRows, terms: Sequence[str]) -> list[_Candidate]:
                     made.append(_Candidate(k, term, FrictionPart(k, True, term.removeprefix("motor_"))))
             elif term == STRIBECK_FRICTION.name:
                 speed = np.abs(rows.velocity[rows.lines[k], k])
-                slow = [x * speed.max() for x in STRIBECK_SPEED_SHARES if x * speed.max() > speed.min()]
+                slow = [
+                    x * speed.max() for x in FAMILY_THRESHOLDS.stribeck_speed_shares if x * speed.max() > speed.min()
+                ]
                 made += [_Candidate(k, term, FrictionPart(k, False, term, float(x))) for x in slow]
             else:
                 made.append(_Candidate(k, term, FrictionPart(k, False, TERM_COEFFICIENTS[term][0])))

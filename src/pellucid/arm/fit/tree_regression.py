@@ -37,23 +37,23 @@ from .friction_terms import (
 )
 from .tree_estimate import Ripple
 
-MIN_SQUARED_REMAINDER = 1e-9
-"""A parameter is determined only if this squared share of its unit column lies outside the span of the others."""
 
-WEIGHT_ROUND_COUNT = 4
-"""Number of times that the weights of joints are updated from their residuals."""
+@dataclass(frozen=True)
+class RegressionSettings:
+    """Tolerances and limits of the weighted least squares."""
 
-MAX_ACTIVE_SETS = 60
-"""Number of active sets that are tried before a general bounded search."""
+    # A parameter is determined only if this squared share of its unit column lies outside the span of the others.
+    min_squared_remainder: float = 1e-9
+    weight_round_count: int = 4  # number of times that the weights of joints are updated from their residuals
+    max_active_sets: int = 60  # number of active sets that are tried before a general bounded search
+    max_steps: int = 12  # largest number of Gauss-Newton steps
+    # Gauss-Newton steps stop when loads and load friction change by at most this share of each joint's RMS effort.
+    load_change_tolerance: float = 1e-4
+    # Lower limit of a joint's residual standard deviation in its weight, as a share of its RMS effort.
+    min_residual_share: float = 0.02
 
-MAX_STEPS = 12
-"""Largest number of Gauss-Newton steps."""
 
-LOAD_CHANGE_TOLERANCE = 1e-4
-"""Gauss-Newton steps stop when loads and load friction change by at most this share of each joint's RMS effort."""
-
-MIN_RESIDUAL_SHARE = 0.02
-"""Lower limit of a joint's residual standard deviation in its weight, as a share of its RMS effort."""
+REGRESSION_SETTINGS = RegressionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,8 +351,6 @@ class TreeSolution:
     sd: np.ndarray  # residual standard deviation of each joint, (m,)
     seen: np.ndarray  # mask of the parameters that the rows determine, (p,)
     held: np.ndarray  # mask of the parameters on a bound, (p,)
-    iterations: int = 1
-    converged: bool = True
 
 
 def solve_normal_equations(
@@ -361,7 +359,7 @@ def solve_normal_equations(
     *,
     floor: np.ndarray,
     sd: np.ndarray | None = None,
-    rounds: int = WEIGHT_ROUND_COUNT,
+    rounds: int = REGRESSION_SETTINGS.weight_round_count,
 ) -> TreeSolution:
     """Solve normal equations with joints weighted by their residual standard deviation.
 
@@ -399,7 +397,7 @@ def _solve_bounded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Minimise x'Gx/2 - m'x within bounds by an active-set method; return x, (p,), and a mask of active bounds."""
     held = np.zeros(len(moment), bool)
-    for _ in range(MAX_ACTIVE_SETS):
+    for _ in range(REGRESSION_SETTINGS.max_active_sets):
         x = np.zeros(len(moment))
         x[held] = np.where(np.isfinite(lower), lower, upper)[held]
         free = np.flatnonzero(~held)
@@ -464,19 +462,14 @@ def determined_parameters(gram: np.ndarray) -> np.ndarray:
     at = np.flatnonzero(some)
     unit = gram[np.ix_(at, at)] / np.outer(size[at], size[at])
     try:
-        np.linalg.cholesky(unit - MIN_SQUARED_REMAINDER * np.eye(len(at)))
+        np.linalg.cholesky(unit - REGRESSION_SETTINGS.min_squared_remainder * np.eye(len(at)))
         return some
     except np.linalg.LinAlgError:
         pass
-    _, pivot, rank, _ = lapack.dpstrf(unit, tol=MIN_SQUARED_REMAINDER, lower=1)
+    _, pivot, rank, _ = lapack.dpstrf(unit, tol=REGRESSION_SETTINGS.min_squared_remainder, lower=1)
     seen = np.zeros(len(gram), bool)
     seen[at[pivot[:rank] - 1]] = True
     return seen
-
-
-def residual_floor(rows: TreeRows) -> np.ndarray:
-    """Return the lower limit of each joint's residual standard deviation in its weight, (m,)."""
-    return MIN_RESIDUAL_SHARE * rows.size
 
 
 def fit_rows(
@@ -490,10 +483,12 @@ def fit_rows(
 
     The first `load`, (N, m), is by default that of `start` or of a fit without load terms.
     """
-    floor = residual_floor(rows)
+    # Lower limit of each joint's residual standard deviation in its weight.
+    floor = REGRESSION_SETTINGS.min_residual_share * rows.size
     if not model.loads:
         at = linearise_rows(model, rows)
         return solve_normal_equations(sum_normal_equations(at, apart=False), model.bounds, floor=floor), at
+    rounds = REGRESSION_SETTINGS.weight_round_count
     alpha, sd = (None, None) if start is None else (model.alpha(start.values), start.sd)
     if load is None:
         if start is None:
@@ -501,17 +496,16 @@ def fit_rows(
             load = compute_loads(rows, bare := replace(model, families=plain), fit_rows(bare, rows)[0].values)
         else:
             load = compute_loads(rows, model, start.values)
-    rounds = WEIGHT_ROUND_COUNT
-    for step in range(1, MAX_STEPS + 1):
+    for step in range(REGRESSION_SETTINGS.max_steps):
         at = linearise_rows(model, rows, load, alpha)
-        equations = sum_normal_equations(at, apart=False)
-        found = solve_normal_equations(equations, model.bounds, floor=floor, sd=sd, rounds=rounds)
+        found = solve_normal_equations(
+            sum_normal_equations(at, apart=False), model.bounds, floor=floor, sd=sd, rounds=rounds
+        )
         before, load = load, compute_loads(rows, model, found.values)
         moved = np.sqrt(np.mean((load - before) ** 2, axis=0)) + np.abs(
             model.alpha(found.values) - (0.0 if alpha is None else alpha)
         ) * np.sqrt(np.mean(load**2, axis=0))
         alpha, sd, rounds = model.alpha(found.values), found.sd, 1
-        converged = step > 1 and bool(np.all(moved <= LOAD_CHANGE_TOLERANCE * np.maximum(rows.size, 1e-12)))
-        if converged:
+        if step and np.all(moved <= REGRESSION_SETTINGS.load_change_tolerance * np.maximum(rows.size, 1e-12)):
             break
-    return replace(found, iterations=step, converged=converged), linearise_rows(model, rows, load, alpha)
+    return found, linearise_rows(model, rows, load, alpha)

@@ -123,31 +123,30 @@ def _baseline_errors(
     model = plain_model(rows["fitted"])
     values = fit_rows(model, rows["fitted"])[0].values
     for kind, each in rows.items():
-        yield Errors("stated", kind, _plain(relative_errors(residuals_on(model, values, each), kinds[kind].size)))
+        yield _errors("stated", kind, relative_errors(residuals_on(model, values, each), kinds[kind].size))
     if found.maker_out is not None:
-        yield Errors("stated", "segments_out", _plain(found.maker_out.errors))
+        yield _errors("stated", "segments_out", found.maker_out.errors)
     plain = plain_model(found.rows)
     published = published_parameters(plain, study.table(TreeTable).published)
-    for kind, each in kinds.items() if published is not None else ():
-        yield Errors("published", kind, _plain(relative_errors(residuals_on(plain, published, each), each.size)))
-    if published is not None and found.base_out is not None:
+    if published is None:
+        return
+    for kind, each in kinds.items():
+        yield _errors("published", kind, relative_errors(residuals_on(plain, published, each), each.size))
+    if found.base_out is not None:
         # Nothing is fitted, so every segment counts as left out.
-        yield Errors(
-            "published",
-            "segments_out",
-            _plain(relative_errors(residuals_on(plain, published, found.rows), found.rows.size)),
-        )
+        missed = residuals_on(plain, published, found.rows)
+        yield _errors("published", "segments_out", relative_errors(missed, found.rows.size))
 
 
 def _errors_of_base_and_best(
     found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
     for model, out in ((found.base, found.base_out), (found.best, found.best_out)):
-        yield Errors(model.name, "fitted", _plain(heldout_errors(model, fitted)))
+        yield _errors(model.name, "fitted", heldout_errors(model, fitted))
         if out is not None:
-            yield Errors(model.name, "segments_out", _plain(out.errors))
+            yield _errors(model.name, "segments_out", out.errors)
         if judged:
-            yield Errors(model.name, "heldout", _plain(found.heldout[model.name]))
+            yield _errors(model.name, "heldout", found.heldout[model.name])
 
 
 def _errors_of_consistent(
@@ -155,9 +154,7 @@ def _errors_of_consistent(
 ) -> Iterator[Errors]:
     """Yield the errors of the consistent model; each left-out segment has the friction chosen without it."""
     rows, model = found.rows, bodies.spread.model
-    yield Errors(
-        "consistent", "fitted", _plain(relative_errors(residuals_on(model, bodies.parameters, rows), rows.size))
-    )
+    yield _errors("consistent", "fitted", relative_errors(residuals_on(model, bodies.parameters, rows), rows.size))
     if found.best_out is not None:
         chosen = iter(found.best_out.models)
 
@@ -166,12 +163,10 @@ def _errors_of_consistent(
             start = fit_rows(each, part)[0]
             return each, replace(start, values=solve_consistent(each, part, start=start).parameters)
 
-        yield Errors("consistent", "segments_out", _plain(cross_validate_segments(rows, fit).errors))
+        yield _errors("consistent", "segments_out", cross_validate_segments(rows, fit).errors)
     if judged:
         kept = collect_rows(rows.robot, judged, width=rows.width, base=rows.base)
-        yield Errors(
-            "consistent", "heldout", _plain(relative_errors(residuals_on(model, bodies.parameters, kept), kept.size))
-        )
+        yield _errors("consistent", "heldout", relative_errors(residuals_on(model, bodies.parameters, kept), kept.size))
 
 
 def _errors_of_prior(
@@ -183,7 +178,7 @@ def _errors_of_prior(
     """
     for kind, motions in (("fitted", fitted), ("heldout", judged)) if "prior" in models else ():
         if motions:
-            yield Errors("prior", kind, _plain(heldout_errors(models["prior"], motions)))
+            yield _errors("prior", kind, heldout_errors(models["prior"], motions))
 
 
 def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:
@@ -193,5 +188,5 @@ def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:
     )  # fmt: skip
 
 
-def _plain(values: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(x) for x in values)
+def _errors(model: str, judged: str, each: np.ndarray) -> Errors:
+    return Errors(model, judged, tuple(map(float, each)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from ...study.study import Study
 from ...study.study_file import PayloadSpec, RigJoint
 from ..tree_motion import TreeMotion, segments_of, tree_motion_of
 from ..urdf import STAND_IN, Urdf, read_urdf
-from .sign_search import _Rows, _rows, _solve, _weights
+from .sign_search import SIGN_THRESHOLDS, effort_weights, solve_with_signs, thinned
 from .tree_table import TreeTable
 
 BASE_LINK_NAME = "base"
@@ -332,20 +332,24 @@ def _quantity_of_all_joints(
     return np.column_stack([recording[name] for name in names])
 
 
-MIN_UNEXPLAINED_SHARE = 0.01
-"""A mistake is looked for only if at least this share of the efforts' mean square is unexplained."""
+@dataclass(frozen=True)
+class MixupThresholds:
+    """When efforts count as exchanged, or as of another scale."""
 
-SEARCH_ROW_COUNT = 1000
-"""Approximate number of rows of each search."""
+    # A mistake is looked for only if at least this share of the efforts' mean square is unexplained.
+    min_unexplained_share: float = 0.01
+    search_row_count: int = 1000  # approximate number of rows of each search
+    # A factor closer to 1 than this share is no mistake in a gear or a drive's constant.
+    min_gain_difference: float = 0.15
+    # A mistake is told if the squared residual falls by at least this factor without it.
+    min_residual_ratio: float = 2.0
+
+
+MIXUP_THRESHOLDS = MixupThresholds()
+
 
 TRIED_GAINS = np.geomspace(0.25, 4.0, 17)
 """Factors by which a joint's effort is multiplied; the one in the middle is 1."""
-
-MIN_GAIN_DIFFERENCE = 0.15
-"""A factor closer to 1 than this share is no mistake in a gear or a drive's constant."""
-
-MIN_RESIDUAL_RATIO = 2.0
-"""A mistake is told if the squared residual falls by at least this factor without it."""
 
 
 @dataclass(frozen=True)
@@ -362,11 +366,10 @@ def find_effort_mixup(robot: Robot, motions: Sequence[TreeMotion]) -> EffortMixu
     count = len(robot.names)
     if count < 2:
         return None
-    rows = _rows(motions)
-    step = max(1, sum(len(row.effort) for row in rows) // SEARCH_ROW_COUNT)
-    rows = [_Rows(*(getattr(row, each.name)[::step] for each in fields(row))) for row in rows]
+    # Two steps, so that the rows are among those from which signs are determined.
+    rows = thinned(thinned(motions, SIGN_THRESHOLDS.sign_row_count), MIXUP_THRESHOLDS.search_row_count)
     before = _residual(robot, rows)
-    if before < MIN_UNEXPLAINED_SHARE * sum(float(row.moving.sum()) for row in rows):
+    if before < MIXUP_THRESHOLDS.min_unexplained_share * sum(float(row.moving.sum()) for row in rows):
         return None
     tried = []
     for i, k in combinations(range(count), 2):
@@ -378,19 +381,19 @@ def find_effort_mixup(robot: Robot, motions: Sequence[TreeMotion]) -> EffortMixu
         left = np.array([_residual(robot, _scaled(rows, k, gain)) for gain in TRIED_GAINS])
         best = int(np.argmin(left))
         # At an end of the range the effort tells nothing of its scale.
-        if 0 < best < len(TRIED_GAINS) - 1 and abs(np.log(TRIED_GAINS[best])) > MIN_GAIN_DIFFERENCE:
+        if 0 < best < len(TRIED_GAINS) - 1 and abs(np.log(TRIED_GAINS[best])) > MIXUP_THRESHOLDS.min_gain_difference:
             tried.append(EffortMixup((k,), float(TRIED_GAINS[best]), before / max(float(left[best]), 1e-300)))
     found = max(tried, key=lambda each: each.ratio)
-    return found if found.ratio > MIN_RESIDUAL_RATIO else None
+    return found if found.ratio > MIXUP_THRESHOLDS.min_residual_ratio else None
 
 
-def _scaled(rows: Sequence[_Rows], joint: int, gain: float) -> list[_Rows]:
+def _scaled(rows: Sequence[TreeMotion], joint: int, gain: float) -> list[TreeMotion]:
     gains = np.ones(rows[0].effort.shape[1])
     gains[joint] = gain
     return [replace(row, effort=row.effort * gains) for row in rows]
 
 
-def _residual(robot: Robot, rows: Sequence[_Rows]) -> float:
+def _residual(robot: Robot, rows: Sequence[TreeMotion]) -> float:
     """Return the squared residual over all joints, each in shares of its own mean square effort."""
     signs, zeros = np.ones((2, len(robot.names))), np.zeros(len(robot.names))
-    return _solve(robot, rows, signs, zeros, _weights(rows))[1]
+    return solve_with_signs(robot, rows, signs, zeros, effort_weights(rows))[1]

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models.robot import Robot
 from ..tree_motion import TreeMotion
 
-SIGN_ROW_COUNT = 4000
-"""Approximate number of rows, spread over all recordings, from which signs are determined."""
 
-MOTOR_POWER_THRESHOLD = 0.02
-"""A motor's sign is wrong if its friction creates at least this share of RMS effort times RMS speed."""
+@dataclass(frozen=True)
+class SignThresholds:
+    """When a sign counts as wrong."""
 
-SENSOR_POWER_THRESHOLD = 0.2
-"""The same threshold for a torque sensor at the joint. It sees little friction, and a delay of some milliseconds makes
-a few hundredths."""
+    # Approximate number of rows, spread over all recordings, from which signs are determined.
+    sign_row_count: int = 4000
+    # A motor's sign is wrong if its friction creates at least this share of RMS effort times RMS speed.
+    motor_power_threshold: float = 0.02
+    # The same threshold for a torque sensor at the joint. It sees little friction, and a delay of some milliseconds
+    # makes a few hundredths.
+    sensor_power_threshold: float = 0.2
+    # A joint is flipped if the other sign reduces the unexplained effort by more than this factor, in most segments.
+    decisive_ratio: float = 1.15
+    # A joint may be flipped if the other sign reduces the unexplained effort by at least this factor.
+    hint_ratio: float = 1.01
+    # Another joint is an equally good candidate if flipping it explains more than this share of the same reduction.
+    min_alternative_share: float = 0.8
+    min_segment_share: float = 0.9  # smallest share of segments in which the other sign must fit better
 
-DECISIVE_RATIO = 1.15
-"""A joint is flipped if the other sign reduces the unexplained effort by more than this factor, in most segments."""
 
-HINT_RATIO = 1.01
-"""A joint may be flipped if the other sign reduces the unexplained effort by at least this factor."""
-
-MIN_ALTERNATIVE_SHARE = 0.8
-"""Another joint is an equally good candidate if flipping it explains more than this share of the same reduction."""
-
-MIN_SEGMENT_SHARE = 0.9
-"""Smallest share of segments in which the other sign must fit better."""
+SIGN_THRESHOLDS = SignThresholds()
 
 
 @dataclass(frozen=True)
@@ -50,13 +51,13 @@ def friction_power_shares(robot: Robot, motions: Sequence[TreeMotion]) -> np.nda
 
     A negative share means that the sign of effort or velocity is wrong.
     """
-    rows = _rows(motions)
-    return _dissipated_power(robot, rows, np.ones((2, len(robot.names))), np.zeros(len(robot.names)), _weights(rows))
+    rows, count = thinned(motions, SIGN_THRESHOLDS.sign_row_count), len(robot.names)
+    return _dissipated_power(robot, rows, np.ones((2, count)), np.zeros(count), effort_weights(rows))
 
 
 def _dissipated_power(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
     """Return the friction power shares, (m,), for other `signs`, (2, m), of gears and drives."""
-    theta, _ = _solve(robot, rows, signs, zeros, weights)
+    theta, _ = solve_with_signs(robot, rows, signs, zeros, weights)
     first = 10 * len(robot.tree.order)
     own = theta[first : first + 4 * len(robot.names)].reshape(-1, 4)[:, 1:3]
     of_motors = theta[first + 4 * len(robot.names) :].reshape(-1, 3)[:, 1:]
@@ -106,23 +107,23 @@ def find_flipped_joints(
     Inertial parameters are free, and the mirror image of most bodies makes nearly the same efforts. If they are
     `stated`, the stated ones are tried too.
     """
-    rows, found = _rows(motions), []
-    weights, signs = _weights(rows), np.ones((2, len(robot.names)))  # signs of gears and of drives
-    left = _solve(robot, rows, signs, zeros, weights)[1]
+    rows, found = thinned(motions, SIGN_THRESHOLDS.sign_row_count), []
+    weights, signs = effort_weights(rows), np.ones((2, len(robot.names)))  # signs of gears and of drives
+    left = solve_with_signs(robot, rows, signs, zeros, weights)[1]
     for _ in robot.names:
         tried = []
         for k in np.flatnonzero((signs > 0.0).all(axis=0)):
             for turned in ([-1.0, 1.0], [1.0, -1.0]):
                 other = signs.copy()
                 other[:, k] = turned
-                tried.append((_solve(robot, rows, other, zeros, weights)[1], k, other))
+                tried.append((solve_with_signs(robot, rows, other, zeros, weights)[1], k, other))
         # A fit in which friction creates energy is no improvement.
-        better = (one for one in sorted(tried, key=lambda one: one[0]) if left >= HINT_RATIO * one[0])
+        better = (one for one in sorted(tried, key=lambda one: one[0]) if left >= SIGN_THRESHOLDS.hint_ratio * one[0])
         chosen = next(
             (
                 one
                 for one in better
-                if _dissipated_power(robot, rows, one[2], zeros, weights).min() > -MOTOR_POWER_THRESHOLD
+                if _dissipated_power(robot, rows, one[2], zeros, weights).min() > -SIGN_THRESHOLDS.motor_power_threshold
             ),
             None,
         )
@@ -132,7 +133,7 @@ def find_flipped_joints(
         ratio, is_explained = left / best, False
         sure = _is_decisive(ratio, *(_residuals_by_segment(robot, rows, s, zeros, weights) for s in (signs, other)))
         if stated and not sure:
-            before, after = (_solve(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
+            before, after = (solve_with_signs(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
             sure = is_explained = _is_decisive(
                 before / after,
                 *(_residuals_by_segment(robot, rows, s, zeros, weights, stated=True) for s in (signs, other)),
@@ -142,7 +143,9 @@ def find_flipped_joints(
         alike = (
             i
             for one, i, s in tried
-            if i != k and (s[0, i] > 0.0) == alone and left - one > MIN_ALTERNATIVE_SHARE * (left - best)
+            if i != k
+            and (s[0, i] > 0.0) == alone
+            and left - one > SIGN_THRESHOLDS.min_alternative_share * (left - best)
         )
         others = () if is_explained else tuple(int(i) for i in alike)
         found.append(FlippedJoint(int(k), float(ratio), sure, alone, others, is_explained))
@@ -152,28 +155,19 @@ def find_flipped_joints(
 
 def _is_decisive(ratio: float, before: np.ndarray, after: np.ndarray) -> bool:
     """Return whether the residual falls by a decisive `ratio`, and in most segments."""
-    return ratio > DECISIVE_RATIO and float(np.mean(before > after)) >= MIN_SEGMENT_SHARE
+    return (
+        ratio > SIGN_THRESHOLDS.decisive_ratio and float(np.mean(before > after)) >= SIGN_THRESHOLDS.min_segment_share
+    )
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Thinned samples of one motion, each (n, m); `segment` (n,)."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    effort: np.ndarray
-    moving: np.ndarray
-    segment: np.ndarray
+def thinned(motions: Sequence[TreeMotion], count: int) -> list[TreeMotion]:
+    """Return what is needed of the motions to compare signs, in about `count` evenly spaced rows of all of them."""
+    step = max(1, sum(len(m) for m in motions) // count)
+    names = ("time", "position", "velocity", "acceleration", "effort", "moving", "segment")
+    return [replace(m, **{name: getattr(m, name)[::step] for name in names}) for m in motions]
 
 
-def _rows(motions: Sequence[TreeMotion]) -> list[_Rows]:
-    step = max(1, sum(len(m) for m in motions) // SIGN_ROW_COUNT)
-    names = ("position", "velocity", "acceleration", "effort", "moving", "segment")
-    return [_Rows(*(getattr(m, name)[::step] for name in names)) for m in motions]
-
-
-def _weights(rows: Sequence[_Rows]) -> np.ndarray:
+def effort_weights(rows: Sequence[TreeMotion]) -> np.ndarray:
     """Return one over each joint's mean square effort, (m,)."""
     size = sum((row.effort**2 * row.moving).sum(axis=0) for row in rows)
     count = sum(row.moving.sum(axis=0) for row in rows)
@@ -186,7 +180,7 @@ def _turns(robot: Robot, signs: np.ndarray) -> np.ndarray:
     return np.where(np.eye(len(stated_turns)) > 0.0, stated_turns, signs[0][:, None] * stated_turns)
 
 
-def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
+def _arguments(robot: Robot, row: TreeMotion, signs: np.ndarray, zeros: np.ndarray):
     """Return motion, efforts and friction columns with other `signs`, (2, m), of gears and of drives."""
     stated_turns, (gear, drive), turns = robot.turns_array, signs, _turns(robot, signs)
     moved = np.linalg.solve(turns, gear[:, None] * stated_turns)
@@ -202,7 +196,7 @@ def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
     return (q, v, a), effort, {"own": own, "shared": np.stack(shared, axis=-1) if shared else None}
 
 
-def _solve(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
+def solve_with_signs(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
     """Solve least squares over all rows with free or `stated` bodies; return parameters and weighted squared
     residual."""
     normal, projected, whole = 0.0, 0.0, 0.0
@@ -223,7 +217,7 @@ def _solve(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> t
 
 def _residuals_by_segment(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> np.ndarray:
     """Return the weighted squared residual of each segment."""
-    theta, _ = _solve(robot, rows, signs, zeros, weights, stated)
+    theta, _ = solve_with_signs(robot, rows, signs, zeros, weights, stated)
     squares: dict[int, float] = {}
     for row in rows:
         motion, effort, columns = _arguments(robot, row, signs, zeros)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,37 +16,37 @@ from ...study.quality import clock_faults, inspect
 from ...study.recorded_motions import short_stretch_faults
 from ...study.study import Study
 from ...study.study_file import RigJoint
-from ..tree_motion import TreeMotion
+from ..tree_motion import TreeMotion, fitted_without_payload
 from .recorded_tree import file_of, find_effort_mixup, frames_of, motions_of, position_channel, robot_of
 from .sign_search import (
-    MOTOR_POWER_THRESHOLD,
-    SENSOR_POWER_THRESHOLD,
+    SIGN_THRESHOLDS,
     find_flipped_joints,
     friction_power_shares,
     stated_effort_correlation,
 )
 from .tree_table import TreeTable
 
-MIN_MOVING_ROWS = 50
-"""A joint counts as moving only if it moves in at least this many rows."""
+
+@dataclass(frozen=True)
+class MotionThresholds:
+    """When recordings of a robot are suitable."""
+
+    min_moving_rows: int = 50  # a joint counts as moving only if it moves in at least this many rows
+    # Two joints move only together if the correlation of their speeds exceeds this.
+    max_speed_correlation: float = 0.9995
+    # Largest relative difference between a recorded velocity and the position's derivative.
+    max_velocity_difference: float = 0.2
+    max_lost_share: float = 0.01  # largest share of a recording that may be lost because another file of it is shorter
+    # All efforts have the wrong sign if their correlation with those of the stated bodies is below this.
+    opposed_correlation: float = -0.5
+    max_limit_excess_share: float = 0.05  # share of a joint's range by which a position may exceed its limits
+
+
+MOTION_THRESHOLDS = MotionThresholds()
+
 
 MIN_MOVING_RANGE = {False: 2e-3, True: 2e-4}
 """A joint counts as moving only if its range exceeds this: key False for rotary [rad], True for prismatic [m]."""
-
-MAX_SPEED_CORRELATION = 0.9995
-"""Two joints move only together if the correlation of their speeds exceeds this."""
-
-MAX_VELOCITY_DIFFERENCE = 0.2
-"""Largest relative difference between a recorded velocity and the position's derivative."""
-
-MAX_LOST_SHARE = 0.01
-"""Largest share of a recording that may be lost because another file of it is shorter."""
-
-OPPOSED_CORRELATION = -0.5
-"""All efforts have the wrong sign if their correlation with those of the stated bodies is below this."""
-
-MAX_LIMIT_EXCESS_SHARE = 0.05
-"""Share of a joint's range by which a position may exceed its limits."""
 
 
 def tree_faults(study: Study) -> list[Fault]:
@@ -118,11 +119,6 @@ def _unmet_requests(study: Study, robot: Robot) -> Iterator[Fault]:
             yield _fault("refuse", "gains", "", missing[0], found, 'one for each joint, or gains = "stated"')
 
 
-def _fitted_motions(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    """Return the motions without a payload that may be fitted."""
-    return [motion for motion in motions if motion.use == "fit" and motion.payload is None]
-
-
 def _files(study: Study) -> str:
     return ", ".join(dict.fromkeys(recording.path.name for recording in study.recordings("fit")))
 
@@ -136,7 +132,7 @@ def _lengths(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
     """Yield a fault for files of one recording with different lengths; only their common part is used."""
     for recording in study.recordings():
         before = len(study.apart(recording.name))
-        if recording.streams and len(recording) < (1.0 - MAX_LOST_SHARE) * before:
+        if recording.streams and len(recording) < (1.0 - MOTION_THRESHOLDS.max_lost_share) * before:
             files = ", ".join(stream.path.name for stream in recording.streams.values())
             found = f"{before} samples, of which {files} has {len(recording)} (recording {recording.name})"
             yield _fault(
@@ -156,7 +152,7 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
             slope = float(moved[:, k] @ motion.velocity[:, k]) / size if size > 0.0 else 1.0
             if (
                 np.ptp(motion.position[:, k]) > MIN_MOVING_RANGE[robot.prismatic[k]]
-                and not abs(slope - 1.0) <= MAX_VELOCITY_DIFFERENCE
+                and not abs(slope - 1.0) <= MOTION_THRESHOLDS.max_velocity_difference
             ):
                 degrees = "; is one of them in degrees?" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
                 looks = "; turn one of them around" if slope < 0.0 else degrees
@@ -167,11 +163,11 @@ def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> It
 
 def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
     """Yield a fault for joints that never move in the fitted recordings."""
-    fitted = _fitted_motions(motions)
+    fitted = fitted_without_payload(motions)
     for k, name in enumerate(robot.names):
         places = np.concatenate([m.position[:, k] for m in fitted])
         rows = sum(int(m.moving[:, k].sum()) for m in fitted)
-        if rows >= MIN_MOVING_ROWS and np.ptp(places) > MIN_MOVING_RANGE[robot.prismatic[k]]:
+        if rows >= MOTION_THRESHOLDS.min_moving_rows and np.ptp(places) > MIN_MOVING_RANGE[robot.prismatic[k]]:
             continue
         unit = robot.units[k][0]
         found = f"joint {name} within {np.ptp(places):.3g} {unit} in all that is fitted ({rows} rows that move)"
@@ -187,11 +183,11 @@ def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
 
 def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
     """Yield a fault for pairs of joints whose speeds are always proportional."""
-    v = np.concatenate([m.velocity[m.moving.any(axis=1)] for m in _fitted_motions(motions)])
+    v = np.concatenate([m.velocity[m.moving.any(axis=1)] for m in fitted_without_payload(motions)])
     size = np.linalg.norm(v, axis=0)
     for i, k in combinations(range(len(robot.names)), 2):
         alike = float(v[:, i] @ v[:, k]) / (size[i] * size[k])
-        if abs(alike) > MAX_SPEED_CORRELATION:
+        if abs(alike) > MOTION_THRESHOLDS.max_speed_correlation:
             pair = f"joints {robot.names[i]} and {robot.names[k]}"
             ratio = float(v[:, i] @ v[:, k]) / size[i] ** 2
             found = f"{pair} moving only together (speeds {ratio:.3g} to 1, correlation {alike:.5f})"
@@ -204,13 +200,17 @@ def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iter
 
 def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
     """Yield faults of efforts with the wrong sign, and of flipped joints."""
-    fitted = _fitted_motions(motions)
+    fitted = fitted_without_payload(motions)
     shares = friction_power_shares(robot, fitted)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
-    wrong = np.flatnonzero(shares < -MOTOR_POWER_THRESHOLD)
+    wrong = np.flatnonzero(shares < -SIGN_THRESHOLDS.motor_power_threshold)
     # A torque sensor at the joint sees little of its friction, a motor all of it.
     motors = np.array([bool(joints[name].turns) or joints[name].drive.kind != "torque" for name in robot.names])
-    sure = set(np.flatnonzero(shares < np.where(motors, -MOTOR_POWER_THRESHOLD, -SENSOR_POWER_THRESHOLD)).tolist())
+    sure = set(
+        np.flatnonzero(
+            shares < np.where(motors, -SIGN_THRESHOLDS.motor_power_threshold, -SIGN_THRESHOLDS.sensor_power_threshold)
+        ).tolist()
+    )
     for k in wrong:
         name = robot.names[k]
         found = f"friction of joint {name} that gives energy, {-100 * shares[k]:.2g} % of its effort times its speed"
@@ -225,7 +225,7 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
     if sure:
         return
     urdf, alike = file_of(study), stated_effort_correlation(robot, fitted)
-    if alike < OPPOSED_CORRELATION and (urdf is None or urdf.has_bodies):
+    if alike < MOTION_THRESHOLDS.opposed_correlation and (urdf is None or urdf.has_bodies):
         found = f"efforts that oppose what the stated bodies need (correlation {alike:.2f})"
         yield _fault(
             "refuse", "sign", _files(study), "", found, "the other sign of all drives' channels, or of gravity"
@@ -253,7 +253,7 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
 
 def _mixups(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
     """Yield a warning for efforts of two joints that are exchanged, or for one with another scale than the others."""
-    mixup = find_effort_mixup(robot, _fitted_motions(motions))
+    mixup = find_effort_mixup(robot, fitted_without_payload(motions))
     if mixup is None:
         return
     names = [robot.names[k] for k in mixup.joints]
@@ -280,18 +280,15 @@ def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterat
     for k, name in enumerate(robot.names):
         stated_limits, unit = joints[name].limits, robot.units[k][0]
         of_file = urdf.limits.get(name) if urdf is not None else None
-        low = (
-            stated_limits.position_min if stated_limits.position_min is not None else of_file.lower if of_file else None
-        )
-        high = (
-            stated_limits.position_max if stated_limits.position_max is not None else of_file.upper if of_file else None
+        low, high = (
+            stated if stated is not None else getattr(of_file, side, None)
+            for stated, side in ((stated_limits.position_min, "lower"), (stated_limits.position_max, "upper"))
         )
         if low is None or high is None:
             continue
-        seen = [min(m.position[:, k].min() for m in motions), max(m.position[:, k].max() for m in motions)]
-        if seen[0] < low - MAX_LIMIT_EXCESS_SHARE * (high - low) or seen[1] > high + MAX_LIMIT_EXCESS_SHARE * (
-            high - low
-        ):
-            found = f"joint {name} from {seen[0]:.4g} to {seen[1]:.4g} {unit}"
+        least, most = min(m.position[:, k].min() for m in motions), max(m.position[:, k].max() for m in motions)
+        excess = MOTION_THRESHOLDS.max_limit_excess_share * (high - low)
+        if least < low - excess or most > high + excess:
+            found = f"joint {name} from {least:.4g} to {most:.4g} {unit}"
             wanted = f"{low:.4g} to {high:.4g} {unit}, its limits: are zero, sign and unit right?"
             yield _fault("note", "limits", _files(study), _channel(study, robot, k), found, wanted)

@@ -17,23 +17,25 @@ from ...study.pages.moving import MovingDrawing, Way, strokes
 from ...study.pages.quantities import number, percent, unit_text
 from .tree_result import MODEL_DESCRIPTIONS, TreeResult, TreeTrace
 
-FRAME_COUNT = 120
-"""Number of frames of the moving figure."""
 
-MAX_SHOWN_S = 20.0
-"""Longest part of a recording that is shown [s]."""
+@dataclass(frozen=True)
+class FigureSettings:
+    """What the figures of a robot show."""
 
-GHOST_COUNT = 6
-"""Number of poses that are drawn faintly behind the moving figure."""
+    frame_count: int = 120  # number of frames of the moving figure
+    max_shown_s: float = 20.0  # longest part of a recording that is shown [s]
+    ghost_count: int = 6  # number of poses that are drawn faintly behind the moving figure
+    view_count: int = 24  # number of viewing directions that are tried
+    view_elevation_rad: float = np.radians(20.0)  # elevation of the viewing directions [rad]
+    # Length of a last link beyond its joint, and of a joint's drawn axis, as a share of the arm's reach.
+    stub_length_share: float = 0.1
+    column_count: int = 3  # number of joints side by side
+    max_good_sd_percent: float = 10.0  # largest relative standard deviation of a well identified parameter [%]
+    max_fair_sd_percent: float = 30.0  # largest relative standard deviation of a barely identified parameter [%]
+    worst_share: float = 0.08  # length of the enlarged stretch with the largest errors, as a share of the recording
 
-VIEW_COUNT = 24
-"""Number of viewing directions that are tried."""
 
-VIEW_ELEVATION_RAD = np.radians(20.0)
-"""Elevation of the viewing directions [rad]."""
-
-STUB_LENGTH_SHARE = 0.1
-"""Length of a last link beyond its joint, and of a joint's drawn axis, as a share of the arm's reach."""
+FIGURE_SETTINGS = FigureSettings()
 
 
 def stick_figure(
@@ -43,8 +45,8 @@ def stick_figure(
 
     The joint `worst` is highlighted. Returns the moving parts, and the duration [s].
     """
-    shown = np.flatnonzero(time - time[0] <= MAX_SHOWN_S)
-    dense = np.unique(np.linspace(shown[0], shown[-1], 4 * FRAME_COUNT).astype(int))
+    shown = np.flatnonzero(time - time[0] <= FIGURE_SETTINGS.max_shown_s)
+    dense = np.unique(np.linspace(shown[0], shown[-1], 4 * FIGURE_SETTINGS.frame_count).astype(int))
     frames = dense[::4]
     links, pins = _lines(tree, position[dense])
     up = -np.asarray(tree.gravity, float)
@@ -60,7 +62,7 @@ def stick_figure(
     base, reach = links[0, 0], float(np.ptp(everywhere, axis=0).max())
     axis.plot(base[0] + np.array([-0.09, 0.09]) * reach, [base[1], base[1]], color=colour("muted"), linewidth=3.0)
     links, pins = links[::4], pins[::4]
-    for i in np.linspace(0, len(links) - 1, GHOST_COUNT + 1).astype(int)[1:]:
+    for i in np.linspace(0, len(links) - 1, FIGURE_SETTINGS.ghost_count + 1).astype(int)[1:]:
         strokes(axis, links[i], f"{name}-ghost-{i}", edgecolor=colour("rule"), linewidth=3.0, zorder=1)
     joints = links[:, 1::2][:, _moves(tree)]
     parts = {
@@ -97,12 +99,14 @@ def _lines(tree: Tree, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for i in _moves(tree):
         turned = frames[:, i, :, :3] @ np.asarray(tree.order[i].axis, float)
         pins += [
-            places[:, i] - 0.4 * STUB_LENGTH_SHARE * reach * turned,
-            places[:, i] + 0.4 * STUB_LENGTH_SHARE * reach * turned,
+            places[:, i] - 0.4 * FIGURE_SETTINGS.stub_length_share * reach * turned,
+            places[:, i] + 0.4 * FIGURE_SETTINGS.stub_length_share * reach * turned,
         ]
     last = _moves(tree)[-1]
     end = places[:, len(tree.order) - 1]
-    stub = end + STUB_LENGTH_SHARE * reach * frames[:, last, :, :3] @ np.asarray(tree.order[last].axis, float)
+    stub = end + FIGURE_SETTINGS.stub_length_share * reach * frames[:, last, :, :3] @ np.asarray(
+        tree.order[last].axis, float
+    )
     links = np.concatenate([links, end[:, None], stub[:, None]], axis=1)
     return links, np.stack(pins, axis=1)
 
@@ -114,30 +118,19 @@ def _view(points: np.ndarray, up: np.ndarray) -> np.ndarray:
     first /= np.linalg.norm(first)
     second = np.cross(up, first)
     moved = points.reshape(-1, 3) - points.reshape(-1, 3).mean(axis=0)
-    turns = 2.0 * np.pi * np.arange(VIEW_COUNT) / VIEW_COUNT
+    turns = 2.0 * np.pi * np.arange(FIGURE_SETTINGS.view_count) / FIGURE_SETTINGS.view_count
     rights = [np.cos(turn) * first + np.sin(turn) * second for turn in turns]
     right = max(rights, key=lambda direction: round(float(np.var(moved @ direction)), 9))
     towards = np.cross(right, up)
-    return np.stack([right, np.cos(VIEW_ELEVATION_RAD) * up - np.sin(VIEW_ELEVATION_RAD) * towards])
+    return np.stack(
+        [right, np.cos(FIGURE_SETTINGS.view_elevation_rad) * up - np.sin(FIGURE_SETTINGS.view_elevation_rad) * towards]
+    )
 
 
 def _dots(points: np.ndarray) -> np.ndarray:
     """Return strokes of almost no length, (n, 2 p, 2); their round ends appear as dots."""
     tiny = np.array([1e-4, 0.0]) * np.ptp(points)
     return np.stack([points, points + tiny], axis=2).reshape(len(points), -1, 2)
-
-
-COLUMN_COUNT = 3
-"""Number of joints side by side."""
-
-MAX_GOOD_SD_PERCENT = 10.0
-"""Largest relative standard deviation of a well identified parameter [%]."""
-
-MAX_FAIR_SD_PERCENT = 30.0
-"""Largest relative standard deviation of a barely identified parameter [%]."""
-
-WORST_SHARE = 0.08
-"""Length of the enlarged stretch with the largest errors, as a share of the recording."""
 
 
 def efforts(
@@ -184,7 +177,7 @@ def efforts(
 def _worst(time: np.ndarray, difference: np.ndarray) -> tuple[float, float]:
     """Return the stretch in which a difference, (n,), is largest; NaN does not count."""
     span = float(time[-1] - time[0])
-    width = min(max(WORST_SHARE * span, 12.0 * float(np.median(np.diff(time)))), span)
+    width = min(max(FIGURE_SETTINGS.worst_share * span, 12.0 * float(np.median(np.diff(time)))), span)
     squares = np.where(np.isfinite(difference), difference, 0.0) ** 2
     summed = np.concatenate([[0.0], np.cumsum(squares)])
     starts = np.linspace(time[0], time[-1] - width, 400)
@@ -321,9 +314,8 @@ def shown_parameters(
     rows: Sequence[str], columns: Sequence[str], cells: Mapping[tuple[str, str], Cell], name: str = "shown"
 ) -> Drawing:
     """Draw a map of identified parameters: a row for each joint or link, a column for each kind of parameter."""
-    height = 0.9 + 0.34 * len(rows)
-    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = _map([row.replace("_", " ") for row in rows], columns, 0.9 + 0.34 * len(rows))
+    axis.tick_params(axis="x", labelsize=8)
     for y, row in enumerate(rows):
         for x, column in enumerate(columns):
             cell = cells.get((row, column))
@@ -335,32 +327,38 @@ def shown_parameters(
             )
             text = cell.remark or ("> 999" if cell.sd > 999.0 else number(cell.sd, digits=2 if cell.sd < 100 else 3))
             axis.annotate(text, (x, y), ha="center", va="center", fontsize=8, color=colour("ink"))
-    axis.set_xlim(-0.5, len(columns) - 0.5)
-    axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_yticks(range(len(rows)), [row.replace("_", " ") for row in rows])
-    axis.set_xticks(range(len(columns)), columns)
-    axis.xaxis.tick_top()
-    axis.tick_params(length=0, labelcolor=colour("ink"))
-    axis.tick_params(axis="x", labelsize=8)
-    axis.grid(False)
-    for spine in axis.spines.values():
-        spine.set_visible(False)
     return Drawing(
         name,
         figure,
         "How well the motion shows each parameter: its relative standard deviation in per cent. Green up to "
-        f"{MAX_GOOD_SD_PERCENT:g} %, blue up to {MAX_FAIR_SD_PERCENT:g} %, "
+        f"{FIGURE_SETTINGS.max_good_sd_percent:g} %, blue up to {FIGURE_SETTINGS.max_fair_sd_percent:g} %, "
         "orange above; an empty place belongs to a number that no motion of this "
         "robot tells from the others, which its neighbours stand for.",
     )
 
 
+def _map(rows: Sequence[str], columns: Sequence[str], height: float) -> tuple[Figure, Axes]:
+    """Return an empty map with a named place for each row and column, numbered from 0."""
+    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    axis = figure.subplots()
+    axis.set_xlim(-0.5, len(columns) - 0.5)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_xticks(range(len(columns)), columns)
+    axis.xaxis.tick_top()
+    axis.tick_params(length=0, labelcolor=colour("ink"))
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    return figure, axis
+
+
 def _shade(cell: Cell) -> tuple[str, float]:
     if cell.remark:
         return "faint", 0.35
-    if cell.sd <= MAX_GOOD_SD_PERCENT:
+    if cell.sd <= FIGURE_SETTINGS.max_good_sd_percent:
         return "good", 0.38
-    return ("fitted", 0.28) if cell.sd <= MAX_FAIR_SD_PERCENT else ("heldout", 0.28)
+    return ("fitted", 0.28) if cell.sd <= FIGURE_SETTINGS.max_fair_sd_percent else ("heldout", 0.28)
 
 
 def chosen_families(
@@ -372,8 +370,8 @@ def chosen_families(
     name: str = "families",
 ) -> Drawing:
     """Draw the chosen friction terms: `shares`, (m, t), of the folds, and `chosen`, (m, t), from all data."""
-    figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 0.3 * len(joints)), layout="constrained")
-    axis = figure.subplots()
+    heads = [term.replace("_", " ") for term in terms]
+    figure, axis = _map([short(joint) for joint in joints], heads, 0.8 + 0.3 * len(joints))
     for y in range(len(joints)):
         for x in range(len(terms)):
             axis.add_patch(
@@ -387,15 +385,6 @@ def chosen_families(
                 text, (x, y), ha="center", va="center", fontsize=8.5, color=colour("ink"),
                 fontweight="bold" if chosen[y, x] else "normal",
             )  # fmt: skip
-    axis.set_xlim(-0.5, len(terms) - 0.5)
-    axis.set_ylim(len(joints) - 0.5, -0.5)
-    axis.set_yticks(range(len(joints)), [short(j) for j in joints])
-    axis.set_xticks(range(len(terms)), [t.replace("_", " ") for t in terms])
-    axis.xaxis.tick_top()
-    axis.tick_params(length=0, labelcolor=colour("ink"))
-    axis.grid(False)
-    for spine in axis.spines.values():
-        spine.set_visible(False)
     return Drawing(
         name,
         figure,
@@ -474,9 +463,9 @@ def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
 
 
 def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    rows = -(-count // COLUMN_COUNT)
+    rows = -(-count // FIGURE_SETTINGS.column_count)
     figure = Figure(figsize=(FIGURE_WIDTH, height * rows + 0.2), layout="constrained")
-    axes = figure.subplots(rows, min(COLUMN_COUNT, count), squeeze=False).ravel()
+    axes = figure.subplots(rows, min(FIGURE_SETTINGS.column_count, count), squeeze=False).ravel()
     for axis in axes[count:]:
         axis.set_axis_off()
     return figure, list(axes[:count])
@@ -489,12 +478,7 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     worst = found.names[found.worst]
     ways, seconds = stick_figure(left, found.robot.tree, trace.time, trace.position, worst=worst, name=name)
-    error_dots(
-        right,
-        found.names,
-        errors,
-        {MODEL_DESCRIPTIONS[model]: role for model, role in MODEL_ROLES.items()},
-    )
+    error_dots(right, found.names, errors, {MODEL_DESCRIPTIONS[model]: role for model, role in MODEL_ROLES.items()})
     caption = (
         f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
         "circles, their axes as short strokes; faint is where else it was, the thin line the way of its end. Orange: "

@@ -3,16 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...models.estimates import Verdict
 from ...study.procedures.print_result import MAX_GOOD_ERROR
 from ..fit.tree_estimate import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
-from .tree_result import ROW_KIND_DESCRIPTIONS, TreeResult, unidentified_parameters
+from .tree_result import ROW_KIND_DESCRIPTIONS, TreeResult, errors_by_recording, unidentified_parameters
 
-MAX_NEGLIGIBLE_LOSS = 0.1
-"""Largest increase of the mean error that is negligible, in percentage points."""
+
+@dataclass(frozen=True)
+class FindingThresholds:
+    """When a finding warns."""
+
+    max_negligible_loss: float = 0.1  # largest increase of the mean error that is negligible, in percentage points
+    min_moving_share: float = 0.2  # smallest share of the rows in which a joint should move
+    # A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
+    # measurement is recorded.
+    max_error_ratio: float = 1.5
+    # Smallest share of standard errors that should agree with the jackknife's within a factor of two [%].
+    min_agreeing_percent: float = 80.0
+    max_mass_error_percent: float = 5.0  # largest error of an identified mass that counts as correct [%]
+    # A recording disagrees only if its error exceeds this multiple of the best recording's.
+    min_error_ratio: float = 1.5
+    # A recording disagrees only if its error exceeds the best recording's by more than this [% of the effort].
+    min_error_difference_percent: float = 2.0
+
+
+FINDING_THRESHOLDS = FindingThresholds()
 
 
 def report_bodies(case: TreeResult) -> Iterator[Verdict]:
@@ -26,7 +45,7 @@ def report_bodies(case: TreeResult) -> Iterator[Verdict]:
     notes_text = "; ".join(case.models["consistent"].notes)
     text = f"Bodies that can exist change the mean error on {ROW_KIND_DESCRIPTIONS[case.judged]} by {loss:+.2g} points"
     text += f" ({notes_text})." if notes_text else "."
-    if loss <= MAX_NEGLIGIBLE_LOSS:
+    if loss <= FINDING_THRESHOLDS.max_negligible_loss:
         yield Verdict("good", text)
     else:
         yield Verdict(
@@ -47,20 +66,16 @@ def report_drive_ripple(case: TreeResult) -> Iterator[Verdict]:
         yield Verdict("note", text)
 
 
-MIN_MOVING_SHARE = 0.2
-"""Smallest share of the rows in which a joint should move."""
-
-
 def report_hardly_moved(case: TreeResult) -> Iterator[Verdict]:
     """Report the joints that hardly move."""
     moving = np.concatenate([t.moving for t in case.traces if t.use == "fit"]).mean(axis=0)
     for joint, share in zip(case.names, moving, strict=True):
-        if share < MIN_MOVING_SHARE:
+        if share < FINDING_THRESHOLDS.min_moving_share:
             yield Verdict(
                 "warning",
                 f"Joint {joint} moves in {100.0 * share:.2g} % of the fitted rows: its friction rests on these.",
                 "Record motion in which it goes both ways, slowly and fast.",
-                weight=MIN_MOVING_SHARE - share,
+                weight=FINDING_THRESHOLDS.min_moving_share - share,
             )
 
 
@@ -73,11 +88,6 @@ def report_held_by_a_bound(case: TreeResult) -> Iterator[Verdict]:
         yield Verdict("note", text, weight=len(held))
 
 
-MAX_ERROR_RATIO = 1.5
-"""A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
-measurement is recorded."""
-
-
 def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
     """Report joints with much larger, or with large, errors on data that were not fitted."""
     fitted, judged = case.errors_of("best", "fitted"), case.errors_of("best", case.judged)
@@ -87,7 +97,7 @@ def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
     worse = {
         joint: (a, b)
         for joint, a, b in zip(case.names, fitted.each, judged.each, strict=True)
-        if b > MAX_ERROR_RATIO * a
+        if b > FINDING_THRESHOLDS.max_error_ratio * a
     }
     for joint, (a, b) in worse.items():
         yield Verdict(
@@ -112,14 +122,11 @@ def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
         )
     if not worse and not large:
         text = (
-            f"On {ROW_KIND_DESCRIPTIONS[case.judged]} no joint is predicted more than {MAX_ERROR_RATIO:g} times worse "
-            f"than on what was fitted, and each to {MAX_GOOD_ERROR:g} % or better."
+            f"On {ROW_KIND_DESCRIPTIONS[case.judged]} no joint is predicted more than "
+            f"{FINDING_THRESHOLDS.max_error_ratio:g} times worse than on what was fitted, and each to "
+            f"{MAX_GOOD_ERROR:g} % or better."
         )
         yield Verdict("good", text)
-
-
-MIN_AGREEING_PERCENT = 80.0
-"""Smallest share of standard errors that should agree with the jackknife's within a factor of two [%]."""
 
 
 def report_honest_intervals(case: TreeResult) -> Iterator[Verdict]:
@@ -129,12 +136,11 @@ def report_honest_intervals(case: TreeResult) -> Iterator[Verdict]:
     share = case.jackknife.share_within
     text = f"{share:.3g} % of the standard errors are within a factor of two of what leaving out each segment shows"
     text += f"; the textbook's are {case.jackknife.textbook_ratio:.2g} times too small."
-    do = (
-        ""
-        if share >= MIN_AGREEING_PERCENT
-        else "Record longer: there are too few segments to tell how sure the numbers are."
-    )
-    yield Verdict("good" if share >= MIN_AGREEING_PERCENT else "warning", text, do)
+    if share >= FINDING_THRESHOLDS.min_agreeing_percent:
+        yield Verdict("good", text)
+    else:
+        do = "Record longer: there are too few segments to tell how sure the numbers are."
+        yield Verdict("warning", text, do)
 
 
 def report_load_friction(case: TreeResult) -> Iterator[Verdict]:
@@ -145,10 +151,6 @@ def report_load_friction(case: TreeResult) -> Iterator[Verdict]:
     if shares:
         shares_text = ", ".join(f"{100.0 * share:.2g} % of the load at {joint}" for joint, share in shares.items())
         yield Verdict("note", f"Friction grows with the load: {shares_text}.", weight=max(shares.values()))
-
-
-MAX_MASS_ERROR_PERCENT = 5.0
-"""Largest error of an identified mass that counts as correct [%]."""
 
 
 def report_payload(case: TreeResult) -> Iterator[Verdict]:
@@ -171,39 +173,25 @@ def report_payload(case: TreeResult) -> Iterator[Verdict]:
             continue
         text += ", by gains from the other payloads" if p.tests == "gains of other payloads" else ""
         text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
-        do = (
-            ""
-            if p.error <= MAX_MASS_ERROR_PERCENT
-            else "Check the gains of the drives: [tree] gains says where they come from."
-        )
-        yield Verdict("good" if p.error <= MAX_MASS_ERROR_PERCENT else "warning", text, do, weight=p.error)
-
-
-MIN_ERROR_RATIO = 1.5
-"""A recording disagrees only if its error exceeds this multiple of the best recording's."""
-
-MIN_ERROR_DIFFERENCE_PERCENT = 2.0
-"""A recording disagrees only if its error exceeds the best recording's by more than this [% of the effort]."""
+        if p.error <= FINDING_THRESHOLDS.max_mass_error_percent:
+            yield Verdict("good", text, weight=p.error)
+        else:
+            do = "Check the gains of the drives: [tree] gains says where they come from."
+            yield Verdict("warning", text, do, weight=p.error)
 
 
 def report_recordings_disagree(case: TreeResult) -> Iterator[Verdict]:
     """Report the joints at which fitted recordings disagree."""
-    fitted = [t for t in case.traces if t.use == "fit"]
-    names = list(dict.fromkeys(t.recording for t in fitted))
-    if len(names) < 2:
+    fitted = {name: each for name, (use, each) in errors_by_recording(case).items() if use == "fit"}
+    if len(fitted) < 2:
         return
     for k, joint in enumerate(case.names):
-        errors = {}
-        for name in names:
-            parts = [t for t in fitted if t.recording == name]
-            effort, off = (
-                np.concatenate([x(t)[t.moving[:, k], k] for t in parts])
-                for x in (lambda t: t.effort, lambda t: t.effort - t.predicted)
-            )
-            if len(off):
-                errors[name] = 100.0 * float(np.sqrt(np.mean(off**2) / np.mean(effort**2)))
+        errors = {name: each[k] for name, each in fitted.items() if np.isfinite(each[k])}
         worst, best = max(errors, key=errors.get), min(errors, key=errors.get)
-        if errors[worst] > max(MIN_ERROR_RATIO * errors[best], errors[best] + MIN_ERROR_DIFFERENCE_PERCENT):
+        if errors[worst] > max(
+            FINDING_THRESHOLDS.min_error_ratio * errors[best],
+            errors[best] + FINDING_THRESHOLDS.min_error_difference_percent,
+        ):
             yield Verdict(
                 "warning",
                 f"One model for all recordings misses {errors[worst]:.2g} % of {joint}'s effort in {worst} and "

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...models.estimates import Parameter
 from ...study.drawing.drawing import draw
 from ...study.pages.forest import Row, Table, number_table
 from ...study.pages.page import AnswerVerdict, Page, Section, Tile
@@ -27,7 +26,7 @@ from ..fit.friction_terms import sum_friction
 from ..fit.tree_estimate import parameter_verdict
 from . import tree_figures as figures
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
-from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, terms_of
+from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, errors_along, terms_of
 
 BODY_HEADS = {
     "mass": "m", "moment_x": "m·x", "moment_y": "m·y", "moment_z": "m·z", "inertia_xx": "Ixx", "inertia_xy": "Ixy",
@@ -48,10 +47,11 @@ MAX_DRAWN_ROWS = 4000
 def page(study: Study, result: TreeResult) -> Page:
     """Build the page of a result."""
     judged = ROW_KIND_DESCRIPTIONS[result.judged]
-    errors = {MODEL_DESCRIPTIONS[e.model]: e.each for e in _in_order(result) if e.judged == result.judged}
+    errors = {MODEL_DESCRIPTIONS[e.model]: e.each for e in result.in_order if e.judged == result.judged}
     arm = draw(figures.arm, result, errors, judged)
     trace = figures.drawn_trace(result)
-    own = [_error(trace, k) for k in range(len(result.names))]
+    own = errors_along([trace])
+    efforts = draw(figures.efforts, trace, result.names, result.effort_units, own)
     curves = _curves(result)
     sections = [
         Section("arm", "The arm", drawings=(arm,)),
@@ -61,11 +61,7 @@ def page(study: Study, result: TreeResult) -> Page:
             ("A model knows more only if it shows on what it was not fitted to. Beside it stand the simplest rivals.",),
             figure_tables(result, "errors"),
         ),
-        Section(
-            "effort",
-            "Effort of each joint",
-            drawings=(draw(figures.efforts, trace, result.names, result.effort_units, own),),
-        ),
+        Section("effort", "Effort of each joint", drawings=(efforts,)),
         Section(
             "friction",
             "Friction",
@@ -114,19 +110,6 @@ def _verdict(found: TreeResult) -> AnswerVerdict:
     return "yes" if max(errors.each) <= MAX_GOOD_ERROR else "no"
 
 
-def _in_order(found: TreeResult) -> Iterator:
-    for model in MODEL_DESCRIPTIONS:
-        yield from (e for e in found.errors if e.model == model)
-
-
-def _error(trace: figures.TreeTrace, k: int) -> float:
-    moving = trace.moving[:, k]
-    if not moving.any():
-        return float("nan")
-    off = trace.effort[moving, k] - trace.predicted[moving, k]
-    return float(100.0 * np.sqrt(np.mean(off**2) / np.mean(trace.effort[moving, k] ** 2)))
-
-
 def _headline(found: TreeResult) -> str:
     best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
     stated = found.errors_of("stated", found.judged)
@@ -148,23 +131,16 @@ def _headline(found: TreeResult) -> str:
 def _tiles(found: TreeResult) -> list[Tile]:
     best = found.errors_of("best", found.judged)
     worst = found.worst
-    base = found.models["base"].parameters
+    count, plain = len(found.best.parameters), len(found.models["base"].parameters)
     identified_count = sum(parameter_verdict(p) == "identified" for p in found.best.parameters.values())
     tiles = [
         Tile("Mean effort error", percent(best.mean), "%", f"on {ROW_KIND_DESCRIPTIONS[found.judged]}"),
         Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
-        Tile(
-            "Parameters told from 0",
-            f"{identified_count}",
-            f"of {len(found.best.parameters)}",
-            f"{len(base)} with plain friction",
-        ),
+        Tile("Parameters told from 0", f"{identified_count}", f"of {count}", f"{plain} with plain friction"),
     ]
     if found.jackknife is not None:
-        share = found.jackknife.share_within
-        tiles.append(
-            Tile("Standard errors confirmed", number(share, digits=3), "%", "within a factor of 2 of the jackknife")
-        )
+        share = number(found.jackknife.share_within, digits=3)
+        tiles.append(Tile("Standard errors confirmed", share, "%", "within a factor of 2 of the jackknife"))
     for p in [p for p in found.payloads if not p.mass.refused][:1]:
         known = "" if p.known is None else f"{number(p.known)} kg in truth"
         known = "set the gains, no test" if p.tests == "nothing" else known
@@ -173,15 +149,12 @@ def _tiles(found: TreeResult) -> list[Tile]:
 
 
 def _friction_words(found: TreeResult) -> str:
-    given = [
-        f"{short(name)}: {', '.join(terms_of(found, k))}" for k, name in enumerate(found.names) if terms_of(found, k)
-    ]
+    terms = {short(name): terms_of(found, k) for k, name in enumerate(found.names)}
+    given = [f"{name}: {', '.join(each)}" for name, each in terms.items() if each]
     if not given:
         return "No joint needs more than viscous and dry friction and an offset."
-    listed = "; ".join(given).replace("_", " ")
-    return (
-        f"Every joint has viscous and dry friction and an offset. What segments left out asked for besides: {listed}."
-    )
+    text = "Every joint has viscous and dry friction and an offset. What segments left out asked for besides: "
+    return f"{text}{'; '.join(given).replace('_', ' ')}."
 
 
 def _curves(found: TreeResult) -> list[FrictionCurve]:
@@ -223,14 +196,9 @@ def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
             p = base.get(f"{joint}.{name}")
             if p is not None:
                 off = 100.0 * (p.value - value) / abs(value) if value else float("nan")
-                cells = (
-                    short(joint),
-                    parameter_label(name),
-                    number(p.value, p.standard_error),
-                    number(value),
-                    unit_text(p.unit),
-                )
-                rows.append(Row((*cells, f"{off:+.1f}".replace("-", "−"))))
+                found_value, unit = number(p.value, p.standard_error), unit_text(p.unit)
+                difference = f"{off:+.1f}".replace("-", "−")
+                rows.append(Row((short(joint), parameter_label(name), found_value, number(value), unit, difference)))
     if not rows:
         return ()
     heads = ("Joint", "Parameter", "Found", "Published", "Unit", "Difference (%)")
@@ -302,7 +270,8 @@ def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tupl
             columns.append(column)
         if owner not in rows:
             rows.append(owner)
-        cells[(owner, column)] = Cell(parameter.relative_sd, _remark(parameter))
+        remark = "bound" if parameter.at_bound else "–" if parameter.refused else ""
+        cells[(owner, column)] = Cell(parameter.relative_sd, remark)
     first = [c for c in BODY_HEADS.values() if c in columns]
     columns = first + sorted(
         (c for c in columns if c not in first), key=lambda c: _TERM_COLUMN_ORDER.index(c.split()[-1])
@@ -312,42 +281,22 @@ def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tupl
     return tuple(rows), tuple(wrapped.values()), {(r, wrapped[c]): cell for (r, c), cell in cells.items()}
 
 
-def _remark(parameter: Parameter) -> str:
-    if parameter.at_bound:
-        return "bound"
-    if parameter.refused:
-        return "–"
-    return ""
-
-
 def _parameters(found: TreeResult, name: str) -> Table:
     model = found.models[name]
     rows = []
     for p in model.parameters.values():
         reading = model.readings.get(p.name, "")
         stands = "" if reading in ("", p.name) else reading
+        words = p.name.replace(".regrouped", " and others").replace("_", " ").replace(".", ": ")
+        spread = f"{relative_sd(p)} %".replace("– %", "–")
         rows.append(
-            Row(
-                (
-                    p.name.replace(".regrouped", " and others").replace("_", " ").replace(".", ": "),
-                    number(p.value, p.standard_error),
-                    unit_text(p.unit) or "–",
-                    parameter_interval(p, found.confidence),
-                    f"{relative_sd(p)} %".replace("– %", "–"),
-                    parameter_verdict(p),
-                    stands.replace("_", " "),
-                )
-            )
-        )
-    heads = (
-        "Parameter",
-        "Value",
-        "Unit",
-        f"{100.0 * found.confidence:g} % interval",
-        "Relative SD",
-        "Verdict",
-        "Stands for",
-    )
+            Row((
+                words, number(p.value, p.standard_error), unit_text(p.unit) or "–",
+                parameter_interval(p, found.confidence), spread, parameter_verdict(p), stands.replace("_", " "),
+            ))
+        )  # fmt: skip
+    interval = f"{100.0 * found.confidence:g} % interval"
+    heads = ("Parameter", "Value", "Unit", interval, "Relative SD", "Verdict", "Stands for")
     return Table(heads, tuple(rows), frozenset({1, 3, 4}), wide=True)
 
 
@@ -363,30 +312,20 @@ def _intervals(found: TreeResult) -> tuple[Section, ...]:
         f"{number(jack.textbook_ratio, digits=2)} times too small here. Those stated are by blocks of rows; leaving "
         f"out each of {jack.segments} segments and fitting again is an independent check."
     )
-    return (
-        Section(
-            "intervals",
-            "Are the intervals honest?",
-            (text,),
-            drawings=(draw(figures.intervals, stated, out, jack.share_within),),
-        ),
-    )
+    drawing = draw(figures.intervals, stated, out, jack.share_within)
+    return (Section("intervals", "Are the intervals honest?", (text,), drawings=(drawing,)),)
 
 
 def _drives(found: TreeResult) -> tuple[Section, ...]:
     """Return the section on gains, if they were identified, and payloads."""
-    tables = list(figure_tables(found, "Payloads"))
+    tables, level = list(figure_tables(found, "Payloads")), found.confidence
     if found.identified_gains:
         rows = [
-            (
-                short(p.name.removesuffix(".gain")),
-                number(p.value, p.standard_error),
-                parameter_interval(p, found.confidence),
-            )
+            (short(p.name.removesuffix(".gain")), number(p.value, p.standard_error), parameter_interval(p, level))
             for p in found.identified_gains
         ]
         unit = unit_text(found.identified_gains[0].unit)
-        heads = ("Drive of", f"Gain ({unit})", f"{100.0 * found.confidence:g} % interval")
+        heads = ("Drive of", f"Gain ({unit})", f"{100.0 * level:g} % interval")
         tables.insert(0, number_table(heads, rows, f"Gains of the drives, {found.gains_note}.", wide=False))
     return (Section("drives", "Drives and payload", tables=tuple(tables)),) if tables else ()
 

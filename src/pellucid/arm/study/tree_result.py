@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -18,12 +19,12 @@ from ...study.procedures.result import FigureTable, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
 from ..fit.drive_gains import gains_from_desired, gains_from_payload
-from ..fit.payload import identify_payload
+from ..fit.payload import identify_payload, with_drive_gains
 from ..fit.ripple import SpectralLine
 from ..fit.tree_estimate import TreeEstimate, parameter_verdicts
 from ..fit.tree_regression import TreeModel
 from ..fit.tree_uncertainty import SegmentJackknife
-from ..tree_motion import TreeMotion
+from ..tree_motion import TreeMotion, fitted_without_payload
 from .tree_table import TreeTable
 
 COMMAND_NAME = "identify"
@@ -153,9 +154,8 @@ class TreeResult(Result):
     @property
     def effort_units(self) -> tuple[str, ...]:
         """Unit of each joint's effort; the drive's unit if its gain is unknown."""
-        return tuple(
-            own[1] if known else unit for own, (_, unit, known) in zip(self.robot.units, self.gains, strict=True)
-        )
+        each = zip(self.robot.units, self.gains, strict=True)
+        return tuple(own[1] if known else unit for own, (_, unit, known) in each)
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
@@ -166,6 +166,11 @@ class TreeResult(Result):
     def errors_of(self, model: str, judged: str) -> Errors | None:
         """Return the errors of a model on one kind of rows; None if there are none."""
         return next((e for e in self.errors if (e.model, e.judged) == (model, judged)), None)
+
+    @property
+    def in_order(self) -> list[Errors]:
+        """The errors in the order of `MODEL_DESCRIPTIONS`."""
+        return sorted(self.errors, key=lambda e: list(MODEL_DESCRIPTIONS).index(e.model))
 
     @property
     def judged(self) -> str:
@@ -201,18 +206,19 @@ def _headline(found: TreeResult) -> str:
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
+    names = [name.replace("_", " ") for name in found.names]
+    short = max(map(len, names)) <= 8
+    joint_heads = [f"{name} %" if short else f"joint {k + 1} %" for k, name in enumerate(names)]
     for kind, words in ROW_KIND_DESCRIPTIONS.items():
-        errors = sorted(
-            (e for e in found.errors if e.judged == kind), key=lambda e: list(MODEL_DESCRIPTIONS).index(e.model)
-        )
+        errors = [e for e in found.in_order if e.judged == kind]
         if errors:
-            heads = ("model", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
+            heads = ("model", *joint_heads, "mean %")
             rows = tuple((MODEL_DESCRIPTIONS[e.model], *e.each, e.mean) for e in errors)
             named = tuple(i for i, e in enumerate(errors) if e.model in HEADLINE_MODELS)
             yield FigureTable(f"Effort errors on {words}", heads, rows, chosen_rows=named)
     by_recording = errors_by_recording(found)
     if len(by_recording) > 1:
-        heads = ("recording", "use", *(f"{_short(found, k)} %" for k in range(len(found.names))), "mean %")
+        heads = ("recording", "use", *joint_heads, "mean %")
         rows = tuple(
             (name, "fitted" if use == "fit" else "held out", *each, float(np.nanmean(each)))
             for name, (use, each) in by_recording.items()
@@ -225,37 +231,29 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
     yield FigureTable("Friction of the best model (SI)", heads, tuple(_friction_rows(found)))
     if found.payloads:
         heads = ("recording", "mass kg", "±", "known kg", "error %")
-        rows = tuple(
-            (
-                p.recording,
-                None if p.mass.refused else p.mass.value,
-                None if p.mass.refused else 1.96 * p.mass.standard_error,
-                p.known,
-                p.error if np.isfinite(p.error) else None,
-            )
-            for p in found.payloads
-        )
-        yield FigureTable("Payloads", heads, rows)
+        rows = []
+        for p in found.payloads:
+            mass, half = (None, None) if p.mass.refused else (p.mass.value, 1.96 * p.mass.standard_error)
+            rows.append((p.recording, mass, half, p.known, p.error if np.isfinite(p.error) else None))
+        yield FigureTable("Payloads", heads, tuple(rows))
+
+
+def errors_along(traces: Sequence[TreeTrace]) -> tuple[float, ...]:
+    """Return the best model's error at each joint along some recordings, (m,) [%]; NaN where a joint rests."""
+    moving, effort, predicted = (
+        np.concatenate([getattr(t, name) for t in traces]) for name in ("moving", "effort", "predicted")
+    )
+    size, left = (np.sqrt((x * x * moving).sum(axis=0)) for x in (effort, effort - predicted))
+    each = 100.0 * np.divide(left, size, out=np.full(len(size), np.nan), where=size > 0.0)
+    return tuple(map(float, each))
 
 
 def errors_by_recording(found: TreeResult) -> dict[str, tuple[str, tuple[float, ...]]]:
     """Return the use of each recording without a payload, and the best model's error at each joint, (m,) [%]."""
-    made = {}
-    for name in dict.fromkeys(t.recording for t in found.traces):
-        parts = [t for t in found.traces if t.recording == name]
-        moving = np.concatenate([t.moving for t in parts])
-        effort = np.concatenate([t.effort for t in parts])
-        missed = effort - np.concatenate([t.predicted for t in parts])
-        size, left = (np.sqrt((x * x * moving).sum(axis=0)) for x in (effort, missed))
-        each = 100.0 * np.divide(left, size, out=np.full(len(size), np.nan), where=size > 0.0)
-        made[name] = parts[0].use, tuple(map(float, each))
-    return made
-
-
-def _short(found: TreeResult, k: int) -> str:
-    """Return a joint's name if all names are short, else its number."""
-    names = [name.replace("_", " ") for name in found.names]
-    return names[k] if max(map(len, names)) <= 8 else f"joint {k + 1}"
+    parts: dict[str, list[TreeTrace]] = {}
+    for trace in found.traces:
+        parts.setdefault(trace.recording, []).append(trace)
+    return {name: (each[0].use, errors_along(each)) for name, each in parts.items()}
 
 
 def joint_states(found: TreeResult, k: int) -> dict[str, str]:
@@ -298,8 +296,7 @@ def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _friction_names(found: TreeResult) -> tuple[str, ...]:
-    names = dict.fromkeys(n for k in range(len(found.names)) for n in _friction_of(found, k))
-    return tuple(names)
+    return tuple(dict.fromkeys(n for k in range(len(found.names)) for n in _friction_of(found, k)))
 
 
 def _friction_of(found: TreeResult, k: int) -> dict[str, float]:
@@ -398,11 +395,10 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
     if found.jackknife is not None:
         share, book = found.jackknife.share_within, found.jackknife.textbook_ratio
         note = f"standard errors within a factor of 2 of the jackknife over {found.jackknife.segments} segments"
-        yield replace(
-            plain, id=f"{found.study}.interval.over_jackknife.share_within_2", value=share, unit="%", note=note
-        )
+        head = f"{found.study}.interval"
+        yield replace(plain, id=f"{head}.over_jackknife.share_within_2", value=share, unit="%", note=note)
         note = "jackknife over textbook standard error, median"
-        yield replace(plain, id=f"{found.study}.interval.jackknife_over_textbook", value=book, note=note)
+        yield replace(plain, id=f"{head}.jackknife_over_textbook", value=book, note=note)
     for p in found.payloads:
         known = f"; known: {p.known:g} kg" if p.known is not None else ""
         known += PAYLOAD_NOTES[p.tests]
@@ -416,26 +412,23 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
             note = p.sentence() + ("; at its bound" if p.at_bound else "")
             reading = model.readings.get(p.name, "")
             note += f"; stands for {reading}" if reading and reading != p.name else ""
-            yield replace(
-                plain, id=f"{found.study}.{name}.{p.name}", value=p.value, unit=p.unit, note=note,
-                undetermined=p.undetermined,
-            )  # fmt: skip
+            of = replace(plain, id=f"{found.study}.{name}.{p.name}", undetermined=p.undetermined)
+            yield replace(of, value=p.value, unit=p.unit, note=note)
 
 
 def _of_joint(robot: Robot, name: str) -> bool:
-    return name.rpartition(".")[0].rpartition(".")[0] in robot.names or name.rpartition(".")[0] in robot.names
+    owner = name.rpartition(".")[0]
+    return owner in robot.names or owner.rpartition(".")[0] in robot.names
 
 
 def choice_of(robot: Robot, models: Sequence[TreeModel]) -> Choice:
     """Count how often each term, and a ripple, was chosen in the `models` of all folds."""
-    terms: list[dict[str, int]] = []
-    for k in range(len(robot.names)):
-        counted: dict[str, int] = {}
-        for term in (term for model in models for term in model.families[k] if term not in PLAIN_TERMS):
-            counted[term] = counted.get(term, 0) + 1
-        terms.append(counted)
-    found = {name: sum(any(r.motor == k for r in m.ripples) for m in models) for k, name in enumerate(robot.names)}
-    return Choice(len(models), tuple(terms), {name: count for name, count in found.items() if count})
+    terms = tuple(
+        Counter(term for model in models for term in model.families[k] if term not in PLAIN_TERMS)
+        for k in range(len(robot.names))
+    )
+    ripples = Counter(robot.names[k] for model in models for k in sorted({r.motor for r in model.ripples}))
+    return Choice(len(models), terms, ripples)
 
 
 GAIN_SOURCES = {
@@ -455,15 +448,13 @@ def with_gains(
     """
     table = study.table(TreeTable)
     if table.gains == "desired":
-        gains = gains_from_desired(robot, _empty(motions), width=table.velocity_width)
+        gains = gains_from_desired(robot, fitted_without_payload(motions), width=table.velocity_width)
     elif table.gains == "payload":
         gains = _gains_from_payloads(robot, motions, _calibrating(study, motions), table.velocity_width)
     else:
         return list(motions), ()
     each = np.array([g.value for g in gains])
-    known = (True,) * len(each)
-    turns = robot.turns_array
-    return [replace(m, gain=each, gain_known=known, effort=(each * m.drive) @ turns) for m in motions], gains
+    return [with_drive_gains(m, robot, each) for m in motions], gains
 
 
 def identify_payloads(
@@ -490,7 +481,7 @@ def identify_payloads(
             if others:
                 own_gains = _gains_from_payloads(robot, motions, others, best.velocity_width)
         found = identify_payload(
-            robot, _empty(motions), loaded, families, width=best.velocity_width, link=spec.link,
+            robot, fitted_without_payload(motions), loaded, families, width=best.velocity_width, link=spec.link,
             gains=own_gains or None,
         )  # fmt: skip
         made.append(FoundPayload(name, found.mass, spec.mass, tuple(map(float, found.centre)), found.link, tests))
@@ -525,7 +516,7 @@ def _gains_from_payloads(
             '[tree] gains = "payload": found a payload without a mass, expected the mass of each that is fitted'
         )
     link = links[0] if links else None
-    return gains_from_payload(robot, _empty(motions), loaded, masses, width=width, link=link)
+    return gains_from_payload(robot, fitted_without_payload(motions), loaded, masses, width=width, link=link)
 
 
 def _with_payload(motions: Sequence[TreeMotion]) -> list[str]:
@@ -533,6 +524,3 @@ def _with_payload(motions: Sequence[TreeMotion]) -> list[str]:
     return list(dict.fromkeys(m.recording for m in motions if m.payload is not None))
 
 
-def _empty(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
-    """Return the motions without a payload that may be fitted."""
-    return [m for m in motions if m.payload is None and m.use == "fit"]
