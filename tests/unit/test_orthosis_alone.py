@@ -10,7 +10,7 @@ from pellucid._errors import IdentificationError
 from pellucid.orthosis.input_output import InputOutput
 from pellucid.orthosis.strap.orthosis_alone import fit_orthosis
 from pellucid.orthosis.study.coupling.coupling_page import response_figure
-from pellucid.orthosis.study.coupling.coupling_result import _headline, _verdicts
+from pellucid.orthosis.study.coupling.coupling_result import coupling_result
 from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum
 
 INERTIA, DAMPING, GRAVITY, COULOMB = 0.048, 0.05, 1.55, 0.04
@@ -101,7 +101,8 @@ def test_a_judged_recording_whose_simulation_diverges_is_named_and_refuses_nothi
     other = replace(found, checks={**found.checks, "check_07": response})
     assert np.isnan(other.mean_fit())
     assert repr(other.parameters) == repr(found.parameters)  # a number that is none equals itself
-    assert "cannot be simulated along check_07" in _headline(other, {})
-    said = [v.text for v in _verdicts(other, {}, {}, {}) if v.kind == "warning"]
+    result = coupling_result("knee", other, {}, {}, {}, {}, {}, 0.95)
+    assert "cannot be simulated along check_07" in result.headline
+    said = [v.text for v in result.verdicts if v.kind == "warning"]
     assert any("check_07" in text and "diverges" in text for text in said)
     response_figure(replace(found.checks["check_07"], fit=float("nan")), found.linear_checks["check_07"])

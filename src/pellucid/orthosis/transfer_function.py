@@ -35,16 +35,6 @@ EXPONENTIAL_TERMS = 14
 
 
 @dataclass(frozen=True)
-class Sensitivities:
-    """A response and its derivatives at the samples."""
-
-    output: np.ndarray  # (n,) The response, in the output's unit
-    denominator: np.ndarray  # (n, order) By a_{order-1} ... a_0
-    numerator: np.ndarray  # (n, m + 1) By b_m ... b_0
-    initial: np.ndarray  # (n, order) By the coefficients of Q, highest power first
-
-
-@dataclass(frozen=True)
 class TransferFunction:
     """B(s)/A(s), proper, of any order."""
 
@@ -121,17 +111,6 @@ class TransferFunction:
         if initial is not None:
             output = output + chain.free()[:, 1:] @ np.asarray(initial, float)
         return output
-
-    def sensitivities(
-        self, time: np.ndarray, signal: np.ndarray, *, hold: str, initial: Sequence[float] | None = None
-    ) -> Sensitivities:
-        """The response and its exact derivatives by every coefficient and by the initial state. `time` (n,) [s];
-        `signal` (n,)."""
-        q = np.zeros(self.order) if initial is None else np.asarray(initial, float)
-        basis = response_basis(self.denominator, len(self.numerator) - 1, time, signal, hold=hold)
-        b = np.asarray(self.numerator)
-        output = basis.numerator @ b + basis.initial @ q
-        return Sensitivities(output, basis.by_denominator(b, q), basis.numerator, basis.initial)
 
 
 @dataclass(frozen=True)
@@ -217,11 +196,7 @@ class _Chain:
         scaled = system * (rate * distinct)[:, None, None]
         scaled[:, d, d + 1] = 1.0  # the input's slope, over one step
         made = _exponentials(scaled)
-        self.transition, self.held, self.ramp = (
-            made[:, :d, :d][index],
-            made[:, :d, d][index],
-            made[:, :d, d + 1][index],
-        )
+        self.transition, self.held, self.ramp = (made[:, :d, at][index] for at in (slice(d), d, d + 1))
 
     def _march(self, signals: np.ndarray, initial: np.ndarray) -> np.ndarray:
         if signals.shape[0] != self.count or not np.isfinite(signals).all():

@@ -52,6 +52,17 @@ class Response:
     initial: tuple[float, ...]
     offset: float  # estimated constant of the output; 0 if none was asked for
 
+    @classmethod
+    def of(
+        cls, record: InputOutput, simulated: np.ndarray, initial: Sequence[float], offset: float = 0.0
+    ) -> Response:
+        """Return a record's response and how well it fits; `simulated`, (n,), and so the fit, may be NaN."""
+        return cls(
+            record.recording, record.split, record.time, record.input, record.output, simulated,
+            fit_percent(record.output, simulated), float(np.sqrt(np.mean((record.output - simulated) ** 2))),
+            tuple(float(x) for x in initial), offset,
+        )  # fmt: skip
+
     @property
     def residual(self) -> np.ndarray:
         """Measured minus simulated output, shape (n,), in the output's unit."""
@@ -176,12 +187,18 @@ def evaluate_transfer_function(transfer_function: TransferFunction, record: Inpu
     columns = basis.initial
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     own = np.linalg.lstsq(columns / scale, record.output - forced, rcond=None)[0] / scale
-    return _response(record, forced + columns @ own, own, transfer_function.order)
+    initial, constants = np.split(own, [transfer_function.order])
+    return Response.of(record, forced + columns @ own, initial, float(constants.sum()))
 
 
 def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
     """100 (1 - ||y - y_s|| / ||y - mean y||) [%] of two signals, each of shape (n,); 0 is no better than the mean."""
     return float(100.0 * (1.0 - np.linalg.norm(measured - simulated) / np.linalg.norm(measured - np.mean(measured))))
+
+
+def coefficient_names(poles: int, zeros: int) -> list[str]:
+    """Return a_{n-1} ... a_0, b_m ... b_0 as plain text."""
+    return [f"a{i}" for i in range(poles - 1, -1, -1)] + [f"b{i}" for i in range(zeros, -1, -1)]
 
 
 def coefficient_units(poles: int, zeros: int, units: tuple[str, str]) -> tuple[str, ...]:
@@ -296,25 +313,18 @@ def _result_at(experiment: Experiment, found: _SearchResult, units: tuple[str, s
     covariance = sandwich_covariance(jacobian, point.residual, experiment.lengths)[:p, :p]
     made = TransferFunction(tuple(point.linear[: m + 1]), (1.0, *point.denominator))
     values = np.array([*point.denominator, *point.linear[: m + 1]])
-    names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
-    texts = coefficient_units(n, m, units)
-    steps = block_bootstrap(
-        jacobian,
-        point.residual,
-        np.zeros(jacobian.shape[1]),
-        experiment.lengths,
-        rng=np.random.default_rng(BOOTSTRAP_SEED),
-    )
+    names = coefficient_names(n, m)
+    rng, start = np.random.default_rng(BOOTSTRAP_SEED), np.zeros(jacobian.shape[1])
+    steps = block_bootstrap(jacobian, point.residual, start, experiment.lengths, rng=rng)[:p]
+    each = zip(names, coefficient_units(n, m, units), values, np.diag(covariance), steps, strict=True)
     parameters = tuple(
         replace(_parameter(name, unit, value, variance), bootstrap=(float(value + low), float(value + high)))
-        for name, unit, value, variance, (low, high) in zip(
-            names, texts, values, np.diag(covariance), steps[:p], strict=True
-        )
+        for name, unit, value, variance, (low, high) in each
     )
     states = experiment.states(point.linear[m + 1 :])
     ends = np.cumsum(experiment.lengths)
     responses = tuple(
-        _response(record, record.output - point.residual[end - len(record) : end], own, n)
+        Response.of(record, record.output - point.residual[end - len(record) : end], own[:n], float(own[n:].sum()))
         for record, own, end in zip(experiment.records, states, ends, strict=True)
     )
     notes = [] if settled else [f"the search had not settled after {found.iterations} steps"]
@@ -344,35 +354,15 @@ def _parameter(name: str, unit: str, value: float, variance: float) -> Parameter
 def _physical(values: np.ndarray, covariance: np.ndarray, units: tuple[str, str]) -> tuple[Parameter, ...]:
     """Return inertia, damping and stiffness of I q'' + b q' + k q = u, by the delta method."""
     a1, a0, b0 = values
-    given, made = units
+    given, made_of = units
     texts = {
         ("N*m", "rad"): ("kg*m^2", "N*m*s/rad", "N*m/rad"),
         ("N", "m"): ("kg", "N*s/m", "N/m"),
         ("1", "1"): ("s^2", "s", "1"),
-    }.get(units, (f"{given}*s^2/{made}", f"{given}*s/{made}", f"{given}/{made}"))
+    }.get(units, (f"{given}*s^2/{made_of}", f"{given}*s/{made_of}", f"{given}/{made_of}"))
     slopes = np.array([[0.0, 0.0, -1.0 / b0**2], [1.0 / b0, 0.0, -a1 / b0**2], [0.0, 1.0 / b0, -a0 / b0**2]])
-    variances = np.diag(slopes @ covariance @ slopes.T)
-    return tuple(
-        _parameter(name, unit, value, variance)
-        for name, unit, value, variance in zip(
-            ("inertia", "damping", "stiffness"), texts, (1.0 / b0, a1 / b0, a0 / b0), variances, strict=True
-        )
-    )
-
-
-def _response(record: InputOutput, simulated: np.ndarray, own: np.ndarray, poles: int) -> Response:
-    return Response(
-        recording=record.recording,
-        split=record.split,
-        time=record.time,
-        input=record.input,
-        measured=record.output,
-        simulated=simulated,
-        fit=fit_percent(record.output, simulated),
-        rmse=float(np.sqrt(np.mean((record.output - simulated) ** 2))),
-        initial=tuple(float(x) for x in own[:poles]),
-        offset=float(own[poles]) if len(own) > poles else 0.0,
-    )
+    names, made = ("inertia", "damping", "stiffness"), (1.0 / b0, a1 / b0, a0 / b0)
+    return tuple(map(_parameter, names, texts, made, np.diag(slopes @ covariance @ slopes.T)))
 
 
 def _poles_at_stability_edge(denominator: np.ndarray, experiment: Experiment) -> list[complex]:
@@ -429,9 +419,8 @@ def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
     _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
     if singular[-1] > SINGULAR_VALUE_TOLERANCE * singular[0]:
         return
-    names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
     share = np.abs(rows[-1])
-    tied = [name for name, s in zip(names, share, strict=False) if s > 0.1 * share.max()]
+    tied = [name for name, s in zip(coefficient_names(n, m), share, strict=False) if s > 0.1 * share.max()]
     raise IdentificationError(
         f"{_names(experiment)}: {', '.join(tied) or 'initial states'} cannot be told apart (condition number above "
         f"{1 / SINGULAR_VALUE_TOLERANCE:.0e}): a pole cancels a zero, or the input is too poor for {n} poles "

@@ -31,7 +31,7 @@ from ..pendulum import (
     simulate_pendulum,
 )
 from ..transfer_function import filtered_powers
-from .fit_transfer_function import Response, fit_percent, require_samples
+from .fit_transfer_function import Response, require_samples
 from .srivc import SINGULAR_VALUE_TOLERANCE
 
 
@@ -104,19 +104,14 @@ def fit_pendulum(
         width = PENDULUM_SETTINGS.width_share * max(float(np.quantile(np.abs(v), 0.99)) for v in speeds)
     problem = _Problem(tuple(records), tuple(names), known, hold, width)
     lower, upper = _bounds(names, bounds or {})
-    best = None
-    for rate in _rates(records):
-        start = problem.started(rate, speeds, lower, upper)
-        if start is None:
-            continue
-        error = problem.cost(start)
-        if best is None or error < best[0]:
-            best = (error, start)
-    if best is None or not np.isfinite(best[0]):
+    starts = (problem.started(rate, speeds, lower, upper) for rate in _rates(records))
+    costs = [(problem.cost(start), i, start) for i, start in enumerate(starts) if start is not None]
+    best = min(costs, key=lambda each: each[:2], default=(np.inf, 0, None))
+    if not np.isfinite(best[0]):
         raise IdentificationError(
             f"{_names(records)}: no first guess can be simulated; check the torque's sign and unit"
         )
-    start = best[1]
+    start = best[2]
     if "inertia" in names:
         i = names.index("inertia")
         lower[i] = max(lower[i], PENDULUM_SETTINGS.min_inertia_share * start[i])
@@ -143,11 +138,7 @@ def evaluate_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
     problem.prepare(start)
     found = least_squares(problem.residual, start, jac=problem.jacobian, x_scale="jac", max_nfev=30)
     if problem.motions(found.x) is None:
-        nothing, nan = np.full(len(record), np.nan), float("nan")
-        return Response(
-            recording=record.recording, split=record.split, time=record.time, input=record.input,
-            measured=record.output, simulated=nothing, fit=nan, rmse=nan, initial=(nan, nan), offset=0.0,
-        )  # fmt: skip
+        return Response.of(record, np.full(len(record), np.nan), (np.nan, np.nan))
     return problem.responses(found.x)[0]
 
 
@@ -268,21 +259,8 @@ class _Problem:
         made, k = self.motions(x), len(self.names)
         if made is None:
             raise IdentificationError(f"{_names(self.records)}: the simulated pendulum diverges")
-        return tuple(
-            Response(
-                recording=r.recording,
-                split=r.split,
-                time=r.time,
-                input=r.input,
-                measured=r.output,
-                simulated=m.position,
-                fit=fit_percent(r.output, m.position),
-                rmse=float(np.sqrt(np.mean((r.output - m.position) ** 2))),
-                initial=tuple(float(v) for v in x[k + 2 * i : k + 2 * i + 2]),
-                offset=0.0,
-            )
-            for i, (r, m) in enumerate(zip(self.records, made, strict=True))
-        )
+        states = x[k:].reshape(-1, 2)
+        return tuple(Response.of(r, m.position, q) for r, m, q in zip(self.records, made, states, strict=True))
 
 
 def _result_at(
