@@ -5,9 +5,8 @@ import pytest
 
 import pellucid
 from pellucid.arm.fit.consistent_inertias import least_eigenvalue, make_consistent_estimate, solve_consistent
-from pellucid.arm.fit.drive_gains import gains_from_desired
 from pellucid.arm.fit.fit_tree import make_tree_estimate, plain_model
-from pellucid.arm.fit.payload import identify_payload, with_drive_gains
+from pellucid.arm.fit.payload import gains_from_desired, identify_payload, with_drive_gains
 from pellucid.arm.fit.tree_regression import collect_rows, fit_rows
 from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.study.recorded_tree import recorded_tree

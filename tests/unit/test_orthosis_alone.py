@@ -93,7 +93,7 @@ def test_nothing_to_fit_is_refused():
 def test_a_judged_recording_whose_simulation_diverges_is_named_and_refuses_nothing(found, monkeypatch):
     check = sine(0.7, 0.7, rng=np.random.default_rng(5), split="heldout")
     # As about the upright posture, where the end of a long record follows no more from its start.
-    monkeypatch.setattr("pellucid.orthosis.pendulum.MAX_END_SHIFT_RAD", 0.0)
+    monkeypatch.setattr("pellucid.orthosis.transfer.pendulum_fit.MAX_END_SHIFT_RAD", 0.0)
     response = evaluate_pendulum(found.pendulum, check)
     assert response.diverges
     assert np.isnan(response.simulated).all()

@@ -7,10 +7,9 @@ import pytest
 
 from pellucid._errors import IdentificationError
 from pellucid.arm.fit.consistent_inertias import least_eigenvalue
-from pellucid.arm.fit.drive_gains import gains_from_desired, gains_from_payload
 from pellucid.arm.fit.fit_tree import UNDETERMINED_REASON
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS
-from pellucid.arm.fit.payload import identify_payload, with_drive_gains
+from pellucid.arm.fit.payload import gains_from_desired, gains_from_payload, identify_payload, with_drive_gains
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.estimates import Parameter
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint

@@ -10,8 +10,7 @@ from two_bodies import FS
 from pellucid.models.estimates import Parameter
 from pellucid.orthosis.strap.coupled_impedance import CouplingFit, Instrument
 from pellucid.orthosis.strap.identified_strap import MODEL_TEST_LEVEL, PRIOR_IMU_GAIN, identify_strap
-from pellucid.orthosis.strap.strap_choice import strap_discrepancy
-from pellucid.orthosis.strap.strap_fit import StrapRecord, fit_strap_model
+from pellucid.orthosis.strap.strap_fit import StrapRecord, fit_strap_model, strap_discrepancy
 from pellucid.orthosis.strap.strap_model import (
     FULL_MODEL,
     KELVIN_VOIGT,

@@ -12,14 +12,19 @@ from pellucid.models.filtered_dynamics import march
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import LoopSetting, simulate
 from pellucid.orthosis.input_output import InputOutput, input_output
-from pellucid.orthosis.pendulum import NAMES, pendulum_drive, simulate_pendulum
 from pellucid.orthosis.transfer.fit_transfer_function import (
     coefficient_units,
     evaluate_transfer_function,
     fit_percent,
     fit_records,
 )
-from pellucid.orthosis.transfer.pendulum_fit import evaluate_pendulum, fit_pendulum
+from pellucid.orthosis.transfer.pendulum_fit import (
+    NAMES,
+    evaluate_pendulum,
+    fit_pendulum,
+    pendulum_drive,
+    simulate_pendulum,
+)
 from pellucid.orthosis.transfer_function import TransferFunction, response_basis
 
 SYSTEMS = [

@@ -1,4 +1,4 @@
-"""Identify a robot of several joints from arrays."""
+"""Identify a robot of several joints from arrays, and say what published friction would predict."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError, RecordingError
-from ...models.kinematic_tree import Tree
+from ...models.kinematic_tree import BODY_QUANTITIES, Tree
 from ...models.robot import Robot
 from ...numerics.motion import Filtering
 from ...numerics.sampled import sampled
@@ -16,6 +16,22 @@ from ..tree_motion import TreeMotion, tree_motion_of
 from .fit_tree import identify_tree
 from .tree_estimate import TreeEstimate
 from .tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS
+from .tree_regression import TreeModel
+
+
+def published_parameters(model: TreeModel, published: Mapping[str, Mapping[str, float]]) -> np.ndarray | None:
+    """Return the model's parameters, (p,), from `published` values by joint and name, and the stated links.
+
+    Returns None if dry or viscous friction of any joint is missing.
+    """
+    base, robot = model.base, model.robot
+    said = {f"{joint}.{name}": value for joint, table in published.items() for name, value in table.items()}
+    if any(f"{joint}.{name}" not in said for joint in robot.names for name in ("coulomb", "viscous")):
+        return None
+    bodies = len(BODY_QUANTITIES) * len(robot.tree.order)
+    numbers = [*robot.tree.parameters, *(said.get(name, 0.0) for name in base.members[bodies:])]
+    return np.concatenate([base.combination @ numbers, [said.get(n, 0.0) for n in model.names[len(base.names) :]]])
+
 
 SETTLING_PERIODS = 2.0
 """Samples within this many periods of the low-pass's cut-off are dropped at either border by default."""

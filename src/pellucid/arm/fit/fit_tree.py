@@ -14,9 +14,8 @@ from ...numerics.regression import make_parameters
 from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters
 from .friction_terms import FURTHER_MOTOR_TERMS, FURTHER_TERMS, STRIBECK_VELOCITY_NAME, plain_families
-from .ripple import SpectralLine, choose_ripples
 from .tree_estimate import TreeEstimate
-from .tree_families import FamilyChoice, choose_families
+from .tree_families import FamilyChoice, SpectralLine, choose_families, choose_ripples
 from .tree_regression import LinearisedModel, TreeModel, TreeRows, TreeSolution, collect_rows, compute_loads, fit_rows
 from .tree_uncertainty import (
     SegmentJackknife,

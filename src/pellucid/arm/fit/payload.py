@@ -1,11 +1,29 @@
-r"""Identify the ten inertial parameters of a payload from recordings without it and with it.
+r"""Identify a payload from recordings without it and with it, and drive gains (effort per ampere or volt).
 
-The payload moves with the link that carries it, so its columns are those of this link. Robot and payload are fitted
-together, with friction that may depend on the load. The robot's parameters are then eliminated (Schur complement), and
-the payload is the consistent body with the smallest sum of squares. Parameters that the motion does not determine are
-not reported. The mass is among them if only first moments affect the effort.
+**Payload.** The payload moves with the link that carries it, so its columns are those of this link. Robot and payload
+are fitted together, with friction that may depend on the load. The robot's parameters are then eliminated (Schur
+complement), and the payload is the consistent body with the smallest sum of squares. Parameters that the motion does
+not determine are not reported. The mass is among them if only first moments affect the effort.
 
 Intervals come from the block covariance of all parameters. The uncertainty of drive gains from elsewhere is added.
+
+**Gains** are estimated from a known payload, or from a controller's reported torque.
+
+**From a payload.** The motors' effort includes friction, and i is the drive's reported current or voltage:
+
+.. math::
+   i_j = \gamma_j\,(Y x + Y_l\varphi + m\,Y_m)_j + e_j,\qquad k_j = 1/\gamma_j
+
+where the load's mass m is known and its other nine inertial parameters are not. The noise is in i. With i among the
+regressors and residuals in N m, small gains would make small residuals, and gains would be biased low. The residuals
+are therefore in ampere, each drive is weighted by its own residual, and gamma and the other parameters are solved
+together by Gauss-Newton steps.
+
+**From a controller.** Some controllers report the torque of their own rigid-body model and the current they demand. The
+gain follows from a regression of the current on torque, v, sign(v) and 1; the last three represent friction, which the
+torque lacks. No load is needed, but the gain is only as accurate as the controller's model.
+
+Intervals are the jackknife's over segments.
 """
 
 from __future__ import annotations
@@ -20,11 +38,12 @@ from ...models.estimates import Estimates, Parameter
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...numerics.regression import make_parameters
+from ...numerics.uncertainty import student_to_normal_ratio
 from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters, find_base_parameters
 from .consistent_inertias import solve_consistent_inertias
 from .fit_tree import UNDETERMINED_REASON
-from .friction_terms import plain_families
+from .friction_terms import plain_families, smooth_sign
 from .tree_regression import (
     LinearisedModel,
     TreeModel,
@@ -32,6 +51,7 @@ from .tree_regression import (
     TreeSolution,
     collect_rows,
     compute_loads,
+    determined_parameters,
     fit_rows,
     linearise_rows,
     sum_normal_equations,
@@ -254,3 +274,226 @@ def _gain_covariance(
     share = np.array([g.standard_error / g.value for g in gains])
     own = moved[:, place] * share[:, None]
     return own.T @ own
+
+
+MAX_STEPS = 30
+"""Largest number of Gauss-Newton steps."""
+
+GAIN_CHANGE_TOLERANCE = 1e-9
+"""Steps stop when no gain changes by this relative amount."""
+
+WEIGHTED_STEPS = 6
+"""Number of steps after which the weights of drives stay fixed."""
+
+LOAD_ROUND_COUNT = 3
+"""Number of relinearisations of load-dependent friction."""
+
+
+def gains_from_desired(robot: Robot, motions: Sequence[TreeMotion], *, width: float = 0.0) -> tuple[Parameter, ...]:
+    """Estimate the gain of each motor from the controller's `desired` effort and `desired_drive`.
+
+    `width` is that of the smooth sign of friction [rad/s; m/s].
+    """
+    lacking = [x.recording for x in motions if x.desired is None or x.desired_drive is None]
+    if lacking or not motions:
+        where = lacking[0] if lacking else "no recording"
+        raise IdentificationError(
+            f"{where}: found no desired torque and desired current of every joint, expected both; name their channels, "
+            "or record the same motion with a known payload and without"
+        )
+    turns = np.asarray(robot.turns)
+    back = np.linalg.inv(turns)
+    sums: list[list[np.ndarray]] = [[] for _ in robot.names]
+    for motion in motions:
+        desired, drive = motion.desired, motion.desired_drive
+        # Motions that lack either were refused above.
+        assert desired is not None
+        assert drive is not None
+        wanted, speed = desired @ back, motion.velocity @ turns.T
+        for i in range(len(robot.names)):
+            v = speed[:, i]
+            z = np.column_stack([wanted[:, i], v, smooth_sign(v, width), np.ones_like(v), drive[:, i]])
+            for s in range(int(motion.segment.max(initial=-1)) + 1):
+                mine = z[motion.moving[:, i] & (motion.segment == s)]
+                sums[i].append(mine.T @ mine)
+    found = []
+    for i, each in enumerate(sums):
+        whole = np.sum(each, axis=0)
+        if len(each) < 2 or not _partial_slope(whole) > 0.0:
+            raise IdentificationError(
+                f"motor of {robot.names[i]}: its desired current does not rise with its desired torque; check the "
+                "signs of both channels, and that the joint moves"
+            )
+        left = 1.0 / np.array([_partial_slope(whole - part) for part in each])
+        found.append(_gain_parameter(robot, motions[0], i, 1.0 / _partial_slope(whole), _jackknife_error(left)))
+    return tuple(found)
+
+
+def _partial_slope(gram: np.ndarray) -> float:
+    """Return the regression coefficient of the last column on the first, with the others as covariates.
+
+    Returns 0 if the normal equations `gram` do not determine it.
+    """
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    kept = np.flatnonzero(size[:-1] > 0.0)
+    if not size[0] > 0.0:
+        return 0.0
+    unit = gram[np.ix_(kept, kept)] / np.outer(size[kept], size[kept])
+    if np.linalg.cond(unit) > 1e12:
+        return 0.0
+    return float(np.linalg.solve(unit, gram[kept, -1] / size[kept])[0] / size[0])
+
+
+def _jackknife_error(left: np.ndarray) -> float:
+    """Return the jackknife's standard error from estimates `left`, (s,), each without one segment."""
+    n = len(left)
+    error = np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2))
+    return float(error * (student_to_normal_ratio(n - 1.0) if n > 2 else 6.5))
+
+
+def _gain_parameter(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) -> Parameter:
+    """Return the gain of motor i as a parameter."""
+    unit = robot.units[i][1]
+    drive = motion.drive_units[i] if motion.drive_units else "A"
+    shown = value > 1.959964 * error
+    return Parameter(f"{robot.names[i]}.gain", f"{unit}/{drive}", float(value), error, identifiable=bool(shown))
+
+
+@dataclass(frozen=True, eq=False)
+class _DriveSums:
+    """Sums Z'Z for each segment and motor, with Z = [columns of all parameters, known part, reported drive].
+
+    The known part is subtracted from the columns.
+    """
+
+    gram: np.ndarray  # Z'Z, (S, m, p + 2, p + 2)
+    count: np.ndarray  # number of rows, (S, m)
+
+    def without(self, segment: int) -> _DriveSums:
+        """Return the sums over all rows but those of a segment."""
+        return _DriveSums(
+            self.gram.sum(axis=0, keepdims=True) - self.gram[segment : segment + 1],
+            self.count.sum(axis=0, keepdims=True) - self.count[segment : segment + 1],
+        )
+
+    def solved(self, gamma: np.ndarray, x: np.ndarray, fixed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Solve for inverse gains, (m,), and parameters, (p,), from the start `gamma` and `x`.
+
+        Parameters in the mask `fixed`, (p,), stay.
+        """
+        gram, count = self.gram.sum(axis=0), self.count.sum(axis=0)
+        m, p = len(gamma), len(x)
+        free = np.flatnonzero(~fixed)
+        weight = None
+        for step in range(MAX_STEPS):
+            model = np.append(x, -1.0)  # coefficients of the columns and of the known part
+            made = gram[:, :-1, :-1] @ model  # (m, p + 1): Z'a
+            power = made @ model  # a'a
+            met = gram[:, :-1, -1]  # Z'i
+            if step < WEIGHTED_STEPS:
+                square = gram[:, -1, -1] - 2.0 * gamma * (met @ model) + gamma**2 * power
+                weight = count / np.maximum(square, 1e-12 * gram[:, -1, -1])
+            left = met - gamma[:, None] * made  # Z'r
+            hessian, slope = np.zeros((p + m, p + m)), np.zeros(p + m)
+            hessian[:p, :p] = np.tensordot(weight * gamma**2, gram[:, :p, :p], 1)
+            hessian[:p, p:] = (weight * gamma)[None] * made[:, :p].T
+            hessian[p:, :p] = hessian[:p, p:].T
+            hessian[p:, p:] = np.diag(weight * power)
+            slope[:p] = (weight * gamma) @ left[:, :p]
+            slope[p:] = weight * (left @ model)
+            kept = np.append(free, p + np.arange(m))
+            inner = hessian[np.ix_(kept, kept)]
+            seen = determined_parameters(inner)
+            size = np.sqrt(np.diag(inner)[seen])
+            move = np.zeros(len(kept))
+            unit = inner[np.ix_(seen, seen)] / np.outer(size, size)
+            move[seen] = np.linalg.solve(unit, slope[kept][seen] / size) / size
+            change = move[len(free) :]
+            # No gain changes its sign, or by more than half, in a step.
+            share = min(1.0, 0.5 / max(np.max(np.abs(change / gamma)), 1e-300))
+            x[free] += share * move[: len(free)]
+            gamma = gamma + share * change
+            if share == 1.0 and step >= WEIGHTED_STEPS and np.max(np.abs(change / gamma)) < GAIN_CHANGE_TOLERANCE:
+                break
+        return gamma, x
+
+
+def gains_from_payload(
+    robot: Robot,
+    empty: Sequence[TreeMotion],
+    loaded: Sequence[Sequence[TreeMotion]],
+    masses: Sequence[float],
+    families: Sequence[Sequence[str]] | None = None,
+    *,
+    width: float = 0.0,
+    link: str | None = None,
+) -> tuple[Parameter, ...]:
+    """Estimate the gain of each motor from recordings without load and with loads of known `masses` [kg].
+
+    `families` are the friction terms of each joint, plain ones by default. `link` carries the loads; the last by
+    default.
+    """
+    if len(masses) != len(loaded) or not all(mass > 0.0 for mass in masses):
+        raise IdentificationError(
+            f"found masses {list(masses)}, expected one above 0 kg for each of {len(loaded)} payloads"
+        )
+    carried = collect_loaded_rows(robot, empty, loaded, width=width, link=link)
+    rows = carried.rows
+    drive = np.concatenate([x.drive for x in (*empty, *(y for each in loaded for y in each))])
+    plain = plain_families(len(robot.names), robot.shared)
+    model = TreeModel(robot, rows.base, plain if families is None else tuple(map(tuple, families)))
+    fixed = np.zeros(len(model.names), bool)
+    known = [carried.numbers(k)[0] for k in range(carried.loads)]
+    fixed[known] = True
+    # Least squares with the recorded gains is the start; the known masses correct its scale.
+    start, _ = fit_rows(model, rows)
+    found = start.values[known]
+    scale = float(np.median(np.asarray(masses) / np.where(found > 0.0, found, np.nan)))
+    scale = scale if np.isfinite(scale) else 1.0
+    gains = np.array(empty[0].gain if empty[0].gain is not None else np.ones(len(robot.names))) * scale
+    x = start.values * np.where(_scales_with_effort(model), scale, 1.0)
+    x[known] = masses
+    gamma = 1.0 / gains
+    for _ in range(LOAD_ROUND_COUNT if model.loads else 1):
+        sums = _drive_sums(model, carried, x, drive)
+        gamma, x = sums.solved(gamma, x.copy(), fixed)
+    if not np.all(gamma > 0.0):
+        i = int(np.argmin(gamma))
+        raise IdentificationError(
+            f"motor of {robot.names[i]}: the payload asks for a gain below 0; check the sign of its drive and the mass"
+        )
+    left = np.array([1.0 / sums.without(s).solved(gamma, x.copy(), fixed)[0] for s in range(len(sums.count))])
+    return tuple(
+        _gain_parameter(robot, empty[0], i, 1.0 / gamma[i], _jackknife_error(left[:, i])) for i in range(len(gamma))
+    )
+
+
+def _scales_with_effort(model: TreeModel) -> np.ndarray:
+    """Return a mask of the parameters that scale with the efforts: all but load coefficients, (p,)."""
+    scales = np.ones(len(model.names), bool)
+    scales[list(model.loads.values())] = False
+    return scales
+
+
+def _drive_sums(model: TreeModel, carried: LoadedRows, x: np.ndarray, drive: np.ndarray) -> _DriveSums:
+    """Compute the sums of the model linearised at `x`, (p,), in the motors' rows."""
+    rows = carried.rows
+    n, m = rows.velocity.shape
+    p, turns = len(model.names), np.asarray(rows.robot.turns)
+    load = compute_loads(rows, model, x) if model.loads else None
+    at = linearise_rows(model, replace(rows, effort=np.zeros((n, m))), load, model.alpha(x) if model.loads else None)
+    back = np.linalg.inv(turns).T  # matrix from efforts of joints to efforts of motors
+    gram, count = np.zeros((rows.segments, m, p + 2, p + 2)), np.zeros((rows.segments, m))
+    for i in range(m):
+        joints = np.flatnonzero(np.abs(back[i]) > 1e-12)
+        used = np.flatnonzero(rows.used[:, joints].all(axis=1))
+        z = np.zeros((len(used), p + 2))
+        for j in joints:
+            lines = np.searchsorted(rows.lines[j], used)
+            z[:, at.places[j]] += back[i, j] * at.columns[j][lines]
+            z[:, p] += back[i, j] * at.targets[j][lines]
+        z[:, p + 1] = drive[used, i]
+        for s in range(rows.segments):
+            mine = z[rows.segment[used] == s]
+            gram[s, i], count[s, i] = mine.T @ mine, len(mine)
+    return _DriveSums(gram, count)

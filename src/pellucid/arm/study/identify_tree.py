@@ -14,10 +14,10 @@ from ...study.recorded_motions import filtering_of
 from ...study.study import Study
 from ..fit import fit_tree as identification
 from ..fit.consistent_inertias import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ..fit.fit_robot import published_parameters
 from ..fit.fit_tree import TreeIdentification, plain_model, rows_without_maker_effort
 from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
 from ..fit.inertia_prior import fit_with_prior
-from ..fit.published_friction import published_parameters
 from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
 from ..fit.tree_uncertainty import cross_validate_segments, heldout_errors, relative_errors, residuals_on

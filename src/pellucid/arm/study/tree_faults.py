@@ -17,11 +17,16 @@ from ...study.recorded_motions import short_stretch_faults
 from ...study.study import Study
 from ...study.study_file import RigJoint
 from ..tree_motion import TreeMotion, fitted_without_payload
-from .recorded_tree import file_of, find_effort_mixup, frames_of, motions_of, position_channel, robot_of
-from .sign_search import (
+from .recorded_tree import (
     SIGN_THRESHOLDS,
+    file_of,
+    find_effort_mixup,
     find_flipped_joints,
+    frames_of,
     friction_power_shares,
+    motions_of,
+    position_channel,
+    robot_of,
     stated_effort_correlation,
 )
 from .tree_table import TreeTable

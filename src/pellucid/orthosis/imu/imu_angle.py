@@ -12,9 +12,7 @@ from ...numerics.clocks import Alignment, align
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.resampling import resample
 from ...numerics.uncertainty import correlation_length
-from .inertial import Inertial
-from .orientation import ORIENTATION_FILTERS, orientation
-from .quaternion import conjugate, multiply, twist
+from .orientation import ORIENTATION_FILTERS, Inertial, conjugate, multiply, orientation, twist
 
 COMMON_BAND_SHARE = 0.4
 """IMU and encoder are compared below this share of the IMU's rate, where both see a motion alike."""

@@ -19,8 +19,7 @@ from ...models.estimates import Estimates, Parameter
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_time
 from .coupled_impedance import CouplingFit, Instrument, decay_time, fit_coupling
-from .strap_choice import StrapChoice, choose_strap, strap_discrepancy
-from .strap_fit import StrapFit, StrapRecord, fit_strap_model
+from .strap_fit import StrapChoice, StrapFit, StrapRecord, choose_strap, fit_strap_model, strap_discrepancy
 from .strap_model import FULL_MODEL, KELVIN_VOIGT, Orthosis, StrapModel, StrappedSwing, StrapTorque, from_orthosis
 
 PRIOR_IMU_GAIN = Parameter("gain", "1", 1.0, 0.005)

@@ -25,9 +25,8 @@ from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...numerics.posterior.ensemble import MIN_WEIGHTED_SHARE
 from ...numerics.posterior.posterior import LinearisedModel, Noise, Posterior, Prior, summary
-from .coupled_impedance import CouplingFit, decay_time
+from .coupled_impedance import CouplingFit, Spectrum, StrapPoint, StrapProblem, StrapTrial, decay_time
 from .strap_model import StrappedSwing, StrapTorque
-from .strap_search import Spectrum, StrapPoint, StrapProblem, StrapTrial
 
 NAMES = ("stiffness", "damping", "gain")
 UNITS = ("N*m/rad", "N*m*s/rad", "1")

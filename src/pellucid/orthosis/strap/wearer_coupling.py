@@ -2,6 +2,10 @@
 swings.
 
 Arrays in, values out: recorded and simulated swings take the same path.
+
+What is held of one wearer's strap is decided once (`StrapDecision`), so that no two verdicts can contradict each other.
+Every verdict reads this object. A prediction is praised only if a model of the strap holds and none of its
+parameters is rejected; two estimates are said to agree only beside the numbers that were compared.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from .coupled_impedance import (
     Instrument,
     PublishedCoupling,
     align,
+    clock_shift,
     fit_coupling,
     fit_two_poles,
     limb_angle,
@@ -30,7 +35,6 @@ from .coupled_impedance import (
     torque_mismatch,
 )
 from .identified_strap import IdentifiedStrap, identify_strap
-from .strap_decision import StrapDecision, decide_strap
 from .strap_model import (
     KELVIN_VOIGT,
     Limb,
@@ -43,7 +47,48 @@ from .strap_model import (
     regression_residual,
 )
 from .strap_posterior import strap_posterior
-from .strap_search import clock_shift
+
+MIN_CEILING_SHARE = 0.8
+"""A strap predicts well if it reaches this share of the fit that the IMU's error allows."""
+
+
+@dataclass(frozen=True)
+class StrapDecision:
+    """Decisions about one strap."""
+
+    holds: bool  # whether no neglected effect improves the model's prediction; a spring and damper alone count as held
+    rejected: tuple[Parameter, ...]  # parameters of the spring and damper that were stopped at zero
+    predicts: bool  # whether swings that were not fitted are predicted about as well as the IMU's error allows
+    has_inertia: bool  # whether the spring and the damper seem to have an inertia
+    sides_agree: bool | None  # whether spring and damper are alike from both bodies; None without the limb's
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the strap may be trusted: it holds, nothing of it is rejected, and it predicts."""
+        return self.holds and not self.rejected and self.predicts
+
+
+def decide_strap(
+    fit: CouplingFit, other: CouplingFit | None, strap: IdentifiedStrap | None, *, reached: float, ceiling: float
+) -> StrapDecision:
+    """Decide what is held of a strap.
+
+    `fit` and `other` are the spring and damper by the orthosis's and by the limb's balance. Of the mismatch in swings
+    that were not fitted, `reached` is explained, and the IMU's error allows `ceiling` [%]; NaN where that is unknown.
+    """
+    low, high = fit.inertia.interval()
+    agree = None
+    if other is not None:
+        apart = abs(other.stiffness.value - fit.stiffness.value)
+        agree = bool(apart <= 1.96 * np.hypot(other.stiffness.standard_error, fit.stiffness.standard_error))
+    return StrapDecision(
+        holds=strap is None or strap.fits,
+        rejected=tuple(p for p in (fit.stiffness, fit.damping) if p.at_bound),
+        predicts=bool(reached > MIN_CEILING_SHARE * (ceiling if np.isfinite(ceiling) else 100.0)),
+        has_inertia=not low <= 0.0 <= high,
+        sides_agree=agree,
+    )
+
 
 SWING_EDGE_S = 1.0
 """Models are not evaluated for this time at either end of a swing, where the unknown initial state acts [s]."""
