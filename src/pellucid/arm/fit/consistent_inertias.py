@@ -280,12 +280,8 @@ class _Problem:
         ways = np.hstack([told.seen, told.unseen])
         near, s = self._pseudo(ways), len(told.best)
         if not np.any(np.asarray(weight) > 0.0):
-            whole = _squared_norm(told.best)
-            weight = (
-                CONSISTENCY_SETTINGS.preference_weight_share
-                * whole
-                / max(_squared_norm(near[:, :s] @ told.best), _squared_norm(self.wanted))
-            )
+            most = max(_squared_norm(near[:, :s] @ told.best), _squared_norm(self.wanted))
+            weight = CONSISTENCY_SETTINGS.preference_weight_share * _squared_norm(told.best) / most
         each = np.repeat(np.broadcast_to(weight, self.links), BODY_PARAMETER_COUNT)
         hessian = (near * each[:, None]).T @ near
         hessian[np.arange(s), np.arange(s)] += 1.0

@@ -41,6 +41,10 @@ RESERVED_EFFORT_SHARE = 0.5
 """Share of the effort limit that is reserved for friction and for errors of the stated bodies."""
 
 
+LIMIT_KEYS = ("position_min", "position_max", "velocity")
+"""Limits of a joint that a motion needs."""
+
+
 def tree_information(robot: Robot, limits: TreeLimits) -> Information:
     """Return the information of a motion on base parameters and each joint's plain friction.
 
@@ -83,22 +87,16 @@ def limits_of(
     """
     stated_limits = {joint.joint: joint.limits for joint in study.rig.joints}
     for name in robot.names:
-        missing = [
-            key for key in ("position_min", "position_max", "velocity") if getattr(stated_limits[name], key) is None
-        ]
+        missing = [key for key in LIMIT_KEYS if getattr(stated_limits[name], key) is None]
         if missing:
             raise StudyError(
                 f"study.toml: [[rig.joints]] {name}: limits: found no {', '.join(missing)}, expected what a motion "
                 'must keep to, such as limits = { position_min = "-90 deg", position_max = "90 deg", '
                 'velocity = "2 rad/s" }'
             )
-    low, high, velocity = (
-        np.array([getattr(stated_limits[name], key) for name in robot.names])
-        for key in ("position_min", "position_max", "velocity")
-    )
-    effort = np.array(
-        [np.inf if stated_limits[name].effort is None else stated_limits[name].effort for name in robot.names]
-    )
+    low, high, velocity = (np.array([getattr(stated_limits[name], key) for name in robot.names]) for key in LIMIT_KEYS)
+    efforts = (stated_limits[name].effort for name in robot.names)
+    effort = np.array([np.inf if stated is None else stated for stated in efforts])
     bodies = any(link.mass > 0.0 for link in robot.tree.links)
     bound = {}
     if bodies and np.isfinite(effort).any():

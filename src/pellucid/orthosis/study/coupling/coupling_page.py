@@ -48,10 +48,21 @@ STRAP_PARAMETERS = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inerti
 """Strap parameters that are drawn, with their labels."""
 
 
+def _zero_line(axis: Axes) -> None:
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+
+
+def _label(axis: Axes, vertical: str, horizontal: str, entries: Sequence[tuple[str, str]]) -> None:
+    """Name both axes of a single panel, and its lines in a key: words and colour's role of each."""
+    tidy(axis, first=True, text=vertical)
+    axis.set_xlabel(horizontal)
+    key(axis, [(words, colour(role)) for words, role in entries], room=PAGE_SETTINGS.legend_share)
+
+
 def gravity_figure(fit: GravityFit) -> Drawing:
     """Draw the holding torque of the orthosis against its angle, with the fitted sine and the published line."""
     figure, axis = one_panel(3.6)
-    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    _zero_line(axis)
     angle = np.array([h.angle for h in fit.holds])
     torque = np.array([h.torque for h in fit.holds])
     span = np.linspace(angle.min(), angle.max(), 121)
@@ -59,10 +70,8 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     line(axis, np.degrees(span), straight.slope * span + straight.intercept, color=colour("stribeck"), linewidth=1.2)
     line(axis, np.degrees(span), fit.torque(span), color=colour("fitted"), linewidth=1.8)
     dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=PAGE_SETTINGS.hold_dot_points)
-    tidy(axis, first=True, text="Torque (N·m)")
-    axis.set_xlabel("Angle from hanging (deg)")
-    names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
-    key(axis, names, room=PAGE_SETTINGS.legend_share)
+    entries = (("holds", "measured"), ("m g l sin", "fitted"), ("line", "stribeck"))
+    _label(axis, "Torque (N·m)", "Angle from hanging (deg)", entries)
     return Drawing(
         "gravity",
         figure,
@@ -83,10 +92,8 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
         (pendulum.simulated, "heldout", 1.2),
     ):
         line(axis, pendulum.time[shown] - start, np.degrees(values[shown]), color=colour(role), linewidth=width)
-    tidy(axis, first=True, text="Angle (deg)")
-    axis.set_xlabel("Time (s)")
-    names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
-    key(axis, names, room=PAGE_SETTINGS.legend_share)
+    entries = (("measured", "measured"), ("pendulum", "heldout"), ("two poles", "stribeck"))
+    _label(axis, "Angle (deg)", "Time (s)", entries)
     reached = "diverges" if pendulum.diverges else f"{pendulum.fit:.1f} %"
     rest = f"pendulum {reached}, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
@@ -105,7 +112,7 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
     texts = []
     for axis, (who, stages) in zip(panels, wearers.items(), strict=True):
         limb = stages.limb
-        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        _zero_line(axis)
         holds = [h for trial in limb.trials for h in trial]
         angle = np.array([h.angle for h in holds])
         added = np.array([h.torque for h in holds]) - orthosis.torque(angle)
@@ -131,21 +138,18 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     as it was recorded."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     limb, axis = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
-    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    _zero_line(axis)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
     shown = np.abs(swing.time - middle) <= 0.5 * PAGE_SETTINGS.max_drawn_s
     time = swing.time[shown]
-    entries = [("IMU", colour("measured"))]
+    role = "heldout" if swing.split == "heldout" else "fitted"
+    entries = [("IMU", "measured"), ("strap", role)]
     line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
     if "published" in swing.simulated:
         line(axis, time, np.degrees(swing.simulated["published"][shown]), color=colour("stribeck"), linewidth=1.1)
-        entries.append(("as published", colour("stribeck")))
-    role = "heldout" if swing.split == "heldout" else "fitted"
+        entries.append(("as published", "stribeck"))
     line(axis, time, np.degrees(swing.simulated["orthosis"][shown]), color=colour(role), linewidth=1.4)
-    entries.insert(1, ("strap", colour(role)))
-    tidy(axis, first=True, text="Mismatch (deg)")
-    axis.set_xlabel("Time (s)")
-    key(axis, entries, room=PAGE_SETTINGS.legend_share)
+    _label(axis, "Mismatch (deg)", "Time (s)", entries)
     rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % if the model were perfect"
@@ -192,7 +196,7 @@ def _leg_in_orthosis(axis: Axes, orthosis: np.ndarray, mismatch: np.ndarray) -> 
 def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     """Draw the strap torque against the mismatch angle: measured, by the chosen model, and by a spring alone."""
     figure, axis = one_panel(3.4)
-    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    _zero_line(axis)
     place, torque = strap.seen
     half = 0.5 * strap.fit.values.get("slack", 0.0)
     low, high = strap.range[0] - half, strap.range[1] + half
@@ -204,16 +208,10 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     pulled = span - np.clip(span, -half, half)
     line(axis, np.degrees(span), strap.stiffness.value * pulled, color=colour("load"), linewidth=1.0)
     line(axis, np.degrees(span), strap.torque(span), color=colour("fitted"), linewidth=1.8)
-    tidy(axis, first=True, text="Torque (N·m)")
-    axis.set_xlabel("Mismatch (deg)")
-    names = [
-        ("IMU", colour("measured")), ("strap", colour("fitted")), ("its tangent", colour("load")),
-        ("spring alone", colour("stribeck")),
-    ]  # fmt: skip
-    key(axis, names, room=PAGE_SETTINGS.legend_share)
-    heads(
-        [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
-    )
+    entries = (("IMU", "measured"), ("strap", "fitted"), ("its tangent", "load"), ("spring alone", "stribeck"))
+    _label(axis, "Torque (N·m)", "Mismatch (deg)", entries)
+    stiffness = number(strap.stiffness.value, strap.stiffness.standard_error)
+    heads([axis], [Head(who, f"{stiffness} N·m/rad", colour("load"))])
     return Drawing(
         f"strap_{who}",
         figure,
