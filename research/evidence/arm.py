@@ -17,9 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.arm.fit.fit_tree import fit_tree
+from pellucid.arm.fit.fit_tree import fit_tree, heldout_errors
 from pellucid.arm.fit.tree_estimate import TreeEstimate
-from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, shrink_within_limits
 from pellucid.arm.study.tree_excitation import tree_information
 from pellucid.controllers.instruments import Instruments

@@ -27,7 +27,7 @@ import numpy as np
 
 from pellucid._errors import PellucidError
 from pellucid.models.estimates import Parameter
-from pellucid.orthosis.imu.orientation import inertial
+from pellucid.orthosis.imu.imu_angle import inertial
 from pellucid.orthosis.input_output import input_output
 from pellucid.orthosis.strap.coupled_impedance import fit_coupling
 from pellucid.orthosis.strap.identified_strap import identify_strap

@@ -5,10 +5,9 @@ import pytest
 
 import pellucid
 from pellucid.arm.fit.consistent_inertias import least_eigenvalue, make_consistent_estimate, solve_consistent
-from pellucid.arm.fit.fit_tree import make_tree_estimate, plain_model
+from pellucid.arm.fit.fit_tree import heldout_errors, make_tree_estimate, plain_model
 from pellucid.arm.fit.payload import gains_from_desired, identify_payload, with_drive_gains
 from pellucid.arm.fit.tree_regression import collect_rows, fit_rows
-from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.study.recorded_tree import recorded_tree
 
 WIDTH = 0.02  # rad/s, of the smooth sign

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pellucid.orthosis.imu.orientation import Inertial
+from pellucid.orthosis.imu.imu_angle import Inertial
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 FIELD = np.array([0.0, 20e-6, -44e-6])  # north and down, in the frame x east, y north, z up

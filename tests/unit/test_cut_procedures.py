@@ -13,7 +13,7 @@ from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
 from pellucid.files.cut import Cut
 from pellucid.files.recording import Channel, Recording
 from pellucid.joint.slider.study.recorded_slider import slider_motions
-from pellucid.orthosis.imu.orientation import inertial
+from pellucid.orthosis.imu.imu_angle import inertial
 from pellucid.orthosis.input_output import input_output
 from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import swings_of
 from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings

@@ -6,7 +6,7 @@ from inertial_motion import turned_hinge
 
 from pellucid._errors import PellucidError
 from pellucid.orthosis.imu.hinge import find_hinge, hinge_angle
-from pellucid.orthosis.imu.orientation import Inertial
+from pellucid.orthosis.imu.imu_angle import Inertial
 
 
 def first_seconds(made, stop=10.0):

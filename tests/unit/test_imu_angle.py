@@ -11,8 +11,16 @@ from pellucid.files.recording import Channel, Recording
 from pellucid.numerics.clocks import align, clock_drift
 from pellucid.numerics.resampling import resample, spline_bandwidth
 from pellucid.numerics.wrapping import unwrap
-from pellucid.orthosis.imu.imu_angle import compare_filters, fit_angle, principal_axis, segment_angle
-from pellucid.orthosis.imu.orientation import Inertial, inertial, orientation, twist
+from pellucid.orthosis.imu.imu_angle import (
+    Inertial,
+    compare_filters,
+    fit_angle,
+    inertial,
+    orientation,
+    principal_axis,
+    segment_angle,
+    twist,
+)
 
 
 def swing(time):
@@ -120,7 +128,7 @@ def test_orientation_follows_a_swing(rng, method, axes):
 
 
 def test_a_heading_that_drifts_does_not_change_the_angle_about_a_level_axis(rng):
-    from pellucid.orthosis.imu.orientation import multiply
+    from pellucid.orthosis.imu.imu_angle import multiply
 
     angle, heading = swing(np.linspace(0, 20, 400)), np.linspace(0.0, 2.0, 400)
     zero = np.zeros(400)

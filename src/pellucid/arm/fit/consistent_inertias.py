@@ -27,7 +27,7 @@ from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...numerics.uncertainty import student_to_normal_ratio
 from .base_parameters import BaseParameters
-from .fit_tree import UNDETERMINED_REASON, make_tree_estimate
+from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate
 from .tree_estimate import TreeEstimate
 from .tree_regression import (
     LinearisedModel,
@@ -40,7 +40,6 @@ from .tree_regression import (
     linearise_rows,
     sum_normal_equations,
 )
-from .tree_uncertainty import TreeUncertainty
 
 SCALING_LENGTH_M = 0.1
 """Length that makes masses and first moments comparable with moments of inertia [m]; no verdict depends on it."""

@@ -42,7 +42,7 @@ from ...numerics.uncertainty import student_to_normal_ratio
 from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters, find_base_parameters
 from .consistent_inertias import solve_consistent_inertias
-from .fit_tree import UNDETERMINED_REASON
+from .fit_tree import UNDETERMINED_REASON, estimate_uncertainty
 from .friction_terms import plain_families, smooth_sign
 from .tree_regression import (
     LinearisedModel,
@@ -56,7 +56,6 @@ from .tree_regression import (
     linearise_rows,
     sum_normal_equations,
 )
-from .tree_uncertainty import estimate_uncertainty
 
 PAYLOAD_PREFIX = "payload"
 """Prefix of the names of a payload's parameters."""

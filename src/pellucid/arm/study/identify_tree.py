@@ -15,12 +15,19 @@ from ...study.study import Study
 from ..fit import fit_tree as identification
 from ..fit.consistent_inertias import ConsistentSolution, make_consistent_estimate, solve_consistent
 from ..fit.fit_robot import published_parameters
-from ..fit.fit_tree import TreeIdentification, plain_model, rows_without_maker_effort
+from ..fit.fit_tree import (
+    TreeIdentification,
+    cross_validate_segments,
+    heldout_errors,
+    plain_model,
+    relative_errors,
+    residuals_on,
+    rows_without_maker_effort,
+)
 from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
 from ..fit.inertia_prior import fit_with_prior
 from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
-from ..fit.tree_uncertainty import cross_validate_segments, heldout_errors, relative_errors, residuals_on
 from ..tree_motion import TreeMotion
 from . import tree_findings
 from .recorded_tree import file_of, recorded_tree

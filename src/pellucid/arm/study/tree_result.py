@@ -18,11 +18,11 @@ from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...study.procedures.result import FigureTable, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
+from ..fit.fit_tree import SegmentJackknife
 from ..fit.payload import gains_from_desired, gains_from_payload, identify_payload, with_drive_gains
 from ..fit.tree_estimate import TreeEstimate, parameter_verdicts
 from ..fit.tree_families import SpectralLine
 from ..fit.tree_regression import TreeModel
-from ..fit.tree_uncertainty import SegmentJackknife
 from ..tree_motion import TreeMotion, fitted_without_payload
 from .tree_table import TreeTable
 

@@ -23,7 +23,7 @@ from ..._tabular import data_frame
 from ...numerics.filters import runs
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_length
-from .orientation import Inertial
+from .imu_angle import Inertial
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,15 @@ from ...models.anthropometry import Segment
 from ...models.estimates import Parameter
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.gravity_holds import GravityFit, Hold, added_gravity, find_holds
-from ..imu.imu_angle import FilterError, align_encoder, compare_filters, principal_axis, segment_angle
-from ..imu.orientation import Inertial, orientation
+from ..imu.imu_angle import (
+    FilterError,
+    Inertial,
+    align_encoder,
+    compare_filters,
+    orientation,
+    principal_axis,
+    segment_angle,
+)
 from ..input_output import InputOutput
 from .strap_model import Limb
 

@@ -14,11 +14,10 @@ import numpy as np
 
 from pellucid._errors import DatasetError, IdentificationError
 from pellucid.arm.fit.consistent_inertias import fit_consistent, least_eigenvalue
-from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, make_tree_estimate
+from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, heldout_errors, make_tree_estimate
 from pellucid.arm.fit.payload import gains_from_payload, with_drive_gains
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_regression import collect_rows
-from pellucid.arm.fit.tree_uncertainty import heldout_errors
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Tree, TreeJoint
 from pellucid.models.robot import Robot

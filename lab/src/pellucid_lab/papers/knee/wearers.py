@@ -10,7 +10,7 @@ import numpy as np
 from pellucid.models.anthropometry import de_leva, shank_length, winter
 from pellucid.models.estimates import Parameter
 from pellucid.numerics.gravity_holds import cosine_moment, line_of_best_fit
-from pellucid.orthosis.imu.orientation import inertial
+from pellucid.orthosis.imu.imu_angle import inertial
 from pellucid.orthosis.input_output import input_output
 from pellucid.orthosis.strap.limb import find_joint_axis, limb_angle_by_imu
 from pellucid.orthosis.strap.orthosis_alone import SPRING_HOLD, OrthosisFit, fit_orthosis

@@ -22,7 +22,7 @@ from ....numerics.wrapping import unwrap
 from ....study.procedures.procedure import Progress, quiet
 from ....study.study import Study
 from ....study.study_file import Participant, StudyFile
-from ...imu.orientation import inertial
+from ...imu.imu_angle import inertial
 from ...input_output import InputOutput, input_output
 from ...strap.limb import (
     JointAxis,

@@ -19,7 +19,7 @@ from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...imu.hinge import Hinge, HingeAngle, find_hinge, hinge_angle
-from ...imu.orientation import Inertial, angular_steps, conjugate, continuous, inertial, multiply, twist
+from ...imu.imu_angle import Inertial, angular_steps, conjugate, continuous, inertial, multiply, twist
 from .hinge_table import HingeTable
 
 JUMP_MARGIN_S = 0.05
