@@ -25,9 +25,8 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES
-from ...numerics.uncertainty import student_to_normal_ratio
 from .base_parameters import BaseParameters
-from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate
+from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate, student_ratio
 from .tree_estimate import TreeEstimate
 from .tree_regression import (
     LinearisedModel,
@@ -109,8 +108,6 @@ class ConsistencySettings:
     max_steps: int = 6  # largest number of Gauss-Newton steps. A model without load terms needs one.
     # Gauss-Newton steps stop when the load changes by at most this share of the RMS effort.
     load_change_tolerance: float = 1e-4
-    # Ratio of Student's 97.5 % quantile to the normal one for a single degree of freedom.
-    student_ratio_one_degree: float = 6.5
 
 
 CONSISTENCY_SETTINGS = ConsistencySettings()
@@ -461,9 +458,7 @@ def make_consistent_estimate(
     told = fit.told if told is None else told
     covariance = jackknife_covariance(found)
     freedom = float(max(len(_segments_with_rows(found.equations)) - 1, 1))
-    covariance *= (
-        student_to_normal_ratio(freedom) if freedom > 1.0 else CONSISTENCY_SETTINGS.student_ratio_one_degree
-    ) ** 2
+    covariance *= student_ratio(freedom) ** 2
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)

@@ -186,6 +186,11 @@ class TreeUncertainty:
     memory: np.ndarray  # correlation time of each joint's residual in rows, (m,)
 
 
+def student_ratio(freedom: float) -> float:
+    """Return Student's 97.5 % quantile over the normal one; 6.5, which it is for one degree of freedom, for less."""
+    return student_to_normal_ratio(freedom) if freedom > 1.0 else 6.5
+
+
 def correlation_times(rows: TreeRows, residuals: tuple[np.ndarray, ...]) -> np.ndarray:
     """Return the correlation time of each joint's residual, (m,), in rows; rows that do not count enter as 0."""
     lengths = np.bincount(rows.stretch).tolist()
@@ -249,7 +254,7 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
         score_rows.append(root.T @ (ways @ ((ways.T @ (root @ pull)) / np.sqrt(left))))
     scores = np.array(score_rows)
     freedom = float(max(len(scores) - 1, 1))
-    k = student_to_normal_ratio(freedom) if freedom > 1.0 else 6.5
+    k = student_ratio(freedom)
     covariance, textbook = np.zeros((2, p, p))
     covariance[np.ix_(free, free)] = k**2 * scores.T @ scores
     textbook[np.ix_(free, free)] = root.T @ root

@@ -47,7 +47,7 @@ from .consistent_inertias import (
     triangle_matrix,
 )
 from .tree_estimate import TreeEstimate
-from .tree_regression import NormalEquations, TreeModel, TreeRows, fit_rows
+from .tree_regression import NormalEquations, TreeModel, TreeRows, fit_rows, plain_solution
 
 PRIOR_WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
 """Weights of the prior that are tried, on the scale of the weighted sum of squares."""
@@ -129,7 +129,7 @@ def _minimise_entropic(
 
     Weak logarithmic barriers keep the parameters inside their bounds.
     """
-    k, c = BODY_PARAMETER_COUNT * len(maker), len(projected)
+    k = BODY_PARAMETER_COUNT * len(maker)
     basis = pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))  # (10, 4, 4)
     back = np.linalg.inv(pseudo_inertia(maker))
     pull = np.einsum("iab,tba->it", back, basis).ravel()
@@ -168,9 +168,7 @@ def _minimise_entropic(
         for mask, gap, way in ((below, theta - lowest, -1.0), (above, highest - theta, 1.0)):
             slope[mask] += way * push / gap[mask]
             hessian[mask, mask] += push / gap[mask] ** 2
-        size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        unit = hessian / np.outer(size, size) + 1e-13 * np.eye(c)
-        step = -np.linalg.solve(unit, slope / size) / size
+        step = -plain_solution(hessian, slope, ridge=1e-13)
         decrement = float(-slope @ step)
         share = 1.0
         while not value(theta + share * step) <= now - 1e-4 * share * decrement and share > 1e-10:

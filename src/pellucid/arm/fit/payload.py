@@ -38,11 +38,10 @@ from ...models.estimates import Estimates, Parameter
 from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...numerics.regression import make_parameters
-from ...numerics.uncertainty import student_to_normal_ratio
 from ..tree_motion import TreeMotion
 from .base_parameters import BaseParameters, find_base_parameters
 from .consistent_inertias import solve_consistent_inertias
-from .fit_tree import UNDETERMINED_REASON, estimate_uncertainty
+from .fit_tree import UNDETERMINED_REASON, estimate_uncertainty, student_ratio
 from .friction_terms import plain_families, smooth_sign
 from .tree_regression import (
     LinearisedModel,
@@ -54,6 +53,7 @@ from .tree_regression import (
     determined_parameters,
     fit_rows,
     linearise_rows,
+    plain_solution,
     sum_normal_equations,
 )
 
@@ -266,10 +266,8 @@ def _gain_covariance(
         gram[np.ix_(where, where)] += own.T @ x
         for i in np.flatnonzero(turns[:, j]):
             pulls[i, where] += own.T @ (of_motors[lines, i] * turns[i, j])
-    size = np.sqrt(np.diag(gram)[free])
     moved = np.zeros_like(pulls)
-    unit = gram[np.ix_(free, free)] / np.outer(size, size)
-    moved[:, free] = np.linalg.solve(unit, (pulls[:, free] / size).T).T / size
+    moved[:, free] = plain_solution(gram[np.ix_(free, free)], pulls[:, free].T, ridge=0.0).T
     share = np.array([g.standard_error / g.value for g in gains])
     own = moved[:, place] * share[:, None]
     return own.T @ own
@@ -346,8 +344,7 @@ def _partial_slope(gram: np.ndarray) -> float:
 def _jackknife_error(left: np.ndarray) -> float:
     """Return the jackknife's standard error from estimates `left`, (s,), each without one segment."""
     n = len(left)
-    error = np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2))
-    return float(error * (student_to_normal_ratio(n - 1.0) if n > 2 else 6.5))
+    return float(np.sqrt((n - 1) / n * np.sum((left - left.mean()) ** 2)) * student_ratio(n - 1.0))
 
 
 def _gain_parameter(robot: Robot, motion: TreeMotion, i: int, value: float, error: float) -> Parameter:
@@ -403,10 +400,8 @@ class _DriveSums:
             kept = np.append(free, p + np.arange(m))
             inner = hessian[np.ix_(kept, kept)]
             seen = determined_parameters(inner)
-            size = np.sqrt(np.diag(inner)[seen])
             move = np.zeros(len(kept))
-            unit = inner[np.ix_(seen, seen)] / np.outer(size, size)
-            move[seen] = np.linalg.solve(unit, slope[kept][seen] / size) / size
+            move[seen] = plain_solution(inner[np.ix_(seen, seen)], slope[kept][seen], ridge=0.0)
             change = move[len(free) :]
             # No gain changes its sign, or by more than half, in a step.
             share = min(1.0, 0.5 / max(np.max(np.abs(change / gamma)), 1e-300))

@@ -428,10 +428,13 @@ def weight_joints(equations: NormalEquations, sd: np.ndarray) -> tuple[np.ndarra
     return gram, np.einsum("j,sjp->sp", weight, equations.moment), equations.square @ weight
 
 
-def plain_solution(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Solve normal equations without bounds, (p, k) for `moment`, (p, k); undetermined parameters are 0."""
+def plain_solution(gram: np.ndarray, moment: np.ndarray, ridge: float = 1e-12) -> np.ndarray:
+    """Solve normal equations without bounds, scaled to a unit diagonal; (p,) or (p, k), as `moment`.
+
+    With a `ridge` on that diagonal, undetermined parameters are 0.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    unit = gram / np.outer(size, size) + 1e-12 * np.eye(len(gram))
+    unit = gram / np.outer(size, size) + ridge * np.eye(len(gram))
     return (np.linalg.solve(unit, (moment.T / size).T).T / size).T
 
 

@@ -3,8 +3,8 @@
 Samples are made uniform in time, dropouts bridged and counted, or refused by name. Quaternions have w first.
 Their products are written out: SciPy's `Rotation`, which takes seven times as long, rounds them otherwise, and a fit of
 two poles to a strap multiplies that difference by 10^10.
-Orientation is by Madgwick's filter [1]_ or by VQF [2]_, each with six or nine axes; a segment's angle is the turn about a
-fixed axis that is in it.
+Orientation is by Madgwick's filter [1]_ or by VQF [2]_, each with six or nine axes; a segment's angle is the turn about
+a fixed axis that is in it.
 
 .. [1] S. O. H. Madgwick, A. J. L. Harrison, R. Vaidyanathan, Estimation of IMU and MARG orientation using a gradient
    descent algorithm, IEEE ICORR, 2011 (in the revised form of the library imufusion).

@@ -32,9 +32,9 @@ from scipy.signal import cont2discrete, lfilter
 from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...numerics.clocks import best_delay
-from ...numerics.filters import central_difference, zero_phase_lowpass
+from ...numerics.filters import central_difference
 from ...numerics.uncertainty import sandwich_covariance
-from .strap_model import DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, Limb, Orthosis, StrappedSwing, StrapTorque
+from .strap_model import Limb, Orthosis, StrappedSwing, StrapTorque, derivative_lowpass
 
 
 @dataclass(frozen=True)
@@ -548,7 +548,7 @@ def torque_mismatch(swing: StrappedSwing, limb_angle: np.ndarray, orthosis: Orth
         raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for equation 2.2")
     fs = swing.fs
     signals = np.column_stack([limb_angle, swing.position, swing.knee_torque + swing.torque - orthosis.offset])
-    k, e, torque = zero_phase_lowpass(signals, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs).T
+    k, e, torque = derivative_lowpass(signals, fs).T
     static = torque - limb.gravity * np.sin(k) - orthosis.gravity * np.sin(e)
     return static - limb.inertia * _second(k, fs) - orthosis.inertia * _second(e, fs)
 
@@ -560,7 +560,7 @@ def solve_balance(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
     """
     rows = []
     for angle in mismatches:
-        smooth = zero_phase_lowpass(angle, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs)
+        smooth = derivative_lowpass(angle, fs)
         rows.append(np.column_stack([_second(smooth, fs), central_difference(smooth, fs), smooth]))
     found, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(torques), rcond=None)
     return PublishedCoupling(*(float(v) for v in found))

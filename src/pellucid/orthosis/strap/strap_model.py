@@ -10,7 +10,7 @@ of the strap, but the other parameters are biased without it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -145,13 +145,15 @@ class StrapModel:
 
     def core(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the core's parameters, shape (p,), from values by coefficient; parameters that are not free are 0."""
-        made = dict.fromkeys(CORE_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
-        return np.array([made[name] for name in CORE_NAMES])
+        return self._values_of(CORE_NAMES, values)
 
     def contact(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the core's parameters of friction and tissue, shape (4,); parameters that are not free are 0."""
-        made = dict.fromkeys(CONTACT_NAMES, 0.0) | {c.field: c.core(values[c.name]) for c in self.coefficients}
-        return np.array([made[name] for name in CONTACT_NAMES])
+        return self._values_of(CONTACT_NAMES, values)
+
+    def _values_of(self, names: Sequence[str], values: Mapping[str, float]) -> np.ndarray:
+        made = {c.field: c.core(values[c.name]) for c in self.coefficients}
+        return np.array([made.get(name, 0.0) for name in names])
 
 
 FULL_MODEL = StrapModel(tuple(STRAP_FEATURES))
@@ -187,9 +189,7 @@ class StrappedSwing:
     torque: np.ndarray
     imu_time: np.ndarray  # (m,) times of the IMU, on its own clock [s]
     imu_angle: np.ndarray  # (m,) limb angle by the IMU [rad]
-    knee_torque: np.ndarray | None = (
-        None  # (n,) torque of the muscles estimated from EMG, at the actuator's times [N m]
-    )
+    knee_torque: np.ndarray | None = None  # (n,) muscles' torque, from EMG, at the actuator's times [N m]
 
     @property
     def fs(self) -> float:
@@ -233,21 +233,20 @@ class StrapTorque:
     known: np.ndarray  # (n,) False where the joint may stick, so that dry friction is unknown up to its level
 
 
+def derivative_lowpass(samples: np.ndarray, fs: float) -> np.ndarray:
+    """Return samples, (n,) or (n, k), through the low-pass that every term of a balance passes."""
+    return zero_phase_lowpass(samples, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs)
+
+
 def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
     """Return the strap's torque from the balance of the orthosis."""
     fs = swing.fs
-    raw_velocity = central_difference(
-        zero_phase_lowpass(swing.position, DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs), fs
-    )
+    raw_velocity = central_difference(derivative_lowpass(swing.position, fs), fs)
     moving = np.abs(raw_velocity) > MIN_FRICTION_SPEED
     dry = _direction(raw_velocity, moving)
-    angle, torque, dry = zero_phase_lowpass(
-        np.column_stack([swing.position, swing.torque, dry]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
-    ).T
+    angle, torque, dry = derivative_lowpass(np.column_stack([swing.position, swing.torque, dry]), fs).T
     velocity = central_difference(angle, fs)
-    columns = np.column_stack(
-        [central_difference(velocity, fs), velocity, np.sin(angle - orthosis.zero), dry],
-    )
+    columns = np.column_stack([central_difference(velocity, fs), velocity, np.sin(angle - orthosis.zero), dry])
     values = np.array([orthosis.inertia, orthosis.viscous, orthosis.gravity, orthosis.coulomb])
     strap = columns @ values - (torque - orthosis.offset)
     matters = orthosis.coulomb > MIN_FRICTION_SHARE * float(np.std(strap))
@@ -259,9 +258,7 @@ def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> Strap
     if swing.knee_torque is None:
         raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for the limb's balance")
     fs = swing.fs
-    angle, torque = zero_phase_lowpass(
-        np.column_stack([limb_angle, swing.knee_torque]), DERIVATIVE_LOWPASS_HZ, DERIVATIVE_LOWPASS_ORDER, fs
-    ).T
+    angle, torque = derivative_lowpass(np.column_stack([limb_angle, swing.knee_torque]), fs).T
     velocity = central_difference(angle, fs)
     columns = -np.column_stack([central_difference(velocity, fs), np.sin(angle - limb.zero), velocity])
     values = np.array([limb.inertia, limb.gravity, limb.viscous])
@@ -337,7 +334,7 @@ def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | 
     known = np.isfinite(residual) & np.isfinite(time)
     t, r = time[known], residual[known]
     n = len(r)
-    each = _samples_per_block(t)
+    each = max(1, round(SLIP_THRESHOLDS.block_length_s * (n - 1) / max(float(t[-1] - t[0]), 1e-9)))
     first, last = SLIP_THRESHOLDS.excluded_end_blocks * each, n - SLIP_THRESHOLDS.excluded_end_blocks * each
     if last - first < each:
         return None
@@ -357,8 +354,3 @@ def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | 
     if abs(step[at]) < max(SLIP_THRESHOLDS.min_slip_rad, SLIP_THRESHOLDS.min_slip_standard_errors * error):
         return None
     return Slip(recording, float(t[count[at]]), float(step[at]))
-
-
-def _samples_per_block(time: np.ndarray) -> int:
-    """Return the number of samples in a block."""
-    return max(1, round(SLIP_THRESHOLDS.block_length_s * (len(time) - 1) / max(float(time[-1] - time[0]), 1e-9)))

@@ -131,7 +131,7 @@ def faults(study: Study) -> list[Fault]:
     for r in study.recordings():
         if r.protocol not in (EMPTY_PROTOCOL, LOADED_PROTOCOL):
             continue
-        where, text = f"{r.path.name} (recording {r.name})", ""
+        text = ""
         reach = float(np.nanmax(np.abs(r["position"][r.sound]), initial=0.0))
         if reach > np.pi:
             text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
@@ -141,9 +141,8 @@ def faults(study: Study) -> list[Fault]:
             except PellucidError as error:
                 text = str(error)
         if text:
-            expected = "a swing about hanging"
-            message = f"{where}, channel position: {text}"
-            fault = Fault("refuse", "swing", r.path.name, "position", text, expected, message)
+            message = f"{r.path.name} (recording {r.name}), channel position: {text}"
+            fault = Fault("refuse", "swing", r.path.name, "position", text, "a swing about hanging", message)
             found.append(warn_if_held_out(fault, r.use))
     return found
 
@@ -211,33 +210,20 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     for who, leg in legs.items():
         half = leg.inertia.interval(confidence)[1] - leg.inertia.value
         if half > MAX_RELATIVE_HALF_WIDTH * abs(leg.inertia.value):
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{who}: the swings do not tell the leg's inertia: {leg.inertia.value:.3g} +- {half:.2g} kg*m^2; "
-                    f"inertia and weight correlate by {leg.loaded.correlation:.2f}. Swing faster, within the "
-                    "same angles.",
-                )
-            )
+            text = f"{who}: the swings do not tell the leg's inertia: {leg.inertia.value:.3g} +- {half:.2g} kg*m^2; "
+            text += f"inertia and weight correlate by {leg.loaded.correlation:.2f}. "
+            verdicts.append(Verdict("warning", f"{text}Swing faster, within the same angles."))
         mass = getattr(config.participants.get(who), "mass", None)
         # A leg of mass m has at least the inertia (q' - q)^2 / m, and nobody's is twice as heavy as Winter's shank.
         if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * WINTER_MASS * mass):
-            verdicts.append(
-                Verdict(
-                    "warning", f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
-                )
-            )
+            text = f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
+            verdicts.append(Verdict("warning", text))
     more = {who: 100.0 * (leg.weight_moment.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
     beyond = {who: share for who, share in more.items() if share > 10.0}
     if beyond:
         named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
-        verdicts.append(
-            Verdict(
-                "note",
-                f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
-                "does, and no swing of this range tells them apart.",
-            )
-        )
+        text = f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
+        verdicts.append(Verdict("note", f"{text}does, and no swing of this range tells them apart."))
     if not verdicts:
         verdicts.append(Verdict("good", "Every leg's inertia and weight are told apart."))
     return verdicts
