@@ -134,11 +134,9 @@ def read_urdf(path: Path) -> Urdf:
         mimic = element.find("mimic")
         if mimic is not None and joint.kind != "fixed":
             at = f"joint {joint.name!r}, <mimic>"
-            mimics[joint.name] = Mimic(
-                _name(path, at, mimic, "joint"),
-                _number_or(path, at, mimic, "multiplier", 1.0),
-                _number_or(path, at, mimic, "offset", 0.0),
-            )
+            multiplier, offset = (_number(path, at, mimic, key) for key in ("multiplier", "offset"))
+            followed = _name(path, at, mimic, "joint")
+            mimics[joint.name] = Mimic(followed, 1.0 if multiplier is None else multiplier, offset or 0.0)
     if not joints:
         raise RecordingError(f"{path.name}: found no <joint>, expected at least one")
     name = root.get("name") or path.stem
@@ -219,7 +217,7 @@ def _limits(path: Path, joint: TreeJoint, element: Element | None) -> Limits:
     if element is None or joint.kind == "fixed":
         return Limits()
     at = f"joint {joint.name!r}, <limit>"
-    found = {key: _number(path, at, element, key, default=None) for key in ("lower", "upper", "velocity", "effort")}
+    found = {key: _number(path, at, element, key) for key in ("lower", "upper", "velocity", "effort")}
     low, high = found["lower"], found["upper"]
     if low is not None and high is not None and low >= high:
         # Files state unknown limits as 0 to 0.
@@ -240,11 +238,11 @@ def _link(path: Path, element: Element) -> Link:
         lacks = "<mass>" if mass is None else "<inertia>"
         raise RecordingError(f"{path.name}, {at}: found an <inertial> without {lacks}, expected both, or none of them")
     centre, turned = _origin(path, at, inertial)
-    kilograms = _number(path, f"{at}, <mass>", mass, "value", default=None)
+    kilograms = _number(path, f"{at}, <mass>", mass, "value")
     if kilograms is None or kilograms < 0.0:
         raise RecordingError(f"{path.name}, {at}: found the mass {mass.get('value')!r}, expected a number >= 0 [kg]")
     pairs = ("xx", "xy", "xz", "yy", "yz", "zz")
-    about = [_number_or(path, f"{at}, <inertia>", inertia, f"i{pair}", 0.0) for pair in pairs]
+    about = [_number(path, f"{at}, <inertia>", inertia, f"i{pair}") or 0.0 for pair in pairs]
     return Link.about_centre(name, kilograms, centre, about, turned)
 
 
@@ -252,9 +250,8 @@ def _origin(path: Path, at: str, element: Element) -> tuple[Vector, Vector]:
     found = element.find("origin")
     if found is None:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    zeros = (0.0, 0.0, 0.0)
-    place = _vector(path, f"{at}, <origin>", found, "xyz", default=zeros)
-    return place, _vector(path, f"{at}, <origin>", found, "rpy", default=zeros)
+    where, zeros = f"{at}, <origin>", (0.0, 0.0, 0.0)
+    return tuple(_vector(path, where, found, key, default=zeros) for key in ("xyz", "rpy"))
 
 
 def _name(path: Path, at: str, element: Element, key: str) -> str:
@@ -264,15 +261,9 @@ def _name(path: Path, at: str, element: Element, key: str) -> str:
     return found
 
 
-def _number(path: Path, at: str, element: Element, key: str, *, default: float | None) -> float | None:
+def _number(path: Path, at: str, element: Element, key: str) -> float | None:
     found = element.get(key)
-    return default if found is None else _parsed(path, at, key, found)
-
-
-def _number_or(path: Path, at: str, element: Element, key: str, default: float) -> float:
-    """Return the number of an attribute, or `default` where the element does not have it."""
-    found = _number(path, at, element, key, default=default)
-    return default if found is None else found
+    return None if found is None else _parsed(path, at, key, found)
 
 
 def _vector(path: Path, at: str, element: Element, key: str, *, default: Vector | None) -> Vector:

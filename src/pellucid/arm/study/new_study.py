@@ -105,11 +105,11 @@ def new_study(robot: Urdf, folder: str) -> str:
             )
     mixed = len({joint.kind for joint in joints}) > 1
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", folder).strip("-_") or "robot"
-    study_text = HEAD_TEXT.format(
-        robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name)
-    )
+    about = {"robot": _comment(robot.name), "file": _comment(robot.path.name)}
+    study_text = HEAD_TEXT.format(count=len(joints), name=name, **about)
     if held:
-        places = ", ".join(f'"{key}" = "{x:.6g} {_unit(robot, key)}"' for key, x in held.items())
+        units = {joint.name: _units(joint)[0] for joint in robot.joints}
+        places = ", ".join(f'"{key}" = "{x:.6g} {units[key]}"' for key, x in held.items())
         line = f"held = {{ {places} }}  # they follow other joints; hold those too, if they do not move\n"
         study_text = study_text.replace("# gravity", f"{line}# gravity", 1)
     tables = []
@@ -118,20 +118,17 @@ def new_study(robot: Urdf, folder: str) -> str:
         motion = "prismatic" if joint.kind == "prismatic" else "rotary"
         joint_text = (JOINT_TEXT if i else FIRST_JOINT_TEXT).format(name=joint.name, motion=motion, band=band)
         tables.append(joint_text + _limits(joint, robot.limits[joint.name]))
-    n = len(joints)
-    channels = [
-        f'position.{joint.name} = {{ column = {1 + i}, unit = "{"m" if joint.kind == "prismatic" else "rad"}" }}'
-        for i, joint in enumerate(joints)
-    ] + [
-        f'force.{joint.name} = {{ column = {1 + n + i}, unit = "N" }}'
-        if joint.kind == "prismatic"
-        else f'torque.{joint.name} = {{ column = {1 + n + i}, unit = "N*m" }}'
-        for i, joint in enumerate(joints)
-    ]
+    n, positions, efforts = len(joints), [], []
+    for i, joint in enumerate(joints, 1):
+        position, _, effort = _units(joint)
+        positions.append(f'position.{joint.name} = {{ column = {i}, unit = "{position}" }}')
+        quantity = "force" if joint.kind == "prismatic" else "torque"
+        efforts.append(f'{quantity}.{joint.name} = {{ column = {i + n}, unit = "{effort}" }}')
     alike = f'dead_band = "{_band(joints[0])}"'
     dead_band = "" if mixed else f"{alike:<35} # slower, friction may be anything up to its level\n"
     tail = CHANNELS_TEXT.format(
-        channels="\n".join(channels), name=joints[0].name, next=1 + 2 * n, after=1 + 3 * n, dead_band=dead_band
+        channels="\n".join(positions + efforts),
+        name=joints[0].name, next=1 + 2 * n, after=1 + 3 * n, dead_band=dead_band,
     )
     return study_text + "\n".join(tables) + tail
 
@@ -140,23 +137,24 @@ def _band(joint: TreeJoint) -> str:
     return "0.002 m/s" if joint.kind == "prismatic" else "0.02 rad/s"
 
 
+def _units(joint: TreeJoint) -> tuple[str, str, str]:
+    """Return the units of a joint's position, speed and effort."""
+    return ("m", "m/s", "N") if joint.kind == "prismatic" else ("rad", "rad/s", "N*m")
+
+
 def _limits(joint: TreeJoint, limits: Limits) -> str:
-    slides = joint.kind == "prismatic"
-    units = {"lower": "m" if slides else "rad", "velocity": "m/s" if slides else "rad/s"}
-    units |= {"upper": units["lower"], "effort": "N" if slides else "N*m"}
-    keys = {"lower": "position_min", "upper": "position_max", "velocity": "velocity", "effort": "effort"}
-    found = {key: getattr(limits, name) for name, key in keys.items()}
+    position, speed, effort = _units(joint)
+    stated = (
+        ("position_min", limits.lower, position), ("position_max", limits.upper, position),
+        ("velocity", limits.velocity, speed), ("effort", limits.effort, effort),
+    )  # fmt: skip
     # Robot files state very large or negative numbers for unknown limits.
     lines = [
-        f'{key} = "{x:.6g} {units[name]}"\n'
-        for (name, key), x in zip(keys.items(), found.values(), strict=True)
-        if x is not None and math.isfinite(x) and abs(x) < 1e6 and (name in ("lower", "upper") or x > 0.0)
+        f'{key} = "{x:.6g} {unit}"\n'
+        for key, x, unit in stated
+        if x is not None and math.isfinite(x) and abs(x) < 1e6 and (unit == position or x > 0.0)
     ]
     return "[rig.joints.limits]\n" + "".join(lines) if lines else ""
-
-
-def _unit(robot: Urdf, name: str) -> str:
-    return next("m" if joint.kind == "prismatic" else "rad" for joint in robot.joints if joint.name == name)
 
 
 def _comment(text: str) -> str:

@@ -178,6 +178,7 @@ ORIENTATION_FILTERS = ("madgwick", "vqf")
 
 AXES = (6, 9)
 GRAVITY = 9.80665  # [m/s^2] in one g, imufusion's unit of acceleration
+MADGWICK_GAIN = 0.5  # how fast gravity and field correct the gyroscope [rad/s]
 
 
 def orientation(
@@ -185,11 +186,8 @@ def orientation(
     method: str = "vqf",
     *,
     axes: int = 6,
-    offline: bool = True,
-    gain: float = 0.5,
 ) -> np.ndarray:
-    """From the sensor's frame to one with z up: x east and y north with nine axes, of free heading with six. `gain`
-    [rad/s]; gives (n, 4)."""
+    """From the sensor's frame to one with z up: x east and y north with nine axes, of free heading with six; (n, 4)."""
     if method not in ORIENTATION_FILTERS or axes not in AXES:
         raise RecordingError(
             f"orientation: found method {method!r} with {axes!r} axes, expected one of "
@@ -204,32 +202,25 @@ def orientation(
         bad = np.flatnonzero(~np.isfinite(samples).all(axis=1))
         if len(bad):
             raise RecordingError(f"orientation: {name} is not finite at {imu.time[bad[0]]:.3f} s, expected a number")
-    found = _vqf(imu, axes, offline) if method == "vqf" else _madgwick(imu, axes, gain)
+    found = _vqf(imu, axes) if method == "vqf" else _madgwick(imu, axes)
     return continuous(found / np.linalg.norm(found, axis=1, keepdims=True))
 
 
-def _vqf(imu: Inertial, axes: int, offline: bool) -> np.ndarray:
-    from vqf import VQF, offlineVQF
+def _vqf(imu: Inertial, axes: int) -> np.ndarray:
+    from vqf import offlineVQF
 
-    gyroscope, accelerometer = (
-        np.ascontiguousarray(_since_last(imu.angular_velocity)),
-        np.ascontiguousarray(imu.acceleration),
-    )
+    rate, force = np.ascontiguousarray(_since_last(imu.angular_velocity)), np.ascontiguousarray(imu.acceleration)
     field = np.ascontiguousarray(imu.magnetic_field) if axes == 9 else None
-    if offline:
-        out = offlineVQF(gyroscope, accelerometer, field, imu.period)
-    else:
-        out = VQF(imu.period).updateBatch(gyroscope, accelerometer, field)
-    return np.asarray(out[f"quat{axes}D"])
+    return np.asarray(offlineVQF(rate, force, field, imu.period)[f"quat{axes}D"])
 
 
-def _madgwick(imu: Inertial, axes: int, gain: float) -> np.ndarray:
+def _madgwick(imu: Inertial, axes: int) -> np.ndarray:
     import imufusion
 
     settings = imufusion.AhrsSettings()
     settings.convention = imufusion.CONVENTION_ENU
     settings.sample_rate = 1.0 / imu.period
-    settings.gain = gain
+    settings.gain = MADGWICK_GAIN
     ahrs = imufusion.Ahrs()
     ahrs.set_settings(settings)
     rates, forces = np.degrees(_since_last(imu.angular_velocity)), imu.acceleration / GRAVITY

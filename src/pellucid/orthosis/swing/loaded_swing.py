@@ -9,8 +9,7 @@ which is unstable where a leg hangs. The corrected equation, around the angle of
 .. math::  T = p \ddot\theta + q g \sin(\theta - \theta_0) + b \dot\theta + c \,\mathrm{sign}\,\dot\theta + T_0
 
 Both are linear in the unknowns (q cos theta_0 and q sin theta_0 if the angle of rest is unknown), so least squares have
-a closed form. A body of mass m or less satisfies p >= q^2 / m, by the Cauchy-Schwarz inequality. If the least-squares
-solution violates this, the fit is the best one on the bound.
+a closed form.
 """
 
 from __future__ import annotations
@@ -229,7 +228,6 @@ class SwingFit(Estimates):
     residual_rms: float  # root mean square of the residual [N m]
     correlation: float  # correlation between the columns of inertia and gravity
     condition: float  # condition number of the regressor
-    mass_bound: float | None = None  # mass m for which inertia >= weight_moment^2 / m was active [kg]
 
     @property
     def inertia(self) -> Parameter:
@@ -261,23 +259,15 @@ class SwingFit(Estimates):
         return self.form.regressor(motion) @ self.coefficients
 
 
-def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | None = None) -> SwingFit:
-    """Fit swings by least squares in closed form, bounded to physical values.
-
-    `mass_bound` is the largest mass of the body [kg].
-    """
+def fit_swings(swings: Sequence[Swing], form: SwingForm) -> SwingFit:
+    """Fit swings by least squares in closed form, bounded to physical values."""
     matrix, torque = _stacked_rows(swings, form)
     require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
-    values, bound = _bounded_solution(matrix, torque, form, mass_bound)
+    values = least_squares_within(matrix, torque, *form.bounds(), method="bvls")
     values, held = snap_to_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
-    free = ~held
-    if bound:
-        free[form.terms.index("inertia")] = False
     residual = torque - matrix @ values
-    covariance = sandwich_covariance(matrix, residual, [len(s) for s in swings], free=free)
-    if bound and mass_bound is not None:
-        covariance = _covariance_on_mass_bound(covariance, values, form, mass_bound)
-    return _swing_fit(form, values, covariance, held, residual, matrix, mass_bound if bound else None)
+    covariance = sandwich_covariance(matrix, residual, [len(s) for s in swings], free=~held)
+    return _swing_fit(form, values, covariance, held, residual, matrix)
 
 
 def adam_swings(
@@ -317,53 +307,7 @@ def _stacked_rows(swings: Sequence[Swing], form: SwingForm) -> tuple[np.ndarray,
     return regression_rows(form, np.zeros(len(form.terms)), data)[0], data.target
 
 
-def _bounded_solution(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
-    """Return the bounded coefficients, (k,), and whether the mass bound is active."""
-    lower, upper = form.bounds()
-    values = least_squares_within(matrix, torque, lower, upper, method="bvls")
-    gravity = np.array([name.startswith("weight_moment") for name in form.terms])
-    inertia = form.terms.index("inertia")
-
-    def beyond(values: np.ndarray) -> float:
-        return float(np.sum(values[gravity] ** 2) / mass_bound - values[inertia])
-
-    if mass_bound is None or form.sign < 0.0 or beyond(values) <= 0.0:
-        return values, False
-    from scipy.optimize import brentq
-
-    size = np.linalg.norm(matrix, axis=0)
-    scaled = matrix / size
-    gram, moment = scaled.T @ scaled, scaled.T @ torque
-
-    def solved(weight: float) -> np.ndarray:
-        # Lagrangian: the bound's quadratic part is added to the Gram matrix, its linear part to the moment.
-        curved = gram + np.diag(np.where(gravity, weight / mass_bound / size**2, 0.0))
-        pulled = moment.copy()
-        pulled[inertia] += 0.5 * weight / size[inertia]
-        root = np.linalg.cholesky(curved)
-        values = least_squares_within(root.T, np.linalg.solve(root, pulled), lower * size, upper, method="bvls")
-        return values / size
-
-    most = float(size[inertia] ** 2 * max(abs(beyond(values)), 1e-9))
-    while beyond(solved(most)) > 0.0:
-        most *= 4.0
-    return solved(brentq(lambda weight: beyond(solved(weight)), 0.0, most, xtol=1e-12 * most, rtol=1e-12)), True
-
-
-def _covariance_on_mass_bound(
-    covariance: np.ndarray, values: np.ndarray, form: SwingForm, mass_bound: float
-) -> np.ndarray:
-    """Return the covariance including the inertia, which on the mass bound is a function of the gravity terms."""
-    slope = np.eye(len(values))
-    i = form.terms.index("inertia")
-    slope[i] = [
-        2.0 * v / mass_bound if n.startswith("weight_moment") else 0.0 for n, v in zip(form.terms, values, strict=True)
-    ]
-    return slope @ covariance @ slope.T
-
-
-def _swing_fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingFit:
-    held = held | np.array([name == "inertia" and mass_bound is not None for name in form.terms])
+def _swing_fit(form, values, covariance, held, residual, matrix) -> SwingFit:
     plain = make_parameters(form.terms, [COEFFICIENT_UNITS[n] for n in form.terms], values, covariance, held)
     found = {p.name: p for p in plain}
     others = tuple(p for name, p in found.items() if not name.startswith(("inertia", "weight_moment")))
@@ -385,7 +329,6 @@ def _swing_fit(form, values, covariance, held, residual, matrix, mass_bound) -> 
         residual_rms=float(np.sqrt(np.mean(residual**2))),
         correlation=float(np.corrcoef(matrix[:, form.terms.index("inertia")], column)[0, 1]),
         condition=float(np.linalg.cond(matrix)),
-        mass_bound=mass_bound,
     )
 
 

@@ -271,9 +271,7 @@ class Response:
     offset: float  # estimated constant of the output; 0 if none was asked for
 
     @classmethod
-    def of(
-        cls, record: InputOutput, simulated: np.ndarray, initial: Sequence[float], offset: float = 0.0
-    ) -> Response:
+    def of(cls, record: InputOutput, simulated: np.ndarray, initial: Sequence[float], offset: float = 0.0) -> Response:
         """Return a record's response and how well it fits; `simulated`, (n,), and so the fit, may be NaN."""
         return cls(
             record.recording, record.split, record.time, record.input, record.output, simulated,
@@ -404,9 +402,8 @@ def evaluate_transfer_function(transfer_function: TransferFunction, record: Inpu
     forced = basis.numerator @ np.asarray(transfer_function.numerator)
     columns = basis.initial
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    own = np.linalg.lstsq(columns / scale, record.output - forced, rcond=None)[0] / scale
-    initial, constants = np.split(own, [transfer_function.order])
-    return Response.of(record, forced + columns @ own, initial, float(constants.sum()))
+    initial = np.linalg.lstsq(columns / scale, record.output - forced, rcond=None)[0] / scale
+    return Response.of(record, forced + columns @ initial, initial)
 
 
 def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:

@@ -35,35 +35,30 @@ def shown(unit: str, channel: str) -> tuple[str, float]:
     return f"{words} ({text})", scale
 
 
-def response(
-    time: np.ndarray,
-    measured: np.ndarray,
-    simulated: np.ndarray,
-    signal: np.ndarray,
-    labels: Sequence[tuple[str, float]],
-    name: str,
-    *,
-    caption: str,
-    heldout: bool = False,
-) -> Drawing:
-    """Output measured and simulated, what the simulation misses, and the input. `time`, `measured`, `simulated`,
-    `signal` (n,) [s]."""
+def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
+    """Output measured and simulated, what the simulation misses, and the input; `labels` of input and output."""
+    heldout, time = found.split == "heldout", found.time
     (input_label, input_scale), (output_label, output_scale) = labels
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.3, 1.0))
     tone = colour("heldout" if heldout else "fitted")
-    line(top, time, output_scale * measured, color=colour("measured"), linewidth=2.4, alpha=0.55)
-    line(top, time, output_scale * simulated, color=tone)
-    line(middle, time, output_scale * (measured - simulated), color=tone)
+    line(top, time, output_scale * found.measured, color=colour("measured"), linewidth=2.4, alpha=0.55)
+    line(top, time, output_scale * found.simulated, color=tone)
+    line(middle, time, output_scale * found.residual, color=tone)
     middle.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
-    line(bottom, time, input_scale * signal, color=colour("muted"))
+    line(bottom, time, input_scale * found.input, color=colour("muted"))
     tidy(top, first=True, text=output_label)
     tidy(middle, first=True, text="Missed", ticks=4)
     tidy(bottom, first=True, text=input_label, ticks=3)
     top.margins(y=0.12)
     key(top, [("measured", colour("measured")), ("simulated", tone)])
     bottom.set_xlabel("Time (s)")
-    return Drawing(name, figure, caption)
+    return Drawing(
+        f"response-{found.recording}".replace(".", "-"),
+        figure,
+        f"{found.recording.replace('_', ' ')}, {'held out' if heldout else 'fitted'}: measured (grey) and simulated, "
+        f"what the simulation misses, and the input. Fit {number(found.fit, digits=3)} %.",
+    )
 
 
 def frequency_response(
@@ -125,30 +120,34 @@ def _logarithmic(axis: Axes, text: str) -> None:
         each.set_major_formatter(lambda x, _: f"{x:g}")
 
 
-def output_lines(
-    groups: Sequence[tuple[str, str, np.ndarray, np.ndarray]],
-    noise: tuple[np.ndarray, np.ndarray],
-    label: tuple[str, float],
-    name: str,
-    *,
-    caption: str,
-) -> Drawing:
-    """Amplitudes of the output line by line: `groups` in words, a colour's role, frequencies [Hz] and amplitudes; and
-    the `noise`, frequencies and amplitudes; `label` of the axis and its scale."""
-    text, scale = label
+def output_lines(look: FirstLook, label: tuple[str, float]) -> Drawing:
+    """Amplitudes of the output line by line, and their noise; `label` of the axis and its scale."""
+    seen, left, (text, scale) = look.found, look.found.left_out, label
+    groups = [("excited", "measured", seen.frequency, 2.0 * np.abs(seen.response) * np.sqrt(seen.input_power))]
+    for words, role, side in (("odd left out", "heldout", ~seen.even), ("even left out", "load", seen.even)):
+        above = side & (left.power > 0.0)
+        groups.append((words, role, left.frequency[above], 2.0 * np.sqrt(left.power[above])))
+    frequency = np.concatenate([seen.frequency, left.frequency])
+    order = np.argsort(frequency)
+    noise = 2.0 * np.sqrt(np.concatenate([seen.noise_variance, left.noise]))[order]
     figure, axis = one_panel(3.4)
-    axis.plot(noise[0], scale * noise[1], color=colour("muted"), linewidth=1.6, zorder=1)
-    for _, role, frequency, amplitude in groups:
-        axis.plot(
-            frequency, scale * amplitude, color=colour(role), marker="o", markersize=3.5, linestyle="none", zorder=3
-        )
+    axis.plot(frequency[order], scale * noise, color=colour("muted"), linewidth=1.6, zorder=1)
+    style = {"marker": "o", "markersize": 3.5, "linestyle": "none", "zorder": 3}
+    for _, role, at, amplitude in groups:
+        axis.plot(at, scale * amplitude, color=colour(role), **style)
     _logarithmic(axis, text)
     key(axis, [*((words, colour(role)) for words, role, *_ in groups), ("noise", colour("muted"))])
     axis.set_xlabel("Frequency (Hz)")
-    return Drawing(name, figure, caption)
+    return Drawing(
+        f"lines-{look.name}".replace(".", "-"),
+        figure,
+        f"{look.name.replace('_', ' ')}: the output's sines. Where nothing is excited only noise and "
+        "distortion are left: at even lines that of even powers, such as friction that differs by direction, at odd "
+        "ones that of odd powers, such as Coulomb friction or sin q. What noise makes there is taken off.",
+    )
 
 
-def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: str = "") -> Drawing:
+def pole_map(poles: Mapping[str, np.ndarray]) -> Drawing:
     """Poles of several transfer functions in the complex plane, upper half. `poles` (k,) [1/s]."""
     figure, axis = one_panel(3.9)
     origin(axis)
@@ -169,17 +168,14 @@ def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: s
     axis.set_xlabel("Real part (1/s)")
     numbered = "; ".join(f"{k + 1} {recording}" for k, recording in enumerate(poles))
     return Drawing(
-        name,
+        "poles",
         figure,
-        caption
-        or f"Poles of every transfer function, upper half of the plane: the further left, the faster a response dies "
+        "Poles of every transfer function, upper half of the plane: the further left, the faster a response dies "
         f"away; the higher, the faster it oscillates. {numbered}.",
     )
 
 
-def fits(
-    names: Sequence[str], fitted: np.ndarray, heldout: np.ndarray, name: str = "fits", *, caption: str = ""
-) -> Drawing:
+def fits(names: Sequence[str], fitted: np.ndarray, heldout: np.ndarray) -> Drawing:
     """Fit of every recording, as fitted and held out. `fitted`, `heldout` (r,) [%]."""
     figure, axis = one_panel(1.0 + 0.3 * len(names))
     rows = np.arange(len(names))
@@ -199,10 +195,9 @@ def fits(
     axis.set_xlabel("Fit (%)")
     key(axis, [("fitted", colour("fitted")), ("held out", colour("heldout"))])
     return Drawing(
-        name,
+        "fits",
         figure,
-        caption
-        or "Fit of the simulated output: 100 % is every sample met, 0 % no better than the mean. Held out means "
+        "Fit of the simulated output: 100 % is every sample met, 0 % no better than the mean. Held out means "
         "coefficients from other samples; the initial state is estimated either way.",
     )
 
@@ -299,7 +294,7 @@ def _looks(found: TransferResult) -> Iterator[Section]:
     for look in (*periodic, *_evenly(others, MAX_DRAWN_FIRST_LOOKS)):
         drawings.append(_response_seen(found, look))
         if look.periodic:
-            drawings.append(_lines_seen(found, look))
+            drawings.append(draw(output_lines, look, shown(found.units[1], found.channels[1])))
     text = (
         "A frequency response without a model, and how much of the output no linear model explains. Over periods only "
         "noise changes; over realisations of random phases what is not linear changes too, and lines that were left "
@@ -335,29 +330,11 @@ def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
     )  # fmt: skip
 
 
-def _lines_seen(found: TransferResult, look: FirstLook) -> Drawing:
-    seen, left = look.found, look.found.left_out
-    groups = [("excited", "measured", seen.frequency, 2.0 * np.abs(seen.response) * np.sqrt(seen.input_power))]
-    for words, role, side in (("odd left out", "heldout", ~seen.even), ("even left out", "load", seen.even)):
-        above = side & (left.power > 0.0)
-        groups.append((words, role, left.frequency[above], 2.0 * np.sqrt(left.power[above])))
-    frequency = np.concatenate([seen.frequency, left.frequency])
-    order = np.argsort(frequency)
-    noise = 2.0 * np.sqrt(np.concatenate([seen.noise_variance, left.noise]))[order]
-    return draw(
-        output_lines, groups, (frequency[order], noise), shown(found.units[1], found.channels[1]),
-        f"lines-{look.name}".replace(".", "-"),
-        caption=f"{look.name.replace('_', ' ')}: the output's sines. Where nothing is excited only noise and "
-        "distortion are left: at even lines that of even powers, such as friction that differs by direction, at odd "
-        "ones that of odd powers, such as Coulomb friction or sin q. What noise makes there is taken off.",
-    )  # fmt: skip
-
-
 def _responses(found: TransferResult) -> Section:
     labels = tuple(shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
-    ranked = sorted((f.responses[0] for f in found.single.values()), key=lambda response: -response.fit)
-    drawings = [_response(response, labels) for response in _evenly(ranked, MAX_DRAWN_RESPONSES)]
-    drawings += [_response(r, labels) for n, r in found.heldout.items() if n not in found.single]
+    ranked = sorted((f.responses[0] for f in found.single.values()), key=lambda each: -each.fit)
+    drawings = [draw(response, each, labels) for each in _evenly(ranked, MAX_DRAWN_RESPONSES)]
+    drawings += [draw(response, each, labels) for n, each in found.heldout.items() if n not in found.single]
     hold = next(iter(found.fits.values())).hold
     return Section(
         "responses",
@@ -368,17 +345,6 @@ def _responses(found: TransferResult) -> Section:
         ),
         drawings=tuple(drawings),
     )
-
-
-def _response(found: Response, labels: tuple[tuple[str, float], ...]) -> Drawing:
-    heldout = found.split == "heldout"
-    words = "held out" if heldout else "fitted"
-    return draw(
-        response, found.time, found.measured, found.simulated, found.input, labels,
-        f"response-{found.recording}".replace(".", "-"), heldout=heldout,
-        caption=f"{found.recording.replace('_', ' ')}, {words}: measured (grey) and simulated, what the simulation "
-        f"misses, and the input. Fit {number(found.fit, digits=3)} %.",
-    )  # fmt: skip
 
 
 def _poles(found: TransferResult) -> Section:
