@@ -5,7 +5,6 @@ import pytest
 from scipy.optimize import minimize
 
 from pellucid._errors import IdentificationError
-from pellucid.arm.fit.base_parameters import find_base_parameters
 from pellucid.arm.fit.consistent_inertias import (
     FROM_PRIOR_REASON,
     MIN_EIGENVALUE,
@@ -21,6 +20,7 @@ from pellucid.arm.fit.consistent_inertias import (
 )
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS
 from pellucid.arm.fit.inertia_prior import entropic_solver, fit_with_prior
+from pellucid.arm.fit.tree_estimate import find_base_parameters
 from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint

@@ -8,10 +8,9 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import IdentificationError
-from pellucid.arm.fit.base_parameters import find_base_parameters
 from pellucid.arm.fit.fit_tree import fit_tree, heldout_errors, identify_tree, make_tree_estimate
 from pellucid.arm.fit.friction_terms import plain_families
-from pellucid.arm.fit.tree_estimate import parameter_verdict
+from pellucid.arm.fit.tree_estimate import find_base_parameters, parameter_verdict
 from pellucid.arm.fit.tree_families import choose_families
 from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.arm.tree_motion import TreeMotion

@@ -8,4 +8,4 @@ PROCEDURE_FOLDERS = (
 )
 EXPORTER_CLASSES = ("study.worn_values:WornExporter",)
 TORQUE_EVALUATIONS = ("study.loaded_swing.seated_swings:SEATED_SWINGS",)
-WORN_BODIES = ("study.coupling.strapped_trials:strapped_wearer",)
+WORN_BODIES = ("study.coupling.cards:strapped_wearer",)

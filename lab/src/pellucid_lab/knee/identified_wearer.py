@@ -15,9 +15,8 @@ from pellucid._errors import IdentificationError
 from pellucid.controllers.coupling import Coupling
 from pellucid.emg.estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
 from pellucid.joint.fit.drive_delay import actuator_residual
-from pellucid.orthosis.study.coupling.cards import REQUIRED_CHANNELS
+from pellucid.orthosis.study.coupling.cards import REQUIRED_CHANNELS, strapped_emg_trial
 from pellucid.orthosis.study.coupling.identify_coupling import identify_worn
-from pellucid.orthosis.study.coupling.strapped_trials import strapped_emg_trial
 
 from .recorded_session import STRAP_PROTOCOLS, take
 from .rig import KneeRig

@@ -25,9 +25,8 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.kinematic_tree import BODY_QUANTITIES
-from .base_parameters import BaseParameters
 from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate, student_ratio
-from .tree_estimate import TreeEstimate
+from .tree_estimate import BaseParameters, TreeEstimate
 from .tree_regression import (
     LinearisedModel,
     NormalEquations,

@@ -32,9 +32,8 @@ from ...numerics.motion import require_fitted
 from ...numerics.regression import make_parameters
 from ...numerics.uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
 from ..tree_motion import TreeMotion
-from .base_parameters import BaseParameters
 from .friction_terms import FURTHER_MOTOR_TERMS, FURTHER_TERMS, STRIBECK_VELOCITY_NAME, plain_families
-from .tree_estimate import TreeEstimate
+from .tree_estimate import BaseParameters, TreeEstimate
 from .tree_families import FamilyChoice, SpectralLine, choose_families, choose_ripples
 from .tree_regression import (
     LinearisedModel,

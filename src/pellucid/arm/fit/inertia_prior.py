@@ -21,7 +21,7 @@ the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,9 +187,7 @@ def _minimise_entropic(
     )
 
 
-def choose_weight(
-    found: ConsistentSolution, maker: np.ndarray, distance: str = "entropic", weights: Sequence[float] = PRIOR_WEIGHTS
-) -> PriorChoice:
+def choose_weight(found: ConsistentSolution, maker: np.ndarray, distance: str = "entropic") -> PriorChoice:
     """Choose the weight of the `maker`'s bodies, (links, 10), with the smallest error on left-out segments.
 
     `found` is the solution without prior; `distance` is one of `DISTANCE_SOLVERS`.
@@ -200,7 +198,7 @@ def choose_weight(
     if len(numbers) < 2:
         raise IdentificationError(f"found {len(numbers)} segment to choose a prior's weight by, expected at least 2")
     missed = {}
-    for weight in weights:
+    for weight in PRIOR_WEIGHTS:
         solver, total = DISTANCE_SOLVERS[distance](maker, weight), 0.0
         for s in numbers.tolist():
             part = equations.segment(s)

@@ -39,10 +39,10 @@ from ...models.kinematic_tree import BODY_QUANTITIES
 from ...models.robot import Robot
 from ...numerics.regression import make_parameters
 from ..tree_motion import TreeMotion
-from .base_parameters import BaseParameters, find_base_parameters
 from .consistent_inertias import solve_consistent_inertias
 from .fit_tree import UNDETERMINED_REASON, estimate_uncertainty, student_ratio
 from .friction_terms import plain_families, smooth_sign
+from .tree_estimate import BaseParameters, find_base_parameters
 from .tree_regression import (
     LinearisedModel,
     TreeModel,

@@ -26,7 +26,6 @@ from ...models.friction_terms import LOAD_FEATURE, STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...numerics.regression import least_squares_within
 from ..tree_motion import TreeMotion
-from .base_parameters import BaseParameters, find_base_parameters, rigid_columns
 from .friction_terms import (
     FRICTION_COEFFICIENTS,
     MOTOR_PREFIX,
@@ -35,7 +34,7 @@ from .friction_terms import (
     coefficient_names,
     smooth_sign,
 )
-from .tree_estimate import Ripple
+from .tree_estimate import BaseParameters, Ripple, find_base_parameters, rigid_columns
 
 
 @dataclass(frozen=True)

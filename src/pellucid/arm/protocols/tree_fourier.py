@@ -238,8 +238,7 @@ def information_cost(information: np.ndarray, criterion: str = "D") -> float:
         return np.inf
     if criterion == "D":
         return float(-2.0 * (np.log(np.diag(factor)).sum() + np.log(size).sum()))
-    spread = np.square(np.linalg.inv(factor)).sum(axis=0) / size**2
-    return float(np.log(spread.sum()))
+    return float(np.log((np.square(np.linalg.inv(factor)).sum(axis=0) / size**2).sum()))
 
 
 def random_tree_fourier(
@@ -288,7 +287,9 @@ def optimised_tree_fourier(
 ) -> Excitation:
     """Return the best motion within the limits: the best of `drawn` random ones, improved by a search.
 
-    The search is bounded by counts, not by the clock, so that equal seeds give equal motions. `fundamental` [Hz].
+    A search is bounded by counts, not by the clock, so that equal seeds give equal motions.
+
+    `fundamental` [Hz].
     """
     if harmonics < 2:
         raise PellucidError(f"harmonics: found {harmonics}, expected at least 2: one cannot start and end at rest")

@@ -16,7 +16,7 @@ from ...numerics.protocols.protocol import write_references
 from ...numerics.protocols.step_by_step import StepByStep, step_by_step
 from ...numerics.protocols.tree_limits import TreeLimits
 from ...study.procedures.procedure import Progress, quiet
-from ..fit.base_parameters import find_base_parameters
+from ..fit.tree_estimate import find_base_parameters
 from ..protocols.tree_fourier import Capsules, Excitation, Information, capsules_along_links, optimised_tree_fourier
 
 if TYPE_CHECKING:

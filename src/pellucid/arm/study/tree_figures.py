@@ -133,9 +133,7 @@ def _dots(points: np.ndarray) -> np.ndarray:
     return np.stack([points, points + tiny], axis=2).reshape(len(points), -1, 2)
 
 
-def efforts(
-    trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float], name: str = "effort"
-) -> Drawing:
+def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float]) -> Drawing:
     """Draw measured and predicted effort of each joint, and their difference, over the recording and its worst
     stretch."""
     m = len(names)
@@ -167,7 +165,7 @@ def efforts(
     axes[-1, 0].set_xlabel("Time (s)")
     axes[-1, 1].set_xlabel("Time (s), where it is worst")
     return Drawing(
-        name,
+        "effort",
         figure,
         f"Effort of each joint along {trace.recording.replace('_', ' ')}: measured, predicted where the joint moves, "
         "and the difference; at the right the stretch, shaded at the left, in which the difference is largest.",
@@ -240,7 +238,7 @@ LOAD_ROLES = ("fitted", "load", "heldout")
 """Colour roles of the curves at small, medium and large load."""
 
 
-def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing:
+def friction(curves: Sequence[FrictionCurve]) -> Drawing:
     """Draw the friction of each joint against speed: recorded effort minus that of the links, and the model."""
     figure, axes = _grid(len(curves), 2.3)
     for axis, curve in zip(axes, curves, strict=True):
@@ -267,7 +265,7 @@ def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing
                 xycoords="axes fraction", textcoords="offset points", va="top", color=colour(role), fontsize=8,
             )  # fmt: skip
     return Drawing(
-        name,
+        "friction",
         figure,
         "Friction of each joint against its velocity. Dots are what is left of its measured effort without bodies and "
         "other joints' motors, curves the model, each for little, medium and much load as the colours say: where they "
@@ -275,7 +273,7 @@ def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing
     )
 
 
-def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load") -> Drawing:
+def friction_by_load(curves: Sequence[FrictionCurve]) -> Drawing:
     """Draw the load-dependent part of friction against the load of each joint."""
     figure, axes = _grid(len(curves), 2.2)
     for axis, curve in zip(axes, curves, strict=True):
@@ -295,7 +293,7 @@ def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load
         slope_text = f"{percent(100.0 * curve.slope)} % of the load" if curve.slope else "no load friction chosen"
         heads([axis], [Head(short(curve.name), slope_text, colour("muted"))])
     return Drawing(
-        name,
+        "friction-load",
         figure,
         "Friction of each joint against the load that it carries, less what the model has at that speed without load: "
         "dots as recorded, the line as the model has it.",
@@ -310,9 +308,7 @@ class Cell:
     remark: str = ""  # remark in place of the number, if it should not be read
 
 
-def shown_parameters(
-    rows: Sequence[str], columns: Sequence[str], cells: Mapping[tuple[str, str], Cell], name: str = "shown"
-) -> Drawing:
+def shown_parameters(rows: Sequence[str], columns: Sequence[str], cells: Mapping[tuple[str, str], Cell]) -> Drawing:
     """Draw a map of identified parameters: a row for each joint or link, a column for each kind of parameter."""
     figure, axis = _map([row.replace("_", " ") for row in rows], columns, 0.9 + 0.34 * len(rows))
     axis.tick_params(axis="x", labelsize=8)
@@ -328,7 +324,7 @@ def shown_parameters(
             text = cell.remark or ("> 999" if cell.sd > 999.0 else number(cell.sd, digits=2 if cell.sd < 100 else 3))
             axis.annotate(text, (x, y), ha="center", va="center", fontsize=8, color=colour("ink"))
     return Drawing(
-        name,
+        "shown",
         figure,
         "How well the motion shows each parameter: its relative standard deviation in per cent. Green up to "
         f"{FIGURE_SETTINGS.max_good_sd_percent:g} %, blue up to {FIGURE_SETTINGS.max_fair_sd_percent:g} %, "
@@ -362,12 +358,7 @@ def _shade(cell: Cell) -> tuple[str, float]:
 
 
 def chosen_families(
-    joints: Sequence[str],
-    terms: Sequence[str],
-    shares: np.ndarray,
-    chosen: np.ndarray,
-    folds: int,
-    name: str = "families",
+    joints: Sequence[str], terms: Sequence[str], shares: np.ndarray, chosen: np.ndarray, folds: int
 ) -> Drawing:
     """Draw the chosen friction terms: `shares`, (m, t), of the folds, and `chosen`, (m, t), from all data."""
     heads = [term.replace("_", " ") for term in terms]
@@ -386,14 +377,14 @@ def chosen_families(
                 fontweight="bold" if chosen[y, x] else "normal",
             )  # fmt: skip
     return Drawing(
-        name,
+        "families",
         figure,
         f"Friction terms beside viscous and dry friction: in how many of {folds} choices, each without one segment, a "
         "joint got the term; ✓ marks what the whole recordings chose.",
     )
 
 
-def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str = "intervals") -> Drawing:
+def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float) -> Drawing:
     """Draw stated against jackknife standard errors, both (p,) and divided by the parameter's value."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
     axis = figure.subplots()
@@ -417,7 +408,7 @@ def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str
     axis.set_xlabel("Standard deviation by leaving out each segment in turn (% of the value)")
     axis.set_ylabel("Stated standard error (%)")
     return Drawing(
-        name,
+        "intervals",
         figure,
         f"Stated standard errors against those found by leaving out each segment in turn and fitting again: "
         f"{number(share, digits=3)} % are within a factor of two, the band.",
@@ -435,7 +426,7 @@ class RippleSpectrum:
     found: float  # order of the ripple that was found
 
 
-def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
+def ripples(spectra: Sequence[RippleSpectrum]) -> Drawing:
     """Draw the ripple spectrum of each drive in a panel."""
     rows = -(-len(spectra) // 2)
     figure = Figure(figsize=(FIGURE_WIDTH, 2.4 * rows + 0.2), layout="constrained")
@@ -455,7 +446,7 @@ def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
         axis.set_xlabel("Periods in a turn of the motor, gears taken out")
         axis.set_title(short(spectrum.joint), fontweight="bold", fontsize=9.5)
     return Drawing(
-        name,
+        "ripple",
         figure,
         "What drives add as they go round: amplitude of a wave in what the model leaves over, its own ripple left in, "
         "against how often it comes in a turn.",

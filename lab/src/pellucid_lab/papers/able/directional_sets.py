@@ -22,9 +22,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.arm.fit.base_parameters import rigid_columns
 from pellucid.arm.fit.fit_tree import fit_tree
 from pellucid.arm.fit.friction_terms import PLAIN_TERMS, plain_families
+from pellucid.arm.fit.tree_estimate import rigid_columns
 from pellucid.arm.fit.tree_regression import (
     TreeModel,
     TreeRows,
