@@ -1,4 +1,4 @@
-r"""Periodic motions of several joints at once, optimised so that the parameters of all of them show.
+r"""Periodic motions of several joints at once, optimised so that all parameters show; shapes that must not collide.
 
 Each joint's velocity is a finite Fourier series [1]_. Two linear conditions on its coefficients, that velocity and
 acceleration are 0 at the period's ends, let it start and end at rest without easing, however many periods are played.

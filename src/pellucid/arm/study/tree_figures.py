@@ -1,4 +1,4 @@
-"""Figures of a robot of several joints: predicted efforts, friction, and identified parameters."""
+"""Figures of a robot of several joints: the moving arm, predicted efforts, friction, and identified parameters."""
 
 from __future__ import annotations
 

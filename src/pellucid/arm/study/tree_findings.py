@@ -1,4 +1,4 @@
-"""Finding: the increase of the error by physically consistent links."""
+"""Findings on a robot, functions that yield verdicts: bodies, friction, ripple, errors, gains, payloads, signs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Result of `identify` for a robot of several joints: its models and their errors, as tables, rows and cards."""
+"""Result of `identify` for a robot: models and errors as tables, rows and cards; its payloads and drive gains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hinge between two IMUs, found from how they move: its axis and its centre in both sensors' frames [1]_ [2]_.
+"""A hinge between two IMUs, from how they move: its axis, its centre in both sensors' frames [1]_ [2]_, its angle.
 
 A point of the hinge's axis has one acceleration, and the two segments turn alike about every direction but the axis.
 Both facts are first used through norms, which need no common frame; what they give then starts one least-squares fit of
@@ -7,6 +7,9 @@ everything, in which the angle is the integral of the measured rates.
 .. [1] T. Seel, T. Schauer, J. Raisch, Joint axis and position estimation from inertial measurement data by exploiting
    kinematic constraints, IEEE CCA, 2012.
 .. [2] T. Seel, J. Raisch, T. Schauer, IMU-based joint angle measurement for gait analysis, Sensors 14(4), 2014.
+
+The angle follows by a Kalman filter over gyroscopes and the directions that both sensors see; `fit_hinge` does both on
+arrays.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Identify a strap: its model, its stiffness, the range of stretch over which it was seen, and their uncertainty.
+"""Identify a strap: its model, stiffness, range of stretch and their uncertainty; `fit_strap` does so from arrays.
 
 Stiffness is the long-term tangent where the strap begins to pull; a relaxing branch adds to it for a while. Its
 interval includes the effect of features that were not significant and of physics that no model has. An interval that

@@ -1,4 +1,7 @@
-"""Identify the limb without the strap: gravity on a rigid plate with relaxed muscles, inertia from body proportions."""
+"""Identify the limb without the strap, calibrate its IMU, and estimate its muscles' torque from EMG.
+
+Gravity is measured on a rigid plate with relaxed muscles; inertia follows from body proportions.
+"""
 
 from __future__ import annotations
 

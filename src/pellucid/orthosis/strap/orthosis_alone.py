@@ -1,4 +1,6 @@
-r"""Identify the orthosis without a wearer: gravity from holds, inertia and friction from sinusoidal motions.
+r"""Identify the orthosis without a wearer, and compute a wearer's torque through an identified strap.
+
+Gravity comes from holds, inertia and friction from sinusoidal motions.
 
 Two models are fitted to the same sines and evaluated on sines of another amplitude. The published model is a transfer
 function with two poles and no zeros, in which a spring takes the place of gravity. The other is a pendulum with
@@ -23,7 +25,7 @@ from ..input_output import InputOutput
 from ..transfer.fit_transfer_function import Response, TransferFit, evaluate_transfer_function, fit_records
 from ..transfer.pendulum_fit import PendulumFit, evaluate_pendulum, fit_pendulum
 from .strap_fit import RECORD_SETTINGS
-from .strap_model import CORE_NAMES, Limb, Orthosis, StrapModel, StrappedSwing, from_orthosis
+from .strap_model import CORE_NAMES, Limb, Orthosis, StrappedSwing, from_orthosis
 
 SPRING_HOLD = "first"
 """The torque is that of a spring, so it is interpolated linearly between samples (first-order hold)."""
@@ -173,16 +175,6 @@ GAP_TORQUE_SHARE = 0.02
 
 Chosen by judgement; no measurement is recorded.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class StrappedBodies:
-    """Orthosis and limb as two bodies, and the compliant strap between them."""
-
-    orthosis: Orthosis
-    limb: Limb
-    model: StrapModel
-    strap: np.ndarray  # Parameters of the strap in the core's order, shape (p,)
 
 
 def strapped_torque(

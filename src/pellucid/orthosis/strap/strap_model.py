@@ -1,4 +1,6 @@
-r"""Models of a strap: a spring and a damper in parallel (Kelvin-Voigt), with up to six additional features.
+r"""Models of a strap with up to six features, its torque from a body's balance, and slips of its mounting.
+
+The plainest strap is a spring and a damper in parallel (Kelvin-Voigt).
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
 parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A

@@ -1,4 +1,4 @@
-r"""Identify inertia and gravity of an exoskeleton's shank from swings, without and with a relaxed leg in it.
+r"""Identify inertia and gravity of an exoskeleton's shank, empty and with a leg in it; design swings that show them.
 
 The paper `hill` writes a swing as (its eqs. 9 and 10)
 

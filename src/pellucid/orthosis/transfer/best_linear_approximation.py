@@ -1,4 +1,4 @@
-r"""Best linear approximation of a system under random-phase multisines, with separate noise and distortion [1]_.
+r"""Frequency responses: the best linear approximation under random-phase multisines [1]_, and one of any excitation.
 
 Between periods of one realisation only noise changes. Between realisations the stochastic nonlinear distortion changes
 too:
@@ -14,6 +14,8 @@ subtracted, and the residual gives the noise variance. The variance of V over re
 that of the distortion. Lines that the multisine does not excite show even and odd distortion directly.
 
 .. [1] R. Pintelon, J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley, 2012, ch. 4, 7.
+
+Without periods (`local_response`) a local polynomial gives the response, and noise and distortion together.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ torque gives trials for a causal map of raw EMG.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from math import nan
 
@@ -21,10 +22,15 @@ from ....models.card import CardParameter
 from ....models.friction_terms import COULOMB_FRICTION
 from ....models.parameter_card import ParameterCard
 from ....study.study import Study
-from ...strap.orthosis_alone import StrappedBodies, strapped_torque
+from ...strap.orthosis_alone import strapped_torque
 from ...strap.strap_model import PLAIN_NAME, Limb, Orthosis, StrapModel
 from ...strap.wearer_coupling import WearerCoupling
 from .coupling_table import CouplingTable
+
+
+def _wearer_torque(recording: Recording, lowpass: float, **bodies) -> np.ndarray:
+    """Return the wearer's torque, (n,) [N m]; `bodies` are orthosis, limb and strap, as `strapped_torque` has them."""
+    return strapped_torque(recording.time, recording["position"], recording["torque"], lowpass=lowpass, **bodies)
 
 
 def strapped_emg_trial(
@@ -41,21 +47,19 @@ def strapped_emg_trial(
     `strap` holds the strap's parameters in the core's order, shape (p,).
     """
     emg, position = recording.streams[stream], recording["position"]
-    torque = strapped_torque(
-        recording.time,
-        position,
-        recording["torque"],
-        orthosis=orthosis,
-        limb=limb,
-        strap=strap,
-        lowpass=ANGLE_LOWPASS_HZ,
-    )
+    torque = _wearer_torque(recording, ANGLE_LOWPASS_HZ, orthosis=orthosis, limb=limb, strap=strap)
     raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
     return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)
 
 
-class StrappedWearer(StrappedBodies):
-    """Bodies on which a wearer acts through a strap, as `calibrate` uses them."""
+@dataclass(frozen=True, eq=False)
+class StrappedWearer:
+    """Orthosis and limb as two bodies, and the strap between them through which a wearer acts."""
+
+    orthosis: Orthosis
+    limb: Limb
+    model: StrapModel
+    strap: np.ndarray  # Parameters of the strap in the core's order, shape (p,)
 
     @property
     def words(self) -> str:
@@ -66,10 +70,7 @@ class StrappedWearer(StrappedBodies):
 
     def wearer_torque(self, recording: Recording, lowpass: float) -> np.ndarray:
         """Return the wearer's torque about the joint, shape (n,) [N m], low-passed at `lowpass` [Hz]."""
-        return strapped_torque(
-            recording.time, recording["position"], recording["torque"], orthosis=self.orthosis, limb=self.limb,
-            strap=self.strap, lowpass=lowpass,
-        )  # fmt: skip
+        return _wearer_torque(recording, lowpass, orthosis=self.orthosis, limb=self.limb, strap=self.strap)
 
 
 def strapped_wearer(

@@ -1,4 +1,4 @@
-"""Page of an orthosis and its wearers: results by stage, and the more reliable side of each strap."""
+"""Page of an orthosis and its wearers with its figures: results by stage, and the more reliable side of each strap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Identify a hinge between two IMUs: its axis and centre from the first seconds, its angle from then on."""
+"""Identify a hinge between two IMUs in each recording, and compare its angle with a reference's.
+
+Axis and centre come from the first seconds, the angle from then on. A reference is the turn between two bodies'
+recorded orientations, without samples that jump more than the joint can.
+"""
 
 from __future__ import annotations
 

@@ -165,10 +165,6 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         return f"+- {p.interval(confidence)[1] - p.value:.3g}"
 
     tables = [ParameterTable("Exoskeleton alone", empty.parameters)]
-    tables += [
-        ParameterTable(f"{who}: leg", (replace(leg.inertia, name="p' - p"), replace(leg.weight_moment, name="q' - q")))
-        for who, leg in legs.items()
-    ]
     heads = ("Participant", "p' - p (kg*m^2)", "Winter's", "q' - q (kg*m)", "Winter's", "Residual (N*m)")
     rows, results = [], []
 
@@ -178,6 +174,7 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
 
     for who, leg in legs.items():
         p, q, residual = leg.inertia, leg.weight_moment, leg.loaded.residual_rms
+        tables.append(ParameterTable(f"{who}: leg", (replace(p, name="p' - p"), replace(q, name="q' - q"))))
         usual_p, usual_q = leg.usual or (None, None)
         rows.append((who, p.value, usual_p, q.value, usual_q, residual))
         add(f"{who}.p", p.value, "kg*m^2", half(p), None, who)
@@ -185,13 +182,11 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         add(f"{who}.residual", residual, "N*m", "", who)
     for name, each in (("p", empty.inertia), ("q", empty.weight_moment)):
         add(f"exoskeleton.{name}", each.value, each.unit, "", None)
-    mean = float(np.mean([leg.inertia.value for leg in legs.values()]))
+    mean_p, mean_q = np.mean([(leg.inertia.value, leg.weight_moment.value) for leg in legs.values()], axis=0)
+    headline = f"{len(legs)} legs by difference: in the mean {mean_p:.3g} kg*m^2 about the knee, "
     return LoadedSwingResult(
         study=study,
-        headline=(
-            f"{len(legs)} legs by difference: in the mean {mean:.3g} kg*m^2 about the knee, and "
-            f"{np.mean([leg.weight_moment.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
-        ),
+        headline=f"{headline}and {mean_q:.3g} kg*m of weight and tissue.",
         tables=(*tables, FigureTable("Legs", heads, tuple(rows))),
         verdicts=tuple(_verdicts(config, legs, confidence)),
         rows=tuple(results),

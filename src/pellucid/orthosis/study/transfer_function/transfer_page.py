@@ -1,4 +1,4 @@
-"""The report of a study's transfer functions: fits, coefficients, measured and simulated responses, poles."""
+"""The report of a study's transfer functions and its figures: fits, coefficients, responses, poles."""
 
 from __future__ import annotations
 
