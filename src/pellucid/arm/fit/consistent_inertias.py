@@ -469,7 +469,7 @@ def make_consistent_estimate(
         TreeSolution(fit.values, sd, told, fit.at_bound),
         at,
         method="consistent",
-        uncertainty=TreeUncertainty(covariance, freedom, 0, covariance, np.zeros(len(columns))),
+        uncertainty=TreeUncertainty(covariance, freedom, covariance),
         notes=(*notes, *_notes(found)),
     )
     why = UNDETERMINED_REASON if nearest is None else FROM_PRIOR_REASON

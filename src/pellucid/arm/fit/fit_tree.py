@@ -180,9 +180,7 @@ class TreeUncertainty:
 
     covariance: np.ndarray  # block-robust covariance, (p, p)
     freedom: float  # degrees of freedom
-    block: int  # number of rows in the longest block
     textbook: np.ndarray  # covariance for independent rows, (p, p)
-    memory: np.ndarray  # correlation time of each joint's residual in rows, (m,)
 
 
 def student_ratio(freedom: float) -> float:
@@ -226,8 +224,7 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
     place_of = np.full(p, -1)
     place_of[free] = np.arange(len(free))
     residuals = at.residuals(found.values)
-    memory = correlation_times(rows, residuals)
-    block = block_numbers(rows, float(memory.mean()))
+    block = block_numbers(rows, float(correlation_times(rows, residuals).mean()))
     parts, gram = [], np.zeros((len(free), len(free)))
     for j, (place, x, r) in enumerate(zip(at.places, at.columns, residuals, strict=True)):
         known = place_of[place] >= 0
@@ -257,7 +254,7 @@ def estimate_uncertainty(at: LinearisedModel, found: TreeSolution) -> TreeUncert
     covariance, textbook = np.zeros((2, p, p))
     covariance[np.ix_(free, free)] = k**2 * scores.T @ scores
     textbook[np.ix_(free, free)] = root.T @ root
-    return TreeUncertainty(covariance, freedom, int(np.bincount(block).max()), textbook, memory)
+    return TreeUncertainty(covariance, freedom, textbook)
 
 
 UNDETERMINED_REASON = "nothing in these recordings tells it from the others"

@@ -194,18 +194,12 @@ def without_settling_ends(emg: Recording, made: Mapping[str, np.ndarray]) -> dic
     return {muscle: envelope[inside] for muscle, envelope in made.items()}
 
 
-def find_levels(maximal: Sequence[Recording], every: Sequence[Recording], chain: EmgChain) -> Levels:
-    """Return a wearer's resting and maximal envelope of each muscle."""
-    if not maximal:
-        raise RecordingError(
-            'found no recording of protocol "mvc", expected one: rest is judged relative to a maximal contraction'
-        )
-    strong = [without_settling_ends(r, envelopes(r, chain)) for r in maximal]
-    resting = strong + [without_settling_ends(r, envelopes(r, chain)) for r in every]
-    muscles = list(strong[0])
+def find_levels(maximal: Sequence[Recording], chain: EmgChain) -> Levels:
+    """Return a wearer's resting and maximal envelope of each muscle, from recordings of maximal contractions."""
+    made = [without_settling_ends(r, envelopes(r, chain)) for r in maximal]
     return Levels(
-        {m: resting_level([e[m] for e in resting]) for m in muscles},
-        {m: max(float(np.max(e[m])) for e in strong) for m in muscles},
+        {m: resting_level([e[m] for e in made]) for m in made[0]},
+        {m: max(float(np.max(e[m])) for e in made) for m in made[0]},
     )
 
 

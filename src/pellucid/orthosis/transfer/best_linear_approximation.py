@@ -64,7 +64,6 @@ class BestLinearApproximation:
     response: np.ndarray  # (k,) complex response, output unit per input unit
     input_power: np.ndarray  # (k,) mean |U|^2 over realisations
     noise_variance: np.ndarray  # (k,) variance of the noise
-    total_variance: np.ndarray  # (k,) variance of noise and distortion
     # (k,) total minus noise variance, which may be negative by chance; with one realisation from unexcited odd lines
     nonlinear_variance: np.ndarray
     response_variance: np.ndarray  # (k,) variance of the response, averaged over all periods and realisations
@@ -186,7 +185,6 @@ def best_linear_approximation(
         response=response,
         input_power=np.mean(np.abs(settled[:, is_line, 0]) ** 2, axis=0),
         noise_variance=periods * noise[is_line],
-        total_variance=nonlinear + periods * noise[is_line],
         nonlinear_variance=nonlinear,
         response_variance=(total if count > 1 else of_one) / through,
         left_out=UnexcitedLines(every[left], every[left] * rate / samples, power, periods * noise[left]),

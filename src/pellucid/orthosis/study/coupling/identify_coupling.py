@@ -285,7 +285,7 @@ def _held_trials(
 
 def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) -> Levels | None:
     maximal = [r.streams[asked.emg] for r in trials.fitted("mvc", who) if asked.emg in r.streams]
-    return find_levels(maximal, (), chain) if maximal else None
+    return find_levels(maximal, chain) if maximal else None
 
 
 def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable, use: str | None = None) -> dict[str, str]:

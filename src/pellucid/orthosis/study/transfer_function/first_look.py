@@ -217,17 +217,13 @@ def tables(looks: Mapping[str, FirstLook]) -> Iterator[FigureTable]:
         heads = ("Realisations of", "Linear at best [%]", "Noise alone [%]", "Distortion / noise", "p")
         each = tuple(
             (n, f.highest_fit, f.highest_fit_noise, f.nonlinear_to_noise, f.p_value if f.p_value >= 1e-3 else "< 0.001")
-            for n, f in _found(periodic)
+            for n, f in ((look.name, look.found) for look in periodic)
         )
         yield FigureTable("Before any model: best linear approximation", heads, each)
     others = [look for look in looks.values() if not look.periodic]
     if others:
-        each = tuple((n, f.fit) for n, f in _found(others))
+        each = tuple((look.name, look.found.fit) for look in others)
         yield FigureTable("Before any model: any excitation", ("Recording", "Explained [%]"), each)
-
-
-def _found(looks: Sequence[FirstLook]) -> Iterator[tuple[str, BestLinearApproximation | LocalResponse]]:
-    return ((look.name, look.found) for look in looks)
 
 
 def rows(head: str, looks: Mapping[str, FirstLook], checksums: Mapping[str, str]) -> Iterator[ResultRow]:
