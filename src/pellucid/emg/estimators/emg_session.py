@@ -34,112 +34,85 @@ from .features import filter_and_differentiate
 from .neural_network import Ridge
 from .torque_trial import TorqueTrial
 
-FLOOR_QUANTILE = 0.05
-"""Quantile of an envelope that is its floor. One silent moment does not move it."""
 
-TOP_QUANTILE = 0.95
-"""Quantile of an envelope that is its top. One twitch does not move it."""
+@dataclass(frozen=True)
+class SessionThresholds:
+    """Thresholds by which a channel has changed, or a recording is beyond what was fitted.
 
-MAX_FLOOR_SHIFT_SHARE = 0.25
-"""A floor may move by at most this share of the fitted range. Between walking and crouching it moves by up to 0.23."""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-MAX_RANGE_RATIO = 3.0
-"""A channel's range may change by at most this factor, up or down, after the common change of all channels is removed.
+    floor_quantile: float = 0.05  # Quantile of an envelope that is its floor. One silent moment does not move it.
+    top_quantile: float = 0.95  # Quantile of an envelope that is its top. One twitch does not move it.
+    # A floor may move by at most this share of the fitted range. Between walking and crouching it moves by up to 0.23.
+    max_floor_shift_share: float = 0.25
+    # A channel's range may change by at most this factor, up or down, after the common change of all channels is
+    # removed. The range of a walker's small muscle changes by a factor of 2.5 within a minute.
+    max_range_ratio: float = 3.0
+    # Standard deviation of the logarithm of a channel's range between two recordings of the same session
+    log_range_deviation: float = 0.4
+    # Log-likelihood cost of explaining a channel's range by another gain. Two channels do not count as exchanged if a
+    # change of gain explains their ranges as well. Chosen by judgement.
+    gain_change_cost: float = 1.5
+    # Two channels count as exchanged only if their log-likelihood ratio for an exchange exceeds this. Walkers and
+    # runners who were never fitted, and whose cables were right, reach 1.0.
+    min_swap_log_likelihood: float = 1.2
+    # An envelope matches a pattern if their correlation exceeds this. Chosen by judgement.
+    min_pattern_correlation: float = 0.6
+    # An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches.
+    # Chosen by judgement.
+    unchanged_pattern_correlation: float = 0.7
+    # Two envelopes can be one signal only if their correlation exceeds this. Chosen by judgement.
+    min_copy_correlation: float = 0.9
+    # Two envelopes count as one signal only if Fisher's z of their correlation rose by more than this since the fit.
+    # Between walking and crouching it rises by 0.83.
+    min_copy_z_rise: float = 1.2
+    # A channel counts as another muscle's only if its log-likelihood ratio for that muscle's pattern exceeds this.
+    # Chosen by judgement.
+    min_pattern_log_likelihood: float = 0.6
+    # A value may leave its fitted range by this share of the range before it counts as outside. Chosen by judgement.
+    fitted_range_margin_share: float = 0.25
+    # Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved.
+    # Chosen by judgement.
+    min_motion_margins: tuple[float, float] = (0.1, 0.2)
+    # A recording can be judged only if at most this share of its time lies outside the fitted ranges. Chosen by
+    # judgement.
+    max_outside_time_share: float = 0.25
+    # Penalty of the ridge regression that finds a pattern, for standardised terms. Chosen by judgement.
+    pattern_penalty: float = 10.0
+    # Shares of the way between two fitted trials at which ranges are interpolated. The way leads from the trial with
+    # less effort to the one with more, in logarithms of the ranges. Chosen by judgement.
+    interpolation_shares: tuple[float, ...] = (0.25, 0.5, 0.75)
+    # Distance of the logarithms of two ranges if only one of them is 0. Chosen by judgement.
+    max_log_distance: float = 10.0
 
-The range of a walker's small muscle changes by a factor of 2.5 within a minute.
-"""
 
-LOG_RANGE_STANDARD_DEVIATION = 0.4
-"""Standard deviation of the logarithm of a channel's range between two recordings of the same session."""
+SESSION = SessionThresholds()
 
-GAIN_CHANGE_COST = 1.5
-"""Log-likelihood cost of explaining a channel's range by another gain.
 
-Two channels do not count as exchanged if a change of gain explains their ranges as well.
-Chosen by judgement; no measurement is recorded.
-"""
+@dataclass(frozen=True)
+class WatchTimes:
+    """What a watch of channels compares, how often, and from how many samples.
 
-SWAP_LOG_LIKELIHOOD_THRESHOLD = 1.2
-"""Two channels count as exchanged only if their log-likelihood ratio for an exchange exceeds this.
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-Walkers and runners who were never fitted, and whose cables were right, reach 1.0.
-"""
+    # A watch makes its first comparison after this duration [s]. Quantiles of less time are those of a single stride.
+    min_seconds: float = 5.0
+    interval_s: float = 1.0  # Time between two comparisons of a watch [s]. Chosen by judgement.
+    # Duration of the samples that a watch compares [s]. A raised floor counts only if it lasts nearly all of this time.
+    window_s: float = 6.0
+    # Largest number of stretches kept of a fitted trial: all of five minutes, evenly spaced ones of a longer trial
+    max_stretch_count: int = 300
+    block_count: int = 5  # Number of blocks of each trial that are left out in turn to see how far a pattern holds
+    # Gap between the samples of a pattern's fit and the block that is left out [s], longer than an envelope's memory
+    block_gap_s: float = 0.2
+    # Smallest number of fitted samples of which patterns are made. A quadratic pattern of three joints has 28 terms.
+    min_samples: int = 100
+    min_square: float = 1e-12  # Least mean square of a pattern by which the core divides
 
-MIN_PATTERN_CORRELATION = 0.6
-"""An envelope matches a pattern if their correlation exceeds this. Chosen by judgement; no measurement is recorded."""
 
-UNCHANGED_PATTERN_CORRELATION = 0.7
-"""An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_COPY_CORRELATION = 0.9
-"""Two envelopes can be one signal only if their correlation exceeds this.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_COPY_Z_RISE = 1.2
-"""Two envelopes count as one signal only if Fisher's z of their correlation rose by more than this since the fit.
-
-Between walking and crouching it rises by 0.83.
-"""
-
-PATTERN_LOG_LIKELIHOOD_THRESHOLD = 0.6
-"""A channel counts as another muscle's only if its log-likelihood ratio for that muscle's pattern exceeds this.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-FITTED_RANGE_MARGIN_SHARE = 0.25
-"""A value may leave its fitted range by this share of the range before it counts as outside.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_MOTION_MARGINS = (0.1, 0.2)
-"""Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MAX_OUTSIDE_TIME_SHARE = 0.25
-"""A recording can be judged only if at most this share of its time lies outside the fitted ranges.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-PATTERN_PENALTY = 10.0
-"""Penalty of the ridge regression that finds a pattern, for standardised terms.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MIN_WATCH_S = 5.0
-"""A watch makes its first comparison after this duration [s]. Quantiles of less time are those of a single stride."""
-
-COMPARISON_INTERVAL_S = 1.0
-"""Time between two comparisons of a watch [s]. Chosen by judgement; no measurement is recorded."""
-
-WINDOW_S = 6.0
-"""Duration of the samples that a watch compares [s]. A raised floor counts only if it lasts nearly all of this time."""
-
-INTERPOLATION_SHARES = (0.25, 0.5, 0.75)
-"""Shares of the way between two fitted trials at which ranges are interpolated.
-
-The way leads from the trial with less effort to the one with more, in logarithms of the ranges.
-Chosen by judgement; no measurement is recorded.
-"""
-
-MAX_LOG_DISTANCE = 10.0
-"""Distance of the logarithms of two ranges if only one of them is 0.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-MAX_STRETCH_COUNT = 300
-"""Largest number of stretches kept of a fitted trial: all of five minutes, evenly spaced ones of a longer trial."""
+WATCH = WatchTimes()
 
 
 @dataclass(frozen=True)
@@ -176,7 +149,7 @@ class ChannelComparison:
     @property
     def is_valid(self) -> bool:
         """Whether the fitted estimator may be used on this recording at all."""
-        return not self.has_other_effort and self.outside_share <= MAX_OUTSIDE_TIME_SHARE
+        return not self.has_other_effort and self.outside_share <= SESSION.max_outside_time_share
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,15 +185,19 @@ class FittedSession:
                 f"trials {', '.join(t.name for t in trials)}: expected the same muscles and angles in each"
             )
         x, moved = _stack_trials(trials)
-        floor, top = np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0)
+        floor, top = np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0)
         everything = tuple(range(moved.shape[1]))
-        patterns = tuple(Ridge(PATTERN_PENALTY, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
+        patterns = tuple(Ridge(SESSION.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
         others: tuple[Ridge, ...] = ()
         if len(muscles) > 1:
-            others = tuple(Ridge(PATTERN_PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
+            others = tuple(
+                Ridge(SESSION.pattern_penalty).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles))
+            )
         parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
         stretches = [_stack_trials([part]) for part in parts]
-        quantiles = np.array([np.quantile(each, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0) for each, _ in stretches])
+        quantiles = np.array(
+            [np.quantile(each, (SESSION.floor_quantile, SESSION.top_quantile), axis=0) for each, _ in stretches]
+        )
         moves = [moves for _, moves in stretches]
         none = np.zeros((len(muscles), len(muscles)))
         made = cls(
@@ -250,7 +227,7 @@ class FittedSession:
         for x, moved in stretches:
             goes_with = self._correlations(x, moved)
             own = np.maximum(own, _other_pattern_log_likelihood(goes_with))
-            now = np.diff(np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0), axis=0)[0]
+            now = np.diff(np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0), axis=0)[0]
             found = self._swap_scores(now, now, goes_with)
             swap = np.maximum(swap, np.where(np.isfinite(found), found, 0.0))
         return replace(self, own_doubt=own, swap_doubt=swap)
@@ -258,23 +235,25 @@ class FittedSession:
     def compare(self, trial: TorqueTrial) -> ChannelComparison:
         """Compare a trial's channels with the fitted ones."""
         x, moved = _stack_trials([trial])
-        floor, top = np.quantile(x, (FLOOR_QUANTILE, TOP_QUANTILE), axis=0)
+        floor, top = np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0)
         now = top - floor
         like = self._nearest_ranges(now)
         level = _range_ratio(now, like)
         risen = floor - np.clip(floor, self.floors.min(axis=0), self.floors.max(axis=0))
         risen = risen / np.where(like > 0.0, like, np.inf)
         many = bool(
-            np.sum((level > MAX_RANGE_RATIO) | (level < 1.0 / MAX_RANGE_RATIO)) > max(2, 0.5 * len(self.muscles))
+            np.sum((level > SESSION.max_range_ratio) | (level < 1.0 / SESSION.max_range_ratio))
+            > max(2, 0.5 * len(self.muscles))
         )
         margin = np.maximum(
-            FITTED_RANGE_MARGIN_SHARE * (self.high - self.low), np.tile(MIN_MOTION_MARGINS, len(self.low) // 2)
+            SESSION.fitted_range_margin_share * (self.high - self.low),
+            np.tile(SESSION.min_motion_margins, len(self.low) // 2),
         )
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
-        goes_with = self._correlations(x, moved) if np.mean(away) <= MAX_OUTSIDE_TIME_SHARE else None
+        goes_with = self._correlations(x, moved) if np.mean(away) <= SESSION.max_outside_time_share else None
         changes = [] if many else self._find_changes(floor, risen, now, like, goes_with, _fisher_z(x))
         named = {change.muscle for change in changes}
-        loudest = (self.floors + (1.0 + 2.0 * FITTED_RANGE_MARGIN_SHARE) * self.spans).max(axis=0)
+        loudest = (self.floors + (1.0 + 2.0 * SESSION.fitted_range_margin_share) * self.spans).max(axis=0)
         loud = [x[:, k] > loudest[k] for k, muscle in enumerate(self.muscles) if muscle not in named]
         away |= np.sum(loud, axis=0) >= max(2, 0.25 * len(self.muscles))
 
@@ -306,7 +285,7 @@ class FittedSession:
         first = trial.time <= trial.time[0] + seconds
         made = dict(trial.envelopes)
         floor, top = np.quantile(
-            [made[muscle][first] for muscle in self.muscles], (FLOOR_QUANTILE, TOP_QUANTILE), axis=1
+            [made[muscle][first] for muscle in self.muscles], (SESSION.floor_quantile, SESSION.top_quantile), axis=1
         )
         like = self._nearest_trial_index(
             top - floor, [k for k, muscle in enumerate(self.muscles) if muscle not in muscles]
@@ -331,7 +310,7 @@ class FittedSession:
         whole = self.spans[: self.trials]
         # Trials are sorted by effort. Efforts between two neighbours were not recorded and are interpolated.
         whole = whole[np.argsort(np.prod(np.where(whole > 0.0, whole, 1.0) ** (1.0 / whole.shape[1]), axis=1))]
-        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in INTERPOLATION_SHARES]
+        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in SESSION.interpolation_shares]
         spans = np.vstack([self.spans, *between])
         return spans[_nearest_ranges_index(now, spans)]
 
@@ -382,14 +361,18 @@ class FittedSession:
                                   "exchanged?", other)
                 )  # fmt: skip
                 continue
-            if abs(risen[k]) > MAX_FLOOR_SHIFT_SHARE:
+            if abs(risen[k]) > SESSION.max_floor_shift_share:
                 ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
-                expected = f"{' to '.join(ends)}, within {100 * MAX_FLOOR_SHIFT_SHARE:g} % of its range, as fitted"
+                expected = (
+                    f"{' to '.join(ends)}, within {100 * SESSION.max_floor_shift_share:g} % of its range, as fitted"
+                )
                 found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
-            if not 1.0 / MAX_RANGE_RATIO <= level[k] <= MAX_RANGE_RATIO:
+            if not 1.0 / SESSION.max_range_ratio <= level[k] <= SESSION.max_range_ratio:
                 said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
                 found.append(
-                    ChannelChange(muscle, "level", said, f"{1 / MAX_RANGE_RATIO:.1g} to {MAX_RANGE_RATIO:g} times")
+                    ChannelChange(
+                        muscle, "level", said, f"{1 / SESSION.max_range_ratio:.1g} to {SESSION.max_range_ratio:g} times"
+                    )
                 )
             if k in copies:
                 i, other = copies[k], self.muscles[copies[k]]
@@ -399,8 +382,11 @@ class FittedSession:
             elif goes_with is not None and rather_than_own is not None:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
-                clear = goes_with[k, k] < UNCHANGED_PATTERN_CORRELATION and goes_with[best, k] > MIN_PATTERN_CORRELATION
-                if known and clear and rather_than_own[best, k] > PATTERN_LOG_LIKELIHOOD_THRESHOLD:
+                clear = (
+                    goes_with[k, k] < SESSION.unchanged_pattern_correlation
+                    and goes_with[best, k] > SESSION.min_pattern_correlation
+                )
+                if known and clear and rather_than_own[best, k] > SESSION.min_pattern_log_likelihood:
                     other = self.muscles[best]
                     said = f"the pattern of {other} (correlation {goes_with[best, k]:.2f})"
                     found.append(ChannelChange(muscle, "pattern", said, f"its own ({goes_with[k, k]:.2f})", other))
@@ -411,8 +397,10 @@ class FittedSession:
 
         Of two equal channels, the copy is the one that is less like its fitted self.
         """
-        close = (together > np.arctanh(MIN_COPY_CORRELATION)) & (together - self.together > MIN_COPY_Z_RISE)
-        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / LOG_RANGE_STANDARD_DEVIATION
+        close = (together > np.arctanh(SESSION.min_copy_correlation)) & (
+            together - self.together > SESSION.min_copy_z_rise
+        )
+        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / SESSION.log_range_deviation
         if goes_with is not None:
             unlike = unlike + np.where(self.repeats, _log_unexplained_share(np.diag(goes_with)), 0.0)
         return {
@@ -431,7 +419,7 @@ class FittedSession:
         scores = self._swap_scores(now, like, goes_with) - self.swap_doubt
         pairs: dict[int, int] = {}
         for _, i, k in sorted(
-            ((scores[i, k], i, k) for i, k in np.argwhere(scores > SWAP_LOG_LIKELIHOOD_THRESHOLD)), reverse=True
+            ((scores[i, k], i, k) for i, k in np.argwhere(scores > SESSION.min_swap_log_likelihood)), reverse=True
         ):
             if i not in pairs and k not in pairs:
                 pairs |= {int(i): int(k), int(k): int(i)}
@@ -446,11 +434,16 @@ class FittedSession:
         unexplained = _log_unexplained_share(goes_with)
         with np.errstate(divide="ignore", invalid="ignore"):
             # Row i compares the range of each channel k with that of muscle i.
-            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * LOG_RANGE_STANDARD_DEVIATION**2)
+            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * SESSION.log_range_deviation**2)
         scores = np.full((len(now), len(now)), -np.inf)
         for i in range(len(now)):
             for k in range(i + 1, len(now)):
-                rather = min(off[i, i], GAIN_CHANGE_COST) + min(off[k, k], GAIN_CHANGE_COST) - off[i, k] - off[k, i]
+                rather = (
+                    min(off[i, i], SESSION.gain_change_cost)
+                    + min(off[k, k], SESSION.gain_change_cost)
+                    - off[i, k]
+                    - off[k, i]
+                )
                 if self.repeats[i] and self.repeats[k]:
                     rather += unexplained[i, i] + unexplained[k, k] - unexplained[i, k] - unexplained[k, i]
                 if np.isfinite(rather):
@@ -459,12 +452,12 @@ class FittedSession:
 
 
 def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
-    """Return the stretches of a trial that a watch would compare, at most `MAX_STRETCH_COUNT`, evenly spaced."""
-    every, window = max(1, round(COMPARISON_INTERVAL_S * trial.fs)), round(WINDOW_S * trial.fs)
-    first = -(-round(MIN_WATCH_S * trial.fs) // every) * every
+    """Return the stretches of a trial that a watch would compare, at most `WATCH.max_stretch_count`, evenly spaced."""
+    every, window = max(1, round(WATCH.interval_s * trial.fs)), round(WATCH.window_s * trial.fs)
+    first = -(-round(WATCH.min_seconds * trial.fs) // every) * every
     ends = range(first, len(trial) + 1, every)
-    if len(ends) > MAX_STRETCH_COUNT:
-        ends = np.linspace(first, len(trial), MAX_STRETCH_COUNT).astype(int).tolist()
+    if len(ends) > WATCH.max_stretch_count:
+        ends = np.linspace(first, len(trial), WATCH.max_stretch_count).astype(int).tolist()
     parts = [slice(max(0, end - window), end) for end in ends]
     return [
         replace(
@@ -482,12 +475,12 @@ def _has_repeating_pattern(trials: Sequence[TorqueTrial]) -> np.ndarray:
     halves = [len(x) // 2 for x, _ in each]
     x, moved = (np.vstack([both[i][:half] for both, half in zip(each, halves, strict=True)]) for i in (0, 1))
     everything = tuple(range(moved.shape[1]))
-    patterns = [Ridge(PATTERN_PENALTY, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
+    patterns = [Ridge(SESSION.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
     found = [
         np.diag(_correlations(np.column_stack([pattern.predict(moved[half:]) for pattern in patterns]), x[half:]))
         for (x, moved), half in zip(each, halves, strict=True)
     ]
-    return np.median(found, axis=0) > MIN_PATTERN_CORRELATION
+    return np.median(found, axis=0) > SESSION.min_pattern_correlation
 
 
 def _other_pattern_log_likelihood(goes_with: np.ndarray) -> np.ndarray:
@@ -512,7 +505,7 @@ def _nearest_ranges_index(now: np.ndarray, spans: np.ndarray) -> int:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.abs(np.log(now / spans))
-    return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=MAX_LOG_DISTANCE).sum(axis=1)))
+    return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=SESSION.max_log_distance).sum(axis=1)))
 
 
 def _common_range_ratio(level: np.ndarray) -> float:
@@ -564,12 +557,12 @@ class SessionWatch:
     Its result is that of `FittedSession.compare` for a recording of the samples in its buffer.
     """
 
-    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WINDOW_S):
+    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WATCH.window_s):
         """Prepare a buffer of `seconds` [s] of samples at the rate `fs` [Hz]; `joints` names the angles."""
-        if not fs > 0.0 or seconds < MIN_WATCH_S:
+        if not fs > 0.0 or seconds < WATCH.min_seconds:
             raise RecordingError(
                 f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
-                f"least {MIN_WATCH_S:g} s"
+                f"least {WATCH.min_seconds:g} s"
             )
         if 2 * len(joints) != len(session.low):
             raise RecordingError(
@@ -605,7 +598,10 @@ class SessionWatch:
             return self.changes
         self._rows[self._count % len(self._rows)] = row
         self._count += 1
-        if self._count >= MIN_WATCH_S * self._fs and self._count % max(1, round(COMPARISON_INTERVAL_S * self._fs)) == 0:
+        if (
+            self._count >= WATCH.min_seconds * self._fs
+            and self._count % max(1, round(WATCH.interval_s * self._fs)) == 0
+        ):
             self._last_comparison = self._session.compare(self._buffered_trial())
         return self.changes
 
@@ -618,19 +614,6 @@ class SessionWatch:
         angles = {j: rows[:, len(muscles) + i] for i, j in enumerate(self._joints)}
         time = np.arange(n) / self._fs
         return TorqueTrial("live", self._joints[0], time, envelopes, angles, np.zeros(n))
-
-
-WATCH_BLOCK_COUNT = 5
-"""Number of blocks of each trial that are left out in turn to see how far a pattern holds."""
-
-BLOCK_GAP_S = 0.2
-"""Gap between the samples of a pattern's fit and the block that is left out [s], longer than an envelope's memory."""
-
-MIN_WATCHED_SAMPLES = 100
-"""Smallest number of fitted samples of which patterns are made. A quadratic pattern of three joints has 28 terms."""
-
-MIN_SQUARE = 1e-12
-"""Least mean square of a pattern by which the core divides."""
 
 
 def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[TorqueTrial]]) -> EmgEstimatorCard:
@@ -650,7 +633,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     """
     first = list(next(iter(trials.values())))
     names = [channel.name for channel in card.channels]
-    if sum(map(len, first)) < MIN_WATCHED_SAMPLES or not names:
+    if sum(map(len, first)) < WATCH.min_samples or not names:
         return card
     x = [np.column_stack([t.envelopes[name] for name in names]) for t in first]
     moved = [_motion(t, card.angles) for t in first]
@@ -686,7 +669,9 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
         for k in range(len(names))
     )
     low, high = np.vstack(moved).min(axis=0), np.vstack(moved).max(axis=0)
-    margin = np.maximum(FITTED_RANGE_MARGIN_SHARE * (high - low), np.tile(MIN_MOTION_MARGINS, len(card.angles)))
+    margin = np.maximum(
+        SESSION.fitted_range_margin_share * (high - low), np.tile(SESSION.min_motion_margins, len(card.angles))
+    )
     low, high = low - margin, high + margin
     angles = tuple(
         WatchedAngle(float(low[2 * a]), float(high[2 * a]), float(low[2 * a + 1]), float(high[2 * a + 1]))
@@ -705,7 +690,7 @@ def _fit_patterns(moved: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[
     """Return the pattern of each channel from motion, shape (n, 2 angles) each, and envelopes, shape (n, k) each."""
     motion, envelopes = np.vstack(moved), np.vstack(x)
     everything = tuple(range(motion.shape[1]))
-    return [Ridge(PATTERN_PENALTY, everything).fit(motion, envelopes[:, k]) for k in range(envelopes.shape[1])]
+    return [Ridge(SESSION.pattern_penalty, everything).fit(motion, envelopes[:, k]) for k in range(envelopes.shape[1])]
 
 
 def _predict(patterns: Sequence[Ridge], moved: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
@@ -721,8 +706,8 @@ def _predict_left_out(
     ceiling: np.ndarray,
 ) -> np.ndarray:
     """Return a trial's envelopes by patterns of all trials without the block that is predicted, shape (n, k)."""
-    n, gap = len(trials[index]), round(BLOCK_GAP_S * trials[index].fs)
-    edges, made = np.linspace(0, n, WATCH_BLOCK_COUNT + 1).astype(int), np.empty_like(x[index])
+    n, gap = len(trials[index]), round(WATCH.block_gap_s * trials[index].fs)
+    edges, made = np.linspace(0, n, WATCH.block_count + 1).astype(int), np.empty_like(x[index])
     for a, b in pairwise(edges):
         kept = np.ones(n, bool)
         kept[max(0, a - gap) : b + gap] = False
@@ -746,7 +731,7 @@ def _remembered_error(
         lfilter([share], [1.0, share - 1.0], y, axis=0, zi=((1.0 - share) * mean)[None, :])[0]
         for y, mean in zip((x * x, x * pattern, pattern * pattern), means, strict=True)
     )
-    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, MIN_SQUARE)))[:, None]
+    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH.min_square)))[:, None]
     missed = square - 2.0 * common * product + common**2 * pattern_square
     return np.maximum(missed, 0.0) / np.maximum(1.0, common**2)
 

@@ -46,63 +46,43 @@ from ..._errors import RecordingError
 from ...numerics.filters import runs
 from .emg_chain import settling_samples, with_surroundings
 
-BANDPASS_HZ = (30.0, 300.0)
-"""Band of the band-pass before the energy operator, as published."""
 
-ENERGY_LOWPASS_HZ = 50.0
-"""Cut-off of the zero-phase low-pass on the energy [Hz], as published."""
+@dataclass(frozen=True)
+class OnsetSettings:
+    """How bursts and their change points are searched."""
 
-DEFAULT_HEIGHT = 15.0
-"""Default threshold of the energy, in standard deviations of rest above its mean."""
+    bandpass_hz: tuple[float, float] = (30.0, 300.0)  # Band of the band-pass before the energy operator, as published
+    energy_lowpass_hz: float = 50.0  # Cut-off of the zero-phase low-pass on the energy [Hz], as published
+    height: float = 15.0  # Default threshold of the energy, in standard deviations of rest above its mean
+    min_burst_s: float = 0.025  # The energy must stay above its threshold for at least this time to count as a burst
+    min_pause_s: float = 0.1  # Shorter pauses belong to one burst
+    # A burst that crosses the threshold earlier than this in a recording began before it
+    min_first_onset_s: float = 0.05
+    rest_s: float = 0.5  # Length of the quietest stretch, which stands for rest by default
+    # Smallest ratio of the RMS of activity to that of rest; below it a recording has no rest, or no activity
+    min_contrast: float = 2.0
+    search_before_s: float = 0.6  # The change point is searched up to this time before the threshold crossing
+    search_after_s: float = 0.3  # The change point is searched up to this time after the threshold crossing
+    fitted_s: float = 1.2  # Samples up to this time after the threshold crossing are fitted
+    max_block_s: float = 0.002  # Squares are summed over blocks of about this length: an onset is found no finer
+    # Powers of time with which the variance rises that an onset is tried with. At 2 the amplitude rises evenly. At 3 it
+    # begins slowly, as where the first motor units are small.
+    rise_exponents: tuple[float, float] = (2.0, 3.0)
+    # Number of levels before the rise that an onset is tried with, from that of rest to half the burst's. A muscle may
+    # be more active between two bursts than at rest.
+    floor_count: int = 4
+    dispersion_block_s: float = 0.05  # Length of the blocks whose energies show how much a burst varies
+    min_dispersion_blocks: int = 6  # With fewer blocks in a burst their energies say nothing
 
-MIN_BURST_S = 0.025
-"""The energy must stay above its threshold for at least this time to count as a burst."""
 
-MIN_PAUSE_S = 0.1
-"""Shorter pauses belong to one burst."""
+ONSET = OnsetSettings()
 
-MIN_FIRST_ONSET_S = 0.05
-"""A burst that crosses the threshold earlier than this in a recording began before it."""
-
-REST_LENGTH_S = 0.5
-"""Length of the quietest stretch, which stands for rest by default."""
-
-MIN_ACTIVITY_CONTRAST = 2.0
-"""Smallest ratio of the RMS of activity to that of rest; below it a recording has no rest, or no activity."""
-
-ONSET_SEARCH_REACH_S = 0.6
-"""The change point is searched up to this time before the threshold crossing."""
-
-ONSET_SEARCH_AFTER_S = 0.3
-"""The change point is searched up to this time after the threshold crossing."""
-
-BURST_FIT_LENGTH_S = 1.2
-"""Samples up to this time after the threshold crossing are fitted."""
-
-MAX_BLOCK_S = 0.002
-"""Squares are summed over blocks of about this length: an onset is found no finer."""
 
 RISE_TIMES_S = (0.0, *(float(rise) for rise in np.geomspace(0.02, 0.8, 15)))
 """Rise times that an onset is tried with. Neighbours are 30 % apart: a coarser grid moves the onset between them."""
 
-RISE_EXPONENTS = (2.0, 3.0)
-"""Powers of time with which the variance rises that an onset is tried with.
-
-At 2 the amplitude rises evenly. At 3 it begins slowly, as where the first motor units are small.
-"""
-
 PLATEAU_FACTORS = np.geomspace(0.7, 1.4, 4)
 """Levels after the rise that an onset is tried with, relative to the burst's RMS."""
-
-FLOOR_COUNT = 4
-"""Number of levels before the rise that an onset is tried with, from that of rest to half the burst's. A muscle may be
-more active between two bursts than at rest."""
-
-DISPERSION_BLOCK_S = 0.05
-"""Length of the blocks whose energies show how much a burst varies."""
-
-MIN_DISPERSION_BLOCKS = 6
-"""With fewer blocks in a burst their energies say nothing."""
 
 
 @dataclass(frozen=True)
@@ -151,9 +131,9 @@ def activations(
     samples: np.ndarray,
     *,
     rest: tuple[float, float] | None = None,
-    height: float = DEFAULT_HEIGHT,
-    shortest: float = MIN_BURST_S,
-    pause: float = MIN_PAUSE_S,
+    height: float = ONSET.height,
+    shortest: float = ONSET.min_burst_s,
+    pause: float = ONSET.min_pause_s,
     level: float = 0.95,
     inside: slice | None = None,
 ) -> Activations:
@@ -177,7 +157,7 @@ def require_activity(
     samples: np.ndarray,
     *,
     rest: tuple[float, float] | None = None,
-    height: float = DEFAULT_HEIGHT,
+    height: float = ONSET.height,
     inside: slice | None = None,
 ) -> None:
     """Raise the errors of `activations` without searching any onset, which takes most of its time."""
@@ -208,8 +188,8 @@ def _energy(
     part = time[inside]
     fs = (len(part) - 1) / (part[-1] - part[0])
     _require(part, samples[inside], fs)
-    band = signal.butter(3, BANDPASS_HZ, "bandpass", fs=fs, output="sos")
-    smoothing = signal.butter(2, ENERGY_LOWPASS_HZ, fs=fs, output="sos")
+    band = signal.butter(3, ONSET.bandpass_hz, "bandpass", fs=fs, output="sos")
+    smoothing = signal.butter(2, ONSET.energy_lowpass_hz, fs=fs, output="sos")
     around = with_surroundings(samples, inside, settling_samples(band) + settling_samples(smoothing))
     own = slice(inside.start - around.start, inside.stop - around.start)
     raw, time = samples[around] - samples[inside].mean(), part
@@ -223,10 +203,10 @@ def _energy(
     busy = float(np.sqrt(np.quantile(_mean_square(passed, fs), 0.95)))
     if not rest_rms > 0.0 or np.ptp(samples[still]) == 0.0:
         raise RecordingError("found a rest without any signal, expected an amplifier's own noise there at least")
-    if busy < MIN_ACTIVITY_CONTRAST * rest_rms:
+    if busy < ONSET.min_contrast * rest_rms:
         raise RecordingError(
             f"found activity of {busy / rest_rms:.3g} times the RMS of rest ({time[still][0]:.4g} to "
-            f"{time[still][-1]:.4g} s), expected at least {MIN_ACTIVITY_CONTRAST:g} times: a recording with rest and "
+            f"{time[still][-1]:.4g} s), expected at least {ONSET.min_contrast:g} times: a recording with rest and "
             "with activity"
         )
     return _Energy(fs, time, raw, own, passed, energy, still, rest_rms, passes)
@@ -247,14 +227,13 @@ def _require(time: np.ndarray, samples: np.ndarray, fs: float) -> None:
             f"found {missing.size} missing samples (NaN), the first at {time[missing[0]]:.6g} s, expected a number in "
             "every sample"
         )
-    if not fs > 2.0 * BANDPASS_HZ[1]:
+    if not fs > 2.0 * ONSET.bandpass_hz[1]:
         raise RecordingError(
-            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * BANDPASS_HZ[1]:g} Hz: onset is found "
-            "between "
-            f"{BANDPASS_HZ[0]:g} and {BANDPASS_HZ[1]:g} Hz"
+            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * ONSET.bandpass_hz[1]:g} Hz: onset is "
+            f"found between {ONSET.bandpass_hz[0]:g} and {ONSET.bandpass_hz[1]:g} Hz"
         )
-    if time[-1] - time[0] < 2.0 * REST_LENGTH_S:
-        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * REST_LENGTH_S:g} s")
+    if time[-1] - time[0] < 2.0 * ONSET.rest_s:
+        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * ONSET.rest_s:g} s")
     if np.min(samples) >= 0.0:
         raise RecordingError("found no sample below 0, as in an envelope, expected raw EMG")
 
@@ -270,10 +249,10 @@ def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:
 
 
 def _quietest(energy: np.ndarray, fs: float) -> slice:
-    """Where the largest energy within `REST_LENGTH_S` is least: a mean would forgive a twitch."""
+    """Where the largest energy within `ONSET.rest_s` is least: a mean would forgive a twitch."""
     from scipy.ndimage import maximum_filter1d
 
-    n = round(REST_LENGTH_S * fs)
+    n = round(ONSET.rest_s * fs)
     most = maximum_filter1d(energy, n)[n // 2 : len(energy) - n + n // 2 + 1]
     first = int(np.argmin(most))
     return slice(first, first + n)
@@ -304,7 +283,7 @@ def _both_ways(sections: np.ndarray, samples: np.ndarray, padtype: str) -> np.nd
 def _one_way(samples: np.ndarray, fs: float, own: slice, still: slice) -> tuple[np.ndarray, np.ndarray]:
     """The `own` samples over the RMS of rest, passed forwards, and the same backwards from the end: a filter that runs
     both ways would bring a beginning forward, by its ringing."""
-    sos = signal.butter(1, BANDPASS_HZ, "bandpass", fs=fs, output="sos")
+    sos = signal.butter(1, ONSET.bandpass_hz, "bandpass", fs=fs, output="sos")
     made = signal.sosfilt(sos, samples)[own], signal.sosfilt(sos, samples[::-1])[::-1][own]
     forward, backward = (x / np.sqrt(np.mean(x[still] ** 2)) for x in made)
     return forward, backward[::-1]
@@ -329,7 +308,7 @@ def _burst(
         ChangePoint(float(ends[1]), float(ends[2]), float(ends[0])),
         float(time[first]),
         rms,
-        bool(first > MIN_FIRST_ONSET_S * fs),
+        bool(first > ONSET.min_first_onset_s * fs),
     )
 
 
@@ -338,22 +317,22 @@ def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level:
 
     The search lies around `first`, the sample that crossed the threshold, and not ahead of `before`.
     """
-    low = max(before, first - round(ONSET_SEARCH_REACH_S * fs))
-    after = first + round(BURST_FIT_LENGTH_S * fs)
-    end = min(len(x), max(min(last + 1, after), first + round(MIN_BURST_S * fs)))
-    block = max(1, round(MAX_BLOCK_S * fs))
+    low = max(before, first - round(ONSET.search_before_s * fs))
+    after = first + round(ONSET.fitted_s * fs)
+    end = min(len(x), max(min(last + 1, after), first + round(ONSET.min_burst_s * fs)))
+    block = max(1, round(ONSET.max_block_s * fs))
     count = (end - low) // block
     squares = (x[low : low + count * block] ** 2).reshape(count, block).sum(axis=1)
-    places = np.arange(min((first - low + round(ONSET_SEARCH_AFTER_S * fs)) // block, count - 1))
+    places = np.arange(min((first - low + round(ONSET.search_after_s * fs)) // block, count - 1))
     burst = float(np.sqrt(np.mean(x[first:end] ** 2)))
-    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), FLOOR_COUNT)
+    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), ONSET.floor_count)
     size = next_fast_len(2 * count, real=True)
     spectrum = rfft(squares, size)
     since = (np.arange(count) + 0.5) * block / fs  # Time since the onset at the middle of each block [s]
     profile, likeliest = np.full(len(places), -np.inf), np.full(count, burst)
     for rise in RISE_TIMES_S:
         ramp = np.clip(since / max(rise, 0.5 * block / fs), 0.0, 1.0)
-        for floor, shape in product(floors, RISE_EXPONENTS if rise > 0.0 else RISE_EXPONENTS[:1]):
+        for floor, shape in product(floors, ONSET.rise_exponents if rise > 0.0 else ONSET.rise_exponents[:1]):
             plateaus = np.maximum(PLATEAU_FACTORS * burst, floor)[:, None]
             sigma = np.sqrt(floor**2 + (plateaus**2 - floor**2) * ramp**shape)
             # Less what the floor would have said of the same samples: of all places at once.
@@ -390,11 +369,11 @@ def _energy_dispersion(x: np.ndarray, fs: float) -> float:
     """Return how many samples count as one by how much the energy of a burst varies from block to block.
 
     Independent Gaussian samples vary by their number alone. Motor units that fire a few times in a block vary more.
-    Fewer than `MIN_DISPERSION_BLOCKS` blocks tell nothing: 1.
+    Fewer than `ONSET.min_dispersion_blocks` blocks tell nothing: 1.
     """
-    length = round(DISPERSION_BLOCK_S * fs)
+    length = round(ONSET.dispersion_block_s * fs)
     count = len(x) // length
-    if count < MIN_DISPERSION_BLOCKS:
+    if count < ONSET.min_dispersion_blocks:
         return 1.0
     energy = (x[: count * length] ** 2).reshape(count, length).mean(axis=1)
     return float(0.25 * length * np.mean(np.diff(np.log(np.maximum(energy, 1e-12))) ** 2))
@@ -406,9 +385,9 @@ def _fit_dispersion(squares: np.ndarray, expected: np.ndarray, block: int, fs: f
     A rise that no tried shape follows leaves larger differences than Gaussian samples do, so that the interval widens.
     `squares`, (n,), are sums over blocks of `block` samples; `expected`, (n,), is what the rise says of them.
     """
-    length = max(1, round(DISPERSION_BLOCK_S * fs / block))
+    length = max(1, round(ONSET.dispersion_block_s * fs / block))
     count = len(squares) // length
-    if count < MIN_DISPERSION_BLOCKS:
+    if count < ONSET.min_dispersion_blocks:
         return 1.0
     found, said = (each[: count * length].reshape(count, length).sum(axis=1) for each in (squares, expected))
     return float(0.5 * length * block * np.mean((found / said - 1.0) ** 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
@@ -11,73 +12,56 @@ from ...files.fault import Fault
 from ...files.recording import Recording
 from ...numerics.filters import runs
 
-MAINS_HZ = (50.0, 60.0)
-"""Frequencies of the mains in the world."""
 
-MAINS_SEARCH_S = 4.0
-"""Seconds of a recording that tell 50 from 60 Hz."""
+@dataclass(frozen=True)
+class QualityThresholds:
+    """Thresholds beyond which an EMG recording has a fault."""
 
-MIN_HUM_RATIO = 2.0
-"""Hum is found where one frequency of the mains has this many times the other's share of the power.
+    mains_hz: tuple[float, float] = (50.0, 60.0)  # Frequencies of the mains in the world
+    mains_search_s: float = 4.0  # Seconds of a recording that tell 50 from 60 Hz
+    # Hum is found where one frequency of the mains has this many times the other's share of the power. EMG without hum
+    # has much the same share of both. Chosen by judgement.
+    min_hum_ratio: float = 2.0
+    # A channel with a smaller RMS lacks even an amplifier's noise: it is off, or nothing is connected
+    min_rms_v: float = 0.3e-6
+    # Share of the power that may be the mains' before the notch has to take out more than the muscle
+    max_hum_share: float = 0.3
+    # Share of the power above which the mains is all there is: an electrode is an antenna then
+    max_mains_share: float = 0.8
+    # An attached electrode has less mains hum than this (RMS). At rest even little hum is most of the power.
+    max_attached_mains_v: float = 20e-6
+    min_reported_mains_v: float = 5e-6  # Mains hum with a smaller RMS is not reported, whatever its share of the power
+    min_clipped_run: int = 3  # Samples in a row at the very largest value that no muscle makes
+    max_clipped_share: float = 1e-3  # Share of the samples that may be in such runs
+    min_work_contrast: float = 2.0  # A muscle is at work if its envelope exceeds that of rest by this factor
+    max_envelope: float = 1.2  # Relative envelope above which the maximal contraction was none
+    # Relative envelope below which a whole recording stays where the maximum was an artefact's
+    min_envelope_peak: float = 0.02
+    # Share of the way from rest to a maximal contraction that a relaxed muscle stays below
+    max_relaxed_share: float = 0.05
 
-EMG without hum has much the same share of both. Chosen by judgement; no measurement is recorded.
-"""
 
-MIN_SIGNAL_RMS_V = 0.3e-6
-"""A channel with a smaller RMS lacks even an amplifier's noise: it is off, or nothing is connected."""
-
-HUM_SHARE = 0.3
-"""Share of the power that may be the mains' before the notch has to take out more than the muscle."""
-
-DETACHED_SHARE = 0.8
-"""Share of the power above which the mains is all there is: an electrode is an antenna then."""
-
-MAX_ATTACHED_MAINS_V = 20e-6
-"""An attached electrode has less mains hum than this (RMS). At rest even little hum is most of the power."""
-
-MIN_REPORTED_MAINS_V = 5e-6
-"""Mains hum with a smaller RMS is not reported, whatever its share of the power."""
-
-CLIPPED_RUN = 3
-"""Samples in a row at the very largest value that no muscle makes."""
-
-CLIPPED_SHARE = 1e-3
-"""Share of the samples that may be in such runs."""
-
-MIN_WORK_CONTRAST = 2.0
-"""A muscle is at work if its envelope exceeds that of rest by this factor."""
-
-ABOVE_MAXIMUM = 1.2
-"""Relative envelope above which the maximal contraction was none."""
-
-FAR_BELOW_MAXIMUM = 0.02
-"""Relative envelope below which a whole recording stays where the maximum was an artefact's."""
-
-RELAXED_SHARE = 0.05
-"""Share of the way from rest to a maximal contraction that a relaxed muscle stays below."""
-
-RATE_TOLERANCE = 0.01
-"""Share by which a declared rate may differ from the file's own clock."""
+QUALITY = QualityThresholds()
 
 
 def find_mains(recording: Recording) -> float:
     """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
     shares = _hum_shares([recording])
-    return max(MAINS_HZ, key=lambda f: shares[f])
+    return max(QUALITY.mains_hz, key=lambda f: shares[f])
 
 
 def find_hum(recordings: Sequence[Recording]) -> float | None:
     """Return the frequency of the mains [Hz] whose hum the raw EMG of some recordings has; None without clear hum."""
     shares = _hum_shares(recordings)
-    most, least = max(MAINS_HZ, key=lambda f: shares[f]), min(shares.values())
-    return most if shares[most] > MIN_HUM_RATIO * least else None
+    most, least = max(QUALITY.mains_hz, key=lambda f: shares[f]), min(shares.values())
+    return most if shares[most] > QUALITY.min_hum_ratio * least else None
 
 
 def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
     """Return the largest share of the power that any channel of raw EMG has at each frequency of the mains."""
-    found = dict.fromkeys(MAINS_HZ, 0.0)
+    found = dict.fromkeys(QUALITY.mains_hz, 0.0)
     for recording in recordings:
-        part = slice(0, round(MAINS_SEARCH_S * recording.fs))
+        part = slice(0, round(QUALITY.mains_search_s * recording.fs))
         raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
         for x in (x for x in raw if np.isfinite(x).all()):
             found = {f: max(share, hum_share(x, recording.fs, f)) for f, share in found.items()}
@@ -118,11 +102,12 @@ def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -
     for muscle, envelope in envelopes.items():
         rest, active = np.quantile(envelope, (0.05, 0.95))
         ratio = active / rest if rest > 0.0 else np.inf
-        if ratio < MIN_WORK_CONTRAST:
+        if ratio < QUALITY.min_work_contrast:
             found.append(
                 _fault(
                     "note", "low_contrast", recording, f"emg.{muscle}",
-                    f"an envelope at work {ratio:.3g} times that at rest", f"at least {MIN_WORK_CONTRAST:g} times",
+                    f"an envelope at work {ratio:.3g} times that at rest",
+                    f"at least {QUALITY.min_work_contrast:g} times",
                 )
             )  # fmt: skip
     return found
@@ -138,7 +123,7 @@ def relaxed_faults(
     found = []
     for muscle, envelope in envelopes.items():
         span = maximum[muscle] - rest[muscle]
-        limit = rest[muscle] + RELAXED_SHARE * span
+        limit = rest[muscle] + QUALITY.max_relaxed_share * span
         active = envelope > limit
         # A twitch that the envelope spreads over a second is no contraction.
         if span > 0.0 and np.mean(active) > 0.05:
@@ -148,7 +133,7 @@ def relaxed_faults(
                     "refuse", "not_relaxed", recording, f"emg.{muscle}",
                     f"activity of {top:.3g} % of a maximal contraction, during {100.0 * np.mean(active):.3g} % of the "
                     "trial",
-                    f"a relaxed muscle: below {100.0 * RELAXED_SHARE:g} %",
+                    f"a relaxed muscle: below {100.0 * QUALITY.max_relaxed_share:g} %",
                 )
             )  # fmt: skip
     return found
@@ -183,23 +168,26 @@ def _raw_faults(
 ) -> list[Fault]:
     x = x - x.mean()
     rms = float(np.sqrt(np.mean(x**2)))
-    if rms < MIN_SIGNAL_RMS_V:
+    if rms < QUALITY.min_rms_v:
         found = f"{1e6 * rms:.2g} µV rms"
-        expected = f"at least an amplifier's noise, {1e6 * MIN_SIGNAL_RMS_V:g} µV"
+        expected = f"at least an amplifier's noise, {1e6 * QUALITY.min_rms_v:g} µV"
         return [_fault("refuse", "detached_electrode", recording, name, found, expected)]
     faults = []
     ends = runs((x == x.max()) | (x == x.min()))
-    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= CLIPPED_RUN)
-    if clipped > CLIPPED_SHARE * len(x):
+    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= QUALITY.min_clipped_run)
+    if clipped > QUALITY.max_clipped_share * len(x):
         found = f"{clipped} samples ({100.0 * clipped / len(x):.2g} %) in runs at the largest value"
         faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
     share = hum_share(x, recording.fs, mains)
     hum = np.sqrt(share) * rms
-    if share > DETACHED_SHARE and hum > MAX_ATTACHED_MAINS_V:
+    if share > QUALITY.max_mains_share and hum > QUALITY.max_attached_mains_v:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
         faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > HUM_SHARE and hum > MIN_REPORTED_MAINS_V and mains not in (notches or ()):
-        found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", f"{100 * HUM_SHARE:g} %"
+    elif share > QUALITY.max_hum_share and hum > QUALITY.min_reported_mains_v and mains not in (notches or ()):
+        found, expected = (
+            f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz",
+            f"{100 * QUALITY.max_hum_share:g} %",
+        )
         notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
         remedy = "look at electrodes and cables" if notches is None else notch
         faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; {remedy}"))
@@ -220,8 +208,11 @@ def hum_share(samples: np.ndarray, fs: float, mains: float = 50.0) -> float:
 
 def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fault]:
     top = float(np.max(x))
-    if top > ABOVE_MAXIMUM:
-        found, expected = f"{top:.3g} times the maximal contraction", f"at most {ABOVE_MAXIMUM:g}; normalise again"
+    if top > QUALITY.max_envelope:
+        found, expected = (
+            f"{top:.3g} times the maximal contraction",
+            f"at most {QUALITY.max_envelope:g}; normalise again",
+        )
         # A held-out recording reaches no scale, so what it holds is told and judged as it is.
         severity = "refuse" if recording.use == "fit" else "warn"
         return [_fault(severity, "normalisation", recording, name, found, expected)]
@@ -229,9 +220,9 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
         return [
             _fault("refuse", "detached_electrode", recording, name, f"the one value {top:g}", "a muscle's envelope")
         ]
-    if top < FAR_BELOW_MAXIMUM:
+    if top < QUALITY.min_envelope_peak:
         found = f"at most {100.0 * top:.2g} % of the maximal contraction"
-        expected = f"more than {100 * FAR_BELOW_MAXIMUM:g} % somewhere, or a maximum that is the muscle's"
+        expected = f"more than {100 * QUALITY.min_envelope_peak:g} % somewhere, or a maximum that is the muscle's"
         return [_fault("note", "normalisation", recording, name, found, expected)]
     return []
 

@@ -14,7 +14,7 @@ from ....models.estimates import Verdict
 from ....study.procedures.result import FigureTable
 from ....study.study import Study
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession
-from ...estimators.raw_session import MIN_RECORDING_S, RawChannels
+from ...estimators.raw_session import RAW, RawChannels
 from ...estimators.torque_trial import TorqueTrial, join_pieces
 from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import find_window
@@ -81,7 +81,7 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     found: dict[str, tuple[ChannelChange, ...]] = {}
     read = [(r, r.stream_or_self(study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
-    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= MIN_RECORDING_S]  # pieces of a trial one by one
+    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= RAW.min_recording_s]  # pieces of a trial one by one
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]
