@@ -10,7 +10,7 @@ from pellucid.emg.estimators.emg_session import WATCH, add_channel_watch
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import (
-    MAX_WATCHED_LOSS,
+    WATCH_DEFAULTS,
     EmgEstimatorCard,
     EstimatorChannel,
     EstimatorJoint,
@@ -155,7 +155,7 @@ def test_a_lost_channel_is_lost_and_no_change(watched):
 def test_card_is_read_back_with_its_watch(watched, tmp_path):
     again = read_estimator_card(write_estimator_card(tmp_path / "card.json", watched))
     assert again == watched
-    assert again.watch.max_loss == MAX_WATCHED_LOSS
+    assert again.watch.max_loss == WATCH_DEFAULTS.max_loss
     old = replace(watched, watch=None)
     assert read_estimator_card(write_estimator_card(tmp_path / "old.json", old)).watch is None
     trial = stride(seed=3)

@@ -25,23 +25,23 @@ import numpy as np
 from pellucid._errors import PellucidError
 from pellucid.emg.estimators.neural_network import NeuralNetwork
 
-ANGLE_RULE_COUNT = 5
-"""Number of rules over angle, the same as in the core."""
 
-SPEED_RULE_COUNT = 7
-"""Number of rules over speed, the same as in the core."""
+@dataclass(frozen=True)
+class RuleGrid:
+    """Where the rules lie, and how they are learnt.
 
-RULE_SPEED_RAD_S = 0.3
-"""Speed w below which half of the rules of either direction lie [rad/s].
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-Chosen by judgement; no measurement is recorded.
-"""
+    angles: int = 5  # Number of rules over angle, the same as in the core
+    speeds: int = 7  # Number of rules over speed, the same as in the core
+    # Speed w below which half of the rules of either direction lie [rad/s]. Chosen by judgement.
+    speed_rad_s: float = 0.3
+    folds: int = 3  # Number of groups of recordings. Each is left out once in cross-validation. Chosen by judgement.
 
-FOLD_COUNT = 3
-"""Number of groups of recordings. Each is left out once in cross-validation.
 
-Chosen by judgement; no measurement is recorded.
-"""
+RULES = RuleGrid()
+
 
 STIFFNESS_CANDIDATES = {"fuzzy": (1e-3, 1e-2, 1e-1, 1.0), "network": (0.1, 1.0, 10.0)}
 """Candidate stiffnesses: the ridge as a share of the samples, and the network's weight decay [1]."""
@@ -78,7 +78,7 @@ class LearntRules:
     def numbers(self, share: float = 1.0) -> dict[str, float]:
         """Return the core's parameters by name, in SI units, with every torque multiplied by `share`."""
         table = {f"rule_{i}_{j}": share * float(t) for (i, j), t in np.ndenumerate(self.torque)}
-        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": RULE_SPEED_RAD_S, **table}
+        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": RULES.speed_rad_s, **table}
 
 
 FitFunction = Callable[[Sequence[RecordedResidual], float], np.ndarray]
@@ -93,9 +93,9 @@ def learn_rules(recordings: Sequence[RecordedResidual], kind: RuleKind) -> Learn
 
     Cross-validation chooses their stiffness, and an outer cross-validation scores this choice.
     """
-    if len(recordings) < FOLD_COUNT + 1:
+    if len(recordings) < RULES.folds + 1:
         raise PellucidError(
-            f"rules: found {len(recordings)} recordings, expected {FOLD_COUNT + 1} or more to learn from"
+            f"rules: found {len(recordings)} recordings, expected {RULES.folds + 1} or more to learn from"
         )
     whole = np.concatenate([one.position for one in recordings])
     low, high = float(whole.min()), float(whole.max())
@@ -105,7 +105,7 @@ def learn_rules(recordings: Sequence[RecordedResidual], kind: RuleKind) -> Learn
 
     def fit(used: Sequence[RecordedResidual], stiffness: float) -> np.ndarray:
         if np.isinf(stiffness):
-            return np.zeros((ANGLE_RULE_COUNT, SPEED_RULE_COUNT))
+            return np.zeros((RULES.angles, RULES.speeds))
         q, v, r = (np.concatenate([getattr(one, x) for one in used]) for x in ("position", "velocity", "torque"))
         return make(q, v, r, low, high, stiffness)
 
@@ -127,11 +127,11 @@ def memberships(position: np.ndarray, velocity: np.ndarray, low: float, high: fl
     `low` and `high` are the ends of the rules' angles [rad]. The result has shape (n, angle rules * speed rules); its
     rows sum to one.
     """
-    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (ANGLE_RULE_COUNT - 1)
-    fast = 0.5 * (SPEED_RULE_COUNT - 1) * (1.0 + compress_speed(velocity))
+    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (RULES.angles - 1)
+    fast = 0.5 * (RULES.speeds - 1) * (1.0 + compress_speed(velocity))
     a, b = (
         np.maximum(1.0 - np.abs(x[:, None] - np.arange(n)), 0.0)
-        for x, n in ((along, ANGLE_RULE_COUNT), (fast, SPEED_RULE_COUNT))
+        for x, n in ((along, RULES.angles), (fast, RULES.speeds))
     )
     return (a[:, :, None] * b[:, None, :]).reshape(len(along), -1)
 
@@ -142,7 +142,7 @@ def compress_speed(velocity: np.ndarray) -> np.ndarray:
     Rules that are evenly spaced on this scale lie close together about zero speed, where friction changes its sign.
     """
     v = np.asarray(velocity, float)
-    return v / (np.abs(v) + RULE_SPEED_RAD_S)
+    return v / (np.abs(v) + RULES.speed_rad_s)
 
 
 def _fit_fuzzy_rules(
@@ -150,8 +150,8 @@ def _fit_fuzzy_rules(
 ) -> np.ndarray:
     """Return the rules' torques by ridge regression, shape (angle rules, speed rules) [N m]."""
     phi = memberships(q, v, low, high)
-    ridge = stiffness * len(r) / (ANGLE_RULE_COUNT * SPEED_RULE_COUNT) * np.eye(ANGLE_RULE_COUNT * SPEED_RULE_COUNT)
-    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(ANGLE_RULE_COUNT, SPEED_RULE_COUNT)
+    ridge = stiffness * len(r) / (RULES.angles * RULES.speeds) * np.eye(RULES.angles * RULES.speeds)
+    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(RULES.angles, RULES.speeds)
 
 
 def _fit_network_rules(
@@ -166,11 +166,11 @@ def _fit_network_rules(
     every = max(len(r) // 1000, 1)
     trained = NeuralNetwork(penalty=stiffness).fit(features(q, compress_speed(v))[::every], r[::every])
     angle, speed = np.meshgrid(
-        np.linspace(low, high, ANGLE_RULE_COUNT), np.linspace(-1.0, 1.0, SPEED_RULE_COUNT), indexing="ij"
+        np.linspace(low, high, RULES.angles), np.linspace(-1.0, 1.0, RULES.speeds), indexing="ij"
     )
     said = trained.predict(features(angle.ravel(), speed.ravel()))
     # A network extrapolates freely. Its values are limited to the residuals that were recorded.
-    return np.clip(said, r.min(), r.max()).reshape(ANGLE_RULE_COUNT, SPEED_RULE_COUNT)
+    return np.clip(said, r.min(), r.max()).reshape(RULES.angles, RULES.speeds)
 
 
 def _choose_stiffness(
@@ -193,8 +193,8 @@ def _split_recordings(
 ) -> list[tuple[list[RecordedResidual], list[RecordedResidual]]]:
     """Return pairs of fitted and left-out recordings."""
     return [
-        ([one for i, one in enumerate(recordings) if i % FOLD_COUNT != fold], list(recordings[fold::FOLD_COUNT]))
-        for fold in range(FOLD_COUNT)
+        ([one for i, one in enumerate(recordings) if i % RULES.folds != fold], list(recordings[fold :: RULES.folds]))
+        for fold in range(RULES.folds)
     ]
 
 

@@ -20,24 +20,25 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from ..._errors import IdentificationError
 from .torque_regressor import mean_and_scale
 
-DEFAULT_WINDOW_S = 6.0
-"""Errors are remembered for this long [s]: some repetitions of a movement."""
 
-DEFAULT_SPACING_S = 0.04
-"""Interval between remembered errors [s]. Chosen by judgement; no measurement is recorded."""
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """How long errors are remembered, and the candidates for the kernel.
 
-LENGTH_SCALE_CANDIDATES = (1.0, 2.0, 4.0)
-"""Candidate length scales of the kernel, in standard deviations of a feature.
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-Each is multiplied by the root of the number of features. The likelihood chooses among them.
-Chosen by judgement; no measurement is recorded.
-"""
+    window_s: float = 6.0  # Errors are remembered for this long [s]: some repetitions of a movement
+    spacing_s: float = 0.04  # Interval between remembered errors [s]. Chosen by judgement.
+    # Candidate length scales of the kernel, in standard deviations of a feature. Each is multiplied by the root of the
+    # number of features. The likelihood chooses among them. Chosen by judgement.
+    length_scales: tuple[float, ...] = (1.0, 2.0, 4.0)
+    # Candidate shares of the errors' variance that features do not explain. The likelihood chooses among them. Chosen
+    # by judgement.
+    noise_shares: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0)
 
-NOISE_SHARE_CANDIDATES = (0.03, 0.1, 0.3, 1.0)
-"""Candidate shares of the errors' variance that features do not explain. The likelihood chooses among them.
 
-Chosen by judgement; no measurement is recorded.
-"""
+CORRECTION = CorrectionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +49,8 @@ class AdaptiveCorrection:
     scale: np.ndarray  # Standard deviation of each feature, shape (k,)
     length: float  # Length scale of the kernel, in standardised features
     noise: float  # Noise share nu of the kernel's diagonal
-    window: float = DEFAULT_WINDOW_S  # Duration for which errors are remembered [s]
-    spacing: float = DEFAULT_SPACING_S  # Interval between remembered errors [s]
+    window: float = CORRECTION.window_s  # Duration for which errors are remembered [s]
+    spacing: float = CORRECTION.spacing_s  # Interval between remembered errors [s]
 
     def correct(self, x: np.ndarray, predicted: np.ndarray, reference: np.ndarray, fs: float) -> np.ndarray:
         """Return the torque `predicted` along a trial, corrected sample by sample as a robot would.
@@ -87,7 +88,7 @@ def fit_adaptive_correction(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, m
     z, e = (x[thinned] - centre) / scale, error[thinned]
     reach = np.sqrt(x.shape[1])
     choices = [(_log_likelihood(z, e, length * reach, noise), length * reach, noise)
-               for length in LENGTH_SCALE_CANDIDATES for noise in NOISE_SHARE_CANDIDATES]  # fmt: skip
+               for length in CORRECTION.length_scales for noise in CORRECTION.noise_shares]  # fmt: skip
     _, length, noise = max(choices)
     return AdaptiveCorrection(centre, scale, float(length), noise)
 

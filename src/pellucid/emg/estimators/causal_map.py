@@ -30,35 +30,31 @@ from .cross_validation import first_best
 CARD_KIND = "causal_emg_map"
 """Kind of the parameter card that holds a causal map."""
 
-EMG_BAND_HZ = (30.0, 450.0)
-"""Corner frequencies of the band-pass before rectification [Hz]. Chosen by judgement; no measurement is recorded."""
 
-ANGLE_LOWPASS_HZ = 6.0
-"""Cut-off of the zero-phase low-pass on the angle, before a trial's fastest motion is determined [Hz].
+@dataclass(frozen=True)
+class CausalMapSettings:
+    """How a causal map is fitted, and where its EMG is no muscle's.
 
-Chosen by judgement; no measurement is recorded.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-FILTER_SETTLING_S = 2.0
-"""Duration that is left out at the start of a trial [s], until the filters have settled."""
+    # Corner frequencies of the band-pass before rectification [Hz]. Chosen by judgement.
+    band_hz: tuple[float, float] = (30.0, 450.0)
+    # Cut-off of the zero-phase low-pass on the angle, before a trial's fastest motion is determined [Hz]. Chosen by
+    # judgement.
+    angle_lowpass_hz: float = 6.0
+    settling_s: float = 2.0  # Duration that is left out at the start of a trial [s], until the filters have settled
+    # A trial is left out if its joint ever turns faster than this [rad/s]: the joint was then not held. Chosen by
+    # judgement.
+    max_joint_speed_rad_s: float = 3.0
+    rate_hz: float = 20.0  # Rate at which samples enter the regression [Hz]. Envelopes hold nothing faster.
+    # Candidate penalties of the ridge regression. Repetitions left out choose among them.
+    penalties: tuple[float, ...] = (0.0, 1.0, 10.0, 100.0)
+    # EMG is declared invalid after this many samples in a row outside floor and ceiling. Chosen by judgement.
+    patience_samples: int = 400
 
-MAX_HELD_JOINT_SPEED_RAD_S = 3.0
-"""A trial is left out if its joint ever turns faster than this [rad/s]: the joint was then not held.
 
-Chosen by judgement; no measurement is recorded.
-"""
-
-REGRESSION_RATE_HZ = 20.0
-"""Rate at which samples enter the regression [Hz]. Envelopes hold nothing faster."""
-
-PENALTY_CANDIDATES = (0.0, 1.0, 10.0, 100.0)
-"""Candidate penalties of the ridge regression. Repetitions left out choose among them."""
-
-DEFAULT_PATIENCE_SAMPLES = 400
-"""EMG is declared invalid after this many samples in a row outside floor and ceiling.
-
-Chosen by judgement; no measurement is recorded.
-"""
+CAUSAL = CausalMapSettings()
 
 
 @dataclass(frozen=True)
@@ -110,7 +106,7 @@ class CausalMap:
     rmse: float = nan  # RMSE on repetitions that the map was not fitted to [N m]
     muscles: tuple[str, ...] = field(default=())  # Names of the channels, in the order of the samples
     patience: int = (
-        DEFAULT_PATIENCE_SAMPLES  # Number of samples in a row outside floor and ceiling before EMG is invalid
+        CAUSAL.patience_samples  # Number of samples in a row outside floor and ceiling before EMG is invalid
     )
 
     def parameters(self) -> EmgTorqueArguments:
@@ -144,7 +140,7 @@ class CausalMap:
             for m, x in zip(muscles, values, strict=True)
         }
         chain = {"fs": self.fs, "corner": self.corner, "patience": self.patience, "torque_limit": self.torque_limit}
-        low, high = EMG_BAND_HZ
+        low, high = CAUSAL.band_hz
         return ParameterCard(
             kind=CARD_KIND,
             study=study,
@@ -201,7 +197,7 @@ def fit_causal_map(
     from .neural_network import Ridge  # scikit-learn takes half a second to load
 
     settings = settings or EmgSettings()
-    trials = [t for t in trials if _max_speed(t) < MAX_HELD_JOINT_SPEED_RAD_S]
+    trials = [t for t in trials if _max_speed(t) < CAUSAL.max_joint_speed_rad_s]
     if len({t.repetition for t in trials}) < 2:
         raise IdentificationError("causal EMG map: found fewer than two repetitions that were held, expected two")
     fs = _sampling_rate(trials[0].emg_time)
@@ -211,7 +207,7 @@ def fit_causal_map(
         level = sosfilt(envelope, np.abs(sosfilt(band, t.emg, axis=0)), axis=0)
         level = np.column_stack([np.interp(t.time, t.emg_time, column) for column in level.T])
         own = _sampling_rate(t.time)
-        kept = slice(round(FILTER_SETTLING_S * own), None, max(1, round(own / REGRESSION_RATE_HZ)))
+        kept = slice(round(CAUSAL.settling_s * own), None, max(1, round(own / CAUSAL.rate_hz)))
         q, e = t.position[kept], level[kept]
         rows.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
         torques.append(t.torque[kept])
@@ -226,9 +222,9 @@ def fit_causal_map(
         ]
         return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    errors = [left_out(penalty) for penalty in PENALTY_CANDIDATES]
+    errors = [left_out(penalty) for penalty in CAUSAL.penalties]
     best = first_best(errors)
-    fitted = Ridge(PENALTY_CANDIDATES[best]).fit(x, y)
+    fitted = Ridge(CAUSAL.penalties[best]).fit(x, y)
     terms = list(fitted.unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
@@ -246,13 +242,13 @@ def _design_filters(fs: float, corner: float) -> tuple[np.ndarray, np.ndarray]:
     """Return band-pass and low-pass as second-order sections, shape (k, 6) each."""
     from scipy.signal import butter
 
-    return butter(2, EMG_BAND_HZ, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
+    return butter(2, CAUSAL.band_hz, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
 
 
 def _max_speed(trial: EmgTrial) -> float:
     """Return the largest speed of a trial's joint, low-passed [rad/s]."""
     fs = _sampling_rate(trial.time)
-    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, ANGLE_LOWPASS_HZ, 4, fs)))) * fs)
+    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, CAUSAL.angle_lowpass_hz, 4, fs)))) * fs)
 
 
 def _sampling_rate(time: np.ndarray) -> float:
@@ -272,26 +268,26 @@ def _weight_unit(muscle: str, power: int) -> str:
     return "N*m" if not below else f"N*m/({'*'.join(below)})"
 
 
-MIN_STRIDE_S = 0.4
-"""Shortest period of a movement that is looked for [s]. Chosen by judgement; no measurement is recorded."""
+@dataclass(frozen=True)
+class StrideSearch:
+    """When a signal counts as periodic.
 
-MIN_STRIDE_COUNT = 4
-"""Smallest number of periods that a signal must hold.
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-Chosen by judgement; no measurement is recorded.
-"""
+    min_period_s: float = 0.4  # Shortest period of a movement that is looked for [s]. Chosen by judgement.
+    min_count: int = 4  # Smallest number of periods that a signal must hold. Chosen by judgement.
+    # A signal counts as periodic if its autocorrelation reaches at least this value at the period. Chosen by judgement.
+    min_autocorrelation: float = 0.5
 
-MIN_PERIODIC_AUTOCORRELATION = 0.5
-"""A signal counts as periodic if its autocorrelation reaches at least this value at the period.
 
-Chosen by judgement; no measurement is recorded.
-"""
+STRIDES = StrideSearch()
 
 
 def find_period(signal: np.ndarray, fs: float) -> int:
     """Return the period of a signal, shape (n,) at `fs` [Hz], in samples; 0 if it does not repeat often enough."""
     n = len(signal)
     r = np.fft.irfft(np.abs(np.fft.rfft(signal - signal.mean(), 2 * n)) ** 2)[:n] / np.arange(n, 0, -1)
-    first, last = round(MIN_STRIDE_S * fs), n // MIN_STRIDE_COUNT
+    first, last = round(STRIDES.min_period_s * fs), n // STRIDES.min_count
     period = first + int(np.argmax(r[first:last])) if last > first else 0
-    return period if period and r[period] >= MIN_PERIODIC_AUTOCORRELATION * r[0] else 0
+    return period if period and r[period] >= STRIDES.min_autocorrelation * r[0] else 0

@@ -22,13 +22,13 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
-from .causal_map import MIN_STRIDE_COUNT, find_period
+from .causal_map import STRIDES, find_period
 from .families import ESTIMATOR_FAMILIES
 from .features import compute_features, filter_and_differentiate
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
 from .synergies import UncoupledMap, uncouple_trial
-from .torque_map import MAX_CHOICE_SAMPLES, TorqueMap
+from .torque_map import FITTING, TorqueMap
 from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial
 
@@ -44,26 +44,26 @@ FITTED_CALM_SHARE = 0.8
 Chosen by judgement; no measurement is recorded.
 """
 
-ERROR_BAND_SHARE = 0.9
-"""Share of the test samples that the error band about a prediction holds."""
 
-MIN_ERROR_BAND_CONDITIONS = 3
-"""An error band is known only from at least this many conditions.
+@dataclass(frozen=True)
+class ErrorBand:
+    """How the band about a prediction follows from errors in other conditions.
 
-With two, how errors vary between conditions follows from `ERROR_SCALE_PRIOR_DEVIATION` rather than from recordings.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-ERROR_SCALE_PRIOR_DEVIATION = 0.3
-"""Standard deviation of the logarithm of an error's scale between conditions that is expected beforehand.
+    share: float = 0.9  # Share of the test samples that the error band about a prediction holds
+    # An error band is known only from at least this many conditions. With two, how errors vary between conditions
+    # follows from `prior_deviation` rather than from recordings.
+    min_conditions: int = 3
+    # Standard deviation of the logarithm of an error's scale between conditions that is expected beforehand. Chosen by
+    # judgement: errors of one estimator then differ by a third from one trial to the next.
+    prior_deviation: float = 0.3
+    prior_weight: float = 2.0  # Number of conditions that this expectation counts for. Chosen by judgement.
+    quadrature_count: int = 100  # Number of quantiles over which scales and errors are averaged
 
-Chosen by judgement: errors of one estimator then differ by a third from one trial to the next.
-"""
 
-ERROR_SCALE_PRIOR_WEIGHT = 2.0
-"""Number of conditions that this expectation counts for. Chosen by judgement."""
-
-SCALE_QUADRATURE_COUNT = 100
-"""Number of quantiles over which scales and errors are averaged."""
+BAND = ErrorBand()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class ConditionTestErrors:
 
     words: tuple[str, ...]  # Description of each test
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
-    half_width: float  # Half width of the band that should hold the share `ERROR_BAND_SHARE` in other conditions [N m]
+    half_width: float  # Half width of the band that should hold the share `BAND.share` in other conditions [N m]
     conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
     # RMSE in each test with trials weighed by the noise model, by which estimators are compared [N m]; empty: as `rmse`
     weighted_rmse: tuple[float, ...] = ()
@@ -181,7 +181,7 @@ def _is_slow_stride(v: np.ndarray, fs: float) -> np.ndarray:
     A movement that does not repeat is divided into parts of equal length instead.
     """
     n = len(v)
-    period = find_period(v, fs) or max(1, n // (2 * MIN_STRIDE_COUNT))
+    period = find_period(v, fs) or max(1, n // (2 * STRIDES.min_count))
     stride = np.minimum(np.arange(n) // period, n // period - 1)
     level = np.bincount(stride, v**2) / np.bincount(stride)
     return (level <= np.median(level))[stride]
@@ -221,7 +221,7 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
 
 
 def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
-    r"""Return half the width of the band that should hold `ERROR_BAND_SHARE` of the errors in another condition.
+    r"""Return half the width of the band that should hold `BAND.share` of the errors in another condition.
 
     The errors of condition i are taken as :math:`q_i z`: a scale :math:`q_i`, which is the quantile of their size at
     the band's share, and a distribution of z that all conditions have in common. Logarithms of scales vary normally
@@ -249,24 +249,22 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
     from scipy.stats import t as student
 
     each = [np.abs(e) for e in errors if len(e) and np.isfinite(e).all()]
-    quantiles = np.array([np.quantile(e, ERROR_BAND_SHARE) for e in each])
+    quantiles = np.array([np.quantile(e, BAND.share) for e in each])
     if not len(each):
         return float("nan")
     if conditions < 2 or len(each) < 2 or not quantiles.min() > 0.0:
         return float(np.sqrt(np.mean(quantiles**2)))
     logs, count = np.log(quantiles), len(each)
-    freedom = ERROR_SCALE_PRIOR_WEIGHT + count - 1.0
-    variance = (
-        ERROR_SCALE_PRIOR_WEIGHT * ERROR_SCALE_PRIOR_DEVIATION**2 + (count - 1.0) * logs.var(ddof=1)
-    ) / freedom
-    places = (np.arange(SCALE_QUADRATURE_COUNT) + 0.5) / SCALE_QUADRATURE_COUNT
+    freedom = BAND.prior_weight + count - 1.0
+    variance = (BAND.prior_weight * BAND.prior_deviation**2 + (count - 1.0) * logs.var(ddof=1)) / freedom
+    places = (np.arange(BAND.quadrature_count) + 0.5) / BAND.quadrature_count
     scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * student.ppf(places, freedom)
     # Every condition counts the same in the common distribution, however long it lasts.
     relative = np.concatenate([np.quantile(e / q, places) for e, q in zip(each, quantiles, strict=True)])
     ranked = np.log(np.maximum(np.sort(relative), 1e-12))
 
     def missing_share(log_width: float) -> float:
-        return float(np.mean(np.searchsorted(ranked, log_width - scales) / len(ranked))) - ERROR_BAND_SHARE
+        return float(np.mean(np.searchsorted(ranked, log_width - scales) / len(ranked))) - BAND.share
 
     low, high = logs.min() + ranked[0] - 50.0, logs.max() + ranked[-1] + 50.0
     return float(np.exp(brentq(missing_share, low, high, xtol=1e-3)))
@@ -306,7 +304,7 @@ def _make_map_predictor(
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.fitted) or not len(test.judged):
             raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to judge")
-        kept = test.fitted[:: -(-len(test.fitted) // MAX_CHOICE_SAMPLES)]
+        kept = test.fitted[:: -(-len(test.fitted) // FITTING.max_choice_samples)]
         weights = family.weights(None if weight is None else weight[kept])
         made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept], **weights).predict(x[test.judged])
         if not family.smoothing:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..._errors import IdentificationError
-from ..models.emg_estimator import MAX_WATCHED_LOSS
+from ..models.emg_estimator import WATCH_DEFAULTS
 from .torque_trial import TorqueTrial
 
 TIE_SHARE = 1e-9
@@ -115,7 +115,7 @@ def apply_useful_repairs(
     usual, kept = predict(replace(recorded, lead={})), []
     for muscle in moved:
         one = replace(recorded, envelopes={**recorded.envelopes, muscle: repaired.envelopes[muscle]}, lead={})
-        if float(np.mean((predict(one) - usual) ** 2)) > MAX_WATCHED_LOSS * variance:
+        if float(np.mean((predict(one) - usual) ** 2)) > WATCH_DEFAULTS.max_loss * variance:
             kept.append(muscle)
     if not kept:
         return recorded, ()

@@ -23,7 +23,7 @@ from scipy.signal import lfilter
 
 from ..._errors import IdentificationError, RecordingError
 from ..models.emg_estimator import (
-    WATCH_MEMORY_S,
+    WATCH_DEFAULTS,
     EmgEstimatorCard,
     EstimatorTerm,
     EstimatorWatch,
@@ -647,7 +647,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     )
     usual = np.max(
         [
-            _remembered_error(envelope, p, t.fs, WATCH_MEMORY_S, means).max(axis=0)
+            _remembered_error(envelope, p, t.fs, WATCH_DEFAULTS.memory_s, means).max(axis=0)
             for made in (within, left_out)
             for envelope, p, t in zip(x, made, first, strict=True)
         ],

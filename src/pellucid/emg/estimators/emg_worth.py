@@ -34,14 +34,20 @@ DEFAULT_WORTHWHILE_GAIN = 0.05
 It is a convention: a twentieth of the torque's variance.
 """
 
-MIN_TRIALS_FOR_INTERVAL = 3
-"""Smallest number of trials whose mean gain gets an interval."""
 
-BLOCK_CORRELATION_LENGTHS = 2.0
-"""Shortest block of a recording in correlation lengths of the difference of squared errors."""
+@dataclass(frozen=True)
+class WorthSettings:
+    """From how many trials or blocks an interval follows."""
 
-MIN_BLOCK_COUNT = 6
-"""Smallest number of blocks into which a recording is divided, however long its correlations last."""
+    min_trials: int = 3  # Smallest number of trials whose mean gain gets an interval
+    # Shortest block of a recording in correlation lengths of the difference of squared errors
+    correlation_lengths: float = 2.0
+    # Smallest number of blocks into which a recording is divided, however long its correlations last
+    min_block_count: int = 6
+
+
+WORTH = WorthSettings()
+
 
 Answer = Literal["worth it", "not worth it", "cannot say"]
 """The three answers to whether EMG is worth it."""
@@ -118,9 +124,9 @@ def worth_on_recording(
 
 def _block_means(apart: np.ndarray, period: int) -> np.ndarray:
     """Return the means of blocks of whole periods, or of the correlation's length if there is no period."""
-    wanted = BLOCK_CORRELATION_LENGTHS * correlation_length(apart)
+    wanted = WORTH.correlation_lengths * correlation_length(apart)
     length = period * max(1.0, np.ceil(wanted / period)) if period else wanted
-    count = max(MIN_BLOCK_COUNT, int(len(apart) // max(length, 1.0)))
+    count = max(WORTH.min_block_count, int(len(apart) // max(length, 1.0)))
     return np.array([part.mean() for part in np.array_split(apart, min(count, len(apart)))])
 
 
@@ -137,7 +143,7 @@ def worth_over_trials(
     """Return the mean gain of EMG over trials that were left out in turn, from R² by trial, in the same order."""
     gains = np.asarray(with_emg, float) - np.asarray(angles_alone, float)
     gain, count = float(gains.mean()), len(gains)
-    if count < MIN_TRIALS_FOR_INTERVAL:
+    if count < WORTH.min_trials:
         return EmgWorth(gain, float("-inf"), float("inf"), margin, count)
     half = _student_half_width(gains)
     return EmgWorth(gain, gain - half, gain + half, margin, count)

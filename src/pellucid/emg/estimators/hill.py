@@ -12,7 +12,7 @@ from ... import _core
 from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ..fit.calibration_posterior import CalibrationPosterior
-from ..fit.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S, TIMING_CANDIDATES, Timing, coupled_priors
+from ..fit.coupled_priors import DELAYS, TIMING_CANDIDATES, Timing, coupled_priors
 from ..fit.muscle_calibration import DEFAULT_QUANTITIES, MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
 from ..fit.muscle_posterior import covariance, muscle_parameters, recording_information
 from ..models.hill import MUSCLE_QUANTITIES, HillModel, HillMuscle
@@ -26,20 +26,28 @@ from .muscle_trials import (
 )
 from .torque_trial import TorqueTrial
 
-ANATOMY_WEIGHT_CANDIDATES = (0.05, 0.02, 0.01, 0.005)
-"""Candidate weights of the anatomical prior. Cross-validation within the fitted trials chooses among them."""
 
-BLOCK_COUNT = 5
-"""Number of blocks into which a single trial is divided for cross-validation.
+@dataclass(frozen=True)
+class HillChoices:
+    """Candidates of a calibration, and the folds that choose among them.
 
-Chosen by judgement; no measurement is recorded.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
+
+    # Candidate weights of the anatomical prior. Cross-validation within the fitted trials chooses among them.
+    anatomy_weights: tuple[float, ...] = (0.05, 0.02, 0.01, 0.005)
+    # Number of blocks into which a single trial is divided for cross-validation. Chosen by judgement.
+    block_count: int = 5
+    fold_gap_s: float = 0.15  # Gap between fitted and scored samples in cross-validation [s]. Chosen by judgement.
+    # Weight of the anatomical prior at which the candidates for the muscles' delays are compared
+    timing_weight: float = 0.01
+
+
+HILL = HillChoices()
+
 
 EFFORT_CANDIDATES = np.geomspace(0.02, 1.0, 18)
 """Candidates for the largest effort, as a share of a maximal contraction, if no maximal contraction was recorded."""
-
-FOLD_GAP_S = 0.15
-"""Gap between fitted and scored samples in cross-validation [s]. Chosen by judgement; no measurement is recorded."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +110,7 @@ def fit_hill(
     *,
     name: str = "hill",
     causal: bool = False,
-    weights: Sequence[float] = ANATOMY_WEIGHT_CANDIDATES,
+    weights: Sequence[float] = HILL.anatomy_weights,
     quantities: Sequence[str] = DEFAULT_QUANTITIES,
     method: str = "least_squares",
     weighs_trials: bool = True,
@@ -178,15 +186,12 @@ def make_folds(
     elif len(trials) > 1:
         folds = grouped_folds(member[counted])
     else:
-        folds = block_folds(trials[0].time[counted - own[0].start], BLOCK_COUNT, FOLD_GAP_S)
+        folds = block_folds(trials[0].time[counted - own[0].start], HILL.block_count, HILL.fold_gap_s)
     return [(counted[fitted], counted[scored]) for fitted, scored in folds]
 
 
 TrialByJoint = Mapping[str, TorqueTrial]
 """Trials of one recording, by joint."""
-
-TIMING_COMPARISON_WEIGHT = 0.01
-"""Weight of the anatomical prior at which the candidates for the muscles' delays are compared."""
 
 
 @dataclass(frozen=True)
@@ -300,7 +305,7 @@ class HillTogether:
             return None
         delay = next(p for p in self.parameters if p.name == "delay")
         error = 0.0 if np.isnan(delay.standard_error) else delay.standard_error
-        low, high = float(self.delays.max()) - MAX_TOTAL_DELAY_S, float(self.delays.min()) - MIN_TOTAL_DELAY_S
+        low, high = float(self.delays.max()) - DELAYS.max_total_s, float(self.delays.min()) - DELAYS.min_total_s
         half = float(ndtri(0.975)) * error
         return StreamOffset(0.5 * (low + high), low - half, high + half)
 
@@ -336,7 +341,7 @@ def fit_together(
     trials: Mapping[str, Sequence[TorqueTrial]],
     *,
     offset: bool = False,
-    weights: Sequence[float] = ANATOMY_WEIGHT_CANDIDATES,
+    weights: Sequence[float] = HILL.anatomy_weights,
     timings: Sequence[Timing] = TIMING_CANDIDATES,
 ) -> HillTogether:
     """Calibrate the muscles of several joints on the same recordings, given as trials by joint.
@@ -377,8 +382,8 @@ def fit_together(
     tried: dict[tuple[Timing, float], _CandidateErrors] = {}
     for each in timings:
         last.clear()
-        tried[replace(each, offset=offset), TIMING_COMPARISON_WEIGHT] = left_out(
-            replace(each, offset=offset), TIMING_COMPARISON_WEIGHT
+        tried[replace(each, offset=offset), HILL.timing_weight] = left_out(
+            replace(each, offset=offset), HILL.timing_weight
         )
     timing = _choose_simplest_timing([(t, each) for (t, _), each in tried.items()])
     last.clear()
@@ -400,20 +405,22 @@ def fit_together(
     return HillTogether(tuple(trials), choice, fit, {name: driven[name] for name in names}, effort)
 
 
-LINEARISATION_COUNT = 4
-"""Number of times that forces are linearised about the activations found so far.
+@dataclass(frozen=True)
+class AssistanceSearch:
+    """How activations that reproduce a torque are found.
 
-Chosen by judgement; no measurement is recorded.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-MAX_NEWTON_STEPS = 60
-"""Largest number of Newton steps on the dual problem. Chosen by judgement; no measurement is recorded."""
+    # Number of times that forces are linearised about the activations found so far. Chosen by judgement.
+    linearisation_count: int = 4
+    max_newton_steps: int = 60  # Largest number of Newton steps on the dual problem. Chosen by judgement.
+    # Difference of activations by which the slope of a muscle's force is computed [1]. Chosen by judgement.
+    activation_step: float = 1e-4
 
-ACTIVATION_STEP = 1e-4
-"""Difference of activations by which the slope of a muscle's force is computed [1].
 
-Chosen by judgement; no measurement is recorded.
-"""
+ASSISTANCE = AssistanceSearch()
+
 
 INSTANT_ACTIVATION_DYNAMICS = {"delay": 0.0, "time_constant_1": 1e-9, "time_constant_2": 1e-9, "shape": 0.0}
 """Activation dynamics of a muscle whose activation equals its excitation."""
@@ -465,10 +472,10 @@ class AssistedMuscles:
         weight = np.where(own, trust, effort)
         wanted = self.samples.torque.reshape(self.tissue.shape)
         a = centre
-        for _ in range(LINEARISATION_COUNT):
-            here = np.clip(a, 0.0, 1.0 - ACTIVATION_STEP)
+        for _ in range(ASSISTANCE.linearisation_count):
+            here = np.clip(a, 0.0, 1.0 - ASSISTANCE.activation_step)
             force = self.force(here)
-            slope = (self.force(here + ACTIVATION_STEP) - force) / ACTIVATION_STEP
+            slope = (self.force(here + ASSISTANCE.activation_step) - force) / ASSISTANCE.activation_step
             gain = self.arms * slope
             rest = self.tissue + np.einsum("jmn,mn->jn", self.arms, force - slope * here)
             a = minimise_bounded_quadratic(gain, wanted - rest, centre, weight, self.scale)
@@ -497,7 +504,7 @@ def minimise_bounded_quadratic(
 
     dual = np.zeros((joints, count))
     a = activation(dual)
-    for _ in range(MAX_NEWTON_STEPS):
+    for _ in range(ASSISTANCE.max_newton_steps):
         slope = dual - y + np.einsum("jmn,mn->jn", g, a)
         if np.max(np.abs(slope), initial=0.0) < 1e-10:
             break

@@ -24,28 +24,32 @@ import numpy as np
 
 from ..fit.muscle_calibration import PASSIVE_TISSUE_PARAMETERS, MuscleFit
 from ..fit.muscle_posterior import covariance
-from ..models.emg_estimator import SHORT_RANGE_STIFFNESS_ERROR_SHARE, EmgEstimatorCard
+from ..models.emg_estimator import SHORT_RANGE, EmgEstimatorCard
 from ..models.hill import MUSCLE_QUANTITIES
 from .torque_trial import TorqueTrial
 
-TENDON_STRAIN_ERROR_SHARE = 0.3
-"""Standard error of a tendon's strain under F_0, as a share of the strain. Tendons of one leg differ by as much."""
 
-POSTURE_COUNT = 4
-"""Number of postures into which a movement is divided, from its smallest angle to its largest, of equal time.
+@dataclass(frozen=True)
+class StiffnessSettings:
+    """How stiffness and its standard error are computed.
 
-Chosen by judgement; no measurement is recorded.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-MAX_SAMPLE_COUNT = 3000
-"""Largest number of samples of a movement that are used. Chosen by judgement; no measurement is recorded."""
+    # Standard error of a tendon's strain under F_0, as a share of the strain. Tendons of one leg differ by as much.
+    strain_error_share: float = 0.3
+    # Number of postures into which a movement is divided, from its smallest angle to its largest, of equal time. Chosen
+    # by judgement.
+    posture_count: int = 4
+    max_sample_count: int = 3000  # Largest number of samples of a movement that are used. Chosen by judgement.
+    # Smallest step of a parameter in the derivative of stiffness, in standard deviations among people. The step is the
+    # parameter's standard error if that is larger. The derivative then includes muscles that only begin to pull within
+    # the error.
+    min_step: float = 0.05
 
-MIN_PARAMETER_STEP = 0.05
-"""Smallest step of a parameter in the derivative of stiffness, in standard deviations among people.
 
-The step is the parameter's standard error if that is larger. The derivative then includes muscles that only begin to
-pull within the error.
-"""
+STIFFNESS = StiffnessSettings()
+
 
 STIFFNESS_KINDS = ("short_range", "slope")
 """Kinds of stiffness: short-range stiffness, and the slope of the Hill model's force."""
@@ -78,7 +82,7 @@ class JointStiffness:
 
 def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) -> JointStiffness:
     """Compute the stiffness along a trial from the muscles of a one-joint card and the fit that they come from."""
-    shown = slice(0, MAX_SAMPLE_COUNT)
+    shown = slice(0, STIFFNESS.max_sample_count)
     # A trial's envelopes are relative already.
     card = replace(card, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
     time = np.round(1e6 * card.period * np.arange(len(trial.time[shown])))
@@ -94,14 +98,14 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
     spread = np.array(covariance(fit))
     # A parameter that ended on a bound keeps the standard deviation among people.
     spread[fit.at_bound, fit.at_bound] = 1.0
-    steps = np.maximum(MIN_PARAMETER_STEP, np.sqrt(np.diag(spread)))
+    steps = np.maximum(STIFFNESS.min_step, np.sqrt(np.diag(spread)))
     slopes = np.array(
         [
             (run(_move_parameter(card, fit, i, h))[1] - run(_move_parameter(card, fit, i, -h))[1]) / (2.0 * h)
             for i, h in enumerate(steps)
         ]
     )
-    known = np.array([SHORT_RANGE_STIFFNESS_ERROR_SHARE, TENDON_STRAIN_ERROR_SHARE])
+    known = np.array([SHORT_RANGE.error_share, STIFFNESS.strain_error_share])
     apart = np.array(
         [
             (run(replace(card, **{name: (1.0 + h) * x}))[1] - run(replace(card, **{name: (1.0 - h) * x}))[1])
@@ -132,7 +136,7 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
         dict(zip(STIFFNESS_KINDS, value, strict=True)),
         {kind: error(slopes[:, i], apart[:, i]) for i, kind in enumerate(STIFFNESS_KINDS)},
         mean(np.arange(len(own))),
-        tuple(mean(np.sort(part)) for part in np.array_split(order, POSTURE_COUNT)),
+        tuple(mean(np.sort(part)) for part in np.array_split(order, STIFFNESS.posture_count)),
     )
 
 

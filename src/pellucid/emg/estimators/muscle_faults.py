@@ -3,35 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..._errors import RecordingError
 from .torque_trial import TorqueTrial
 
-MAX_NEGATIVE_SHARE = 0.1
-"""An envelope may fall below 0 by at most this share of its largest value. Low-passes undershoot by a few percent."""
 
-MAX_JOINT_ANGLE_RAD = 2.0 * np.pi
-"""Largest angle that a joint can have [rad]. A larger one is probably in degrees."""
+@dataclass(frozen=True)
+class TrialLimits:
+    """Limits beyond which no muscle can have made a trial.
 
-MIN_ENVELOPE_PEAK = 5e-3
-"""An envelope must exceed this share of a maximal contraction at least once. Otherwise no muscle was recorded.
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-Chosen by judgement; no measurement is recorded.
-"""
+    # An envelope may fall below 0 by at most this share of its largest value. Low-passes undershoot by a few percent.
+    max_negative_share: float = 0.1
+    # Largest angle that a joint can have [rad]. A larger one is probably in degrees.
+    max_joint_angle_rad: float = 2.0 * np.pi
+    # An envelope must exceed this share of a maximal contraction at least once. Otherwise no muscle was recorded.
+    # Chosen by judgement.
+    min_envelope_peak: float = 5e-3
+    # Flexors and extensors count as swapped if both sides' EMG correlates with the wrong torque by more than this.
+    # Chosen by judgement.
+    min_swapped_correlation: float = 0.3
+    # A file's largest envelope counts as normalised to 1 if it differs from 1 by less than this. Chosen by judgement.
+    unit_maximum_tolerance: float = 1e-3
 
-MIN_SWAPPED_CORRELATION = 0.3
-"""Flexors and extensors count as swapped if both sides' EMG correlates with the wrong torque by more than this.
 
-Chosen by judgement; no measurement is recorded.
-"""
-
-UNIT_MAXIMUM_TOLERANCE = 1e-3
-"""A file's largest envelope counts as normalised to 1 if it differs from 1 by less than this.
-
-Chosen by judgement; no measurement is recorded.
-"""
+TRIAL_LIMITS = TrialLimits()
 
 
 def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
@@ -41,10 +42,10 @@ def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
     """
     for trial in trials:
         for joint, angle in trial.angles.items():
-            if np.abs(angle).max() > MAX_JOINT_ANGLE_RAD:
+            if np.abs(angle).max() > TRIAL_LIMITS.max_joint_angle_rad:
                 raise RecordingError(
                     f"trial {trial.name}, channel angle.{joint}: found {np.abs(angle).max():.4g} rad, expected at most "
-                    f"{MAX_JOINT_ANGLE_RAD:.3g} rad; is it in degrees?"
+                    f"{TRIAL_LIMITS.max_joint_angle_rad:.3g} rad; is it in degrees?"
                 )
     fitted = [t for t in trials if not t.heldout] or list(trials)
     for trial in fitted:
@@ -57,7 +58,7 @@ def refuse_unfit_trials(trials: Sequence[TorqueTrial]) -> None:
 def _refuse_envelope(where: str, envelope: np.ndarray) -> None:
     """Refuse an envelope that is negative, or far above a maximal contraction."""
     top, low = float(envelope.max()), float(envelope.min())
-    if low < -MAX_NEGATIVE_SHARE * max(top, -low):
+    if low < -TRIAL_LIMITS.max_negative_share * max(top, -low):
         raise RecordingError(f"{where}: found {low:.3g} in an envelope, expected none below 0; was it rectified?")
     if top > 1.5:
         raise RecordingError(
@@ -72,10 +73,10 @@ def _refuse_silence_and_own_maxima(trials: Sequence[TorqueTrial]) -> None:
     """
     for muscle in trials[0].envelopes:
         tops = [float(t.envelopes[muscle].max()) for t in trials if muscle in t.envelopes]
-        if max(tops) < MIN_ENVELOPE_PEAK:
+        if max(tops) < TRIAL_LIMITS.min_envelope_peak:
             raise RecordingError(
                 f"trials {', '.join(t.name for t in trials)}, channel emg.{muscle}: found at most {max(tops):.2g} of "
-                f"the maximum, expected more than {MIN_ENVELOPE_PEAK:g}; is the electrode attached?"
+                f"the maximum, expected more than {TRIAL_LIMITS.min_envelope_peak:g}; is the electrode attached?"
             )
     people = dict.fromkeys(t.participant for t in trials)
     for person in people:
@@ -84,7 +85,7 @@ def _refuse_silence_and_own_maxima(trials: Sequence[TorqueTrial]) -> None:
         if len(files) < 2:
             continue
         own_tops = np.array([[float(t.envelopes[m].max()) for m in t.envelopes] for t in files.values()])
-        if np.all(np.abs(own_tops - 1.0) < UNIT_MAXIMUM_TOLERANCE):
+        if np.all(np.abs(own_tops - 1.0) < TRIAL_LIMITS.unit_maximum_tolerance):
             raise RecordingError(
                 f"trials {', '.join(t.name for t in files.values())}: found a largest envelope of 1 for every muscle "
                 "in every trial: each was normalised by its own maximum. Expected one maximum for each muscle of a "
@@ -111,7 +112,7 @@ def _refuse_swapped_sides(trials: Sequence[TorqueTrial]) -> None:
     if not all(sides.values()) or np.std(torque) == 0.0:
         return
     along, against = (float(np.corrcoef(np.mean(sides[side], axis=0), torque)[0, 1]) for side in (True, False))
-    if along < -MIN_SWAPPED_CORRELATION and against > MIN_SWAPPED_CORRELATION:
+    if along < -TRIAL_LIMITS.min_swapped_correlation and against > TRIAL_LIMITS.min_swapped_correlation:
         raise RecordingError(
             f"trials {', '.join(t.name for t in trials)}: found muscles that pull along the {first.joint}'s angle to "
             f"correlate with its torque by {along:.2f}, and those against it by {against:.2f}; expected the other way "

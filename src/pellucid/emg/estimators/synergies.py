@@ -38,29 +38,28 @@ from .features import FeatureSet, compute_features
 from .hill import HillChoice, HillMap, fit_hill
 from .torque_trial import TorqueTrial
 
-FACTORISATION_SEED = 19990
-"""Seed of the factorisation, and of random draws of weights."""
 
-MAX_FACTORISATION_ITERATIONS = 500
-"""Largest number of iterations of the factorisation."""
+@dataclass(frozen=True)
+class SynergySettings:
+    """How envelopes are factored, and which number of synergies suffices.
 
-DEFAULT_MIN_MUSCLES = 3
-"""Smallest number of muscles by default. Two muscles have a single synergy, their common activation."""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-VAF_THRESHOLD = 0.9
-"""The number of synergies is the smallest whose held-out variance accounted for reaches this share [3]_."""
+    seed: int = 19990  # Seed of the factorisation, and of random draws of weights
+    max_iterations: int = 500  # Largest number of iterations of the factorisation
+    # Smallest number of muscles by default. Two muscles have a single synergy, their common activation.
+    min_muscles: int = 3
+    # The number of synergies is the smallest whose held-out variance accounted for reaches this share [3]_
+    min_vaf: float = 0.9
+    # Every muscle's held-out variance accounted for must reach this share, too [3]_: large ones could carry the rest
+    min_muscle_vaf: float = 0.75
+    # Number of blocks of time that are left out in turn if there is no held-out recording. Chosen by judgement.
+    block_count: int = 5
+    fold_gap_s: float = 0.2  # Gap between fitted and test samples [s]. Chosen by judgement.
 
-MIN_MUSCLE_VAF = 0.75
-"""Every muscle's held-out variance accounted for must reach this share, too [3]_: large ones could carry the rest."""
 
-BLOCK_COUNT = 5
-"""Number of blocks of time that are left out in turn if there is no held-out recording.
-
-Chosen by judgement; no measurement is recorded.
-"""
-
-FOLD_GAP_S = 0.2
-"""Gap between fitted and test samples [s]. Chosen by judgement; no measurement is recorded."""
+SYNERGY = SynergySettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +103,11 @@ class SynergyCount:
 
     @property
     def enough(self) -> int:
-        """Smallest number whose held-out VAF reaches `VAF_THRESHOLD`, and each muscle's `MIN_MUSCLE_VAF`.
+        """Smallest number whose held-out VAF reaches `SYNERGY.min_vaf`, and each muscle's `SYNERGY.min_muscle_vaf`.
 
         It is the largest number if none does.
         """
-        reached = np.flatnonzero((self.heldout >= VAF_THRESHOLD) & (self.least >= MIN_MUSCLE_VAF))
+        reached = np.flatnonzero((self.heldout >= SYNERGY.min_vaf) & (self.least >= SYNERGY.min_muscle_vaf))
         return int(self.numbers[reached[0]] if reached.size else self.numbers[-1])
 
     @property
@@ -118,7 +117,7 @@ class SynergyCount:
 
 
 def find_synergies(
-    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = DEFAULT_MIN_MUSCLES
+    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = SYNERGY.min_muscles
 ) -> Synergies:
     """Factor envelopes, shape (n, m) [1], into a `number` of synergies."""
     from sklearn.decomposition import NMF
@@ -131,9 +130,9 @@ def find_synergies(
         number,
         init="nndsvda",
         solver="cd",
-        max_iter=MAX_FACTORISATION_ITERATIONS,
+        max_iter=SYNERGY.max_iterations,
         tol=1e-4,
-        random_state=FACTORISATION_SEED,
+        random_state=SYNERGY.seed,
     )
     with warnings.catch_warnings():
         # The factors then hardly change any more. Their last digits do not matter.
@@ -155,7 +154,7 @@ def count_synergies(
     heldout: np.ndarray | None = None,
     most: int = 8,
     *,
-    min_muscles: int = DEFAULT_MIN_MUSCLES,
+    min_muscles: int = SYNERGY.min_muscles,
 ) -> SynergyCount:
     """Return the variance that each number of synergies explains, up to `most`.
 
@@ -166,7 +165,9 @@ def count_synergies(
     if heldout is not None and len(heldout):
         parts = [(e, require_envelopes(heldout, muscles, min_muscles))]
     else:
-        parts = [(e[fitted], e[judged]) for fitted, judged in block_folds(time, BLOCK_COUNT, FOLD_GAP_S)]
+        parts = [
+            (e[fitted], e[judged]) for fitted, judged in block_folds(time, SYNERGY.block_count, SYNERGY.fold_gap_s)
+        ]
     numbers = np.arange(1, min(most, len(muscles) - 1) + 1)
     rows = []
     for number in numbers:
@@ -211,7 +212,7 @@ def similarity(one: Synergies, other: Synergies) -> tuple[float, np.ndarray]:
 
 def chance_similarity(one: Synergies, other: Synergies, draws: int = 200, level: float = 0.95) -> float:
     """Return the quantile at `level` of the similarity of `one` to `other` with its weights permuted at random."""
-    rng = np.random.default_rng(FACTORISATION_SEED)
+    rng = np.random.default_rng(SYNERGY.seed)
     found = []
     for _ in range(draws):
         mixed = np.array([rng.permutation(row) for row in other.weights])
@@ -256,7 +257,7 @@ def solve_non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.n
 
 
 def require_envelopes(
-    envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = DEFAULT_MIN_MUSCLES
+    envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = SYNERGY.min_muscles
 ) -> np.ndarray:
     """Return envelopes as an array, shape (n, m), or refuse those that cannot be factored."""
     e = np.asarray(envelopes, float)

@@ -18,23 +18,25 @@ from .features import ENVELOPE_LAGS_S, Features, FeatureSet, compute_features
 from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial
 
-BLOCK_COUNT = 5
-"""Number of blocks into which a single recording is divided for cross-validation."""
 
-FOLD_GAP_S = max(ENVELOPE_LAGS_S) + 0.1
-"""Gap on either side of a scored block [s]. It covers the longest lag and the memory of a filter."""
+@dataclass(frozen=True)
+class MapFitting:
+    """How many samples and folds a map is chosen and fitted with."""
 
-MAX_FITTED_SAMPLES = 4000
-"""Largest number of fitted samples, evenly thinned. Neighbouring samples at a high rate are nearly equal."""
+    block_count: int = 5  # Number of blocks into which a single recording is divided for cross-validation
+    # Gap on either side of a scored block [s]. It covers the longest lag and the memory of a filter.
+    fold_gap_s: float = max(ENVELOPE_LAGS_S) + 0.1
+    # Largest number of fitted samples, evenly thinned. Neighbouring samples at a high rate are nearly equal.
+    max_fitted_samples: int = 4000
+    # Largest number of fitted samples while features and settings are chosen. Maps are then fitted dozens of times.
+    max_choice_samples: int = 1500
+    # Maps are fitted in several processes only from this many samples over all maps. Below, their start takes longer.
+    min_parallel_samples: int = 15000
+    # Largest number of scored samples in cross-validation, evenly thinned. Thinned outputs are not smoothed.
+    max_scored_samples: int = 6000
 
-MAX_CHOICE_SAMPLES = 1500
-"""Largest number of fitted samples while features and settings are chosen. Maps are then fitted dozens of times."""
 
-MIN_PARALLEL_SAMPLES = 15000
-"""Maps are fitted in several processes only from this many samples over all maps. Below, their start takes longer."""
-
-MAX_SCORED_SAMPLES = 6000
-"""Largest number of scored samples in cross-validation, evenly thinned. Thinned outputs are not smoothed."""
+FITTING = MapFitting()
 
 
 @dataclass(frozen=True)
@@ -108,10 +110,10 @@ def fit_torque_maps(
     share of all jobs that is done.
     """
     order = sorted(range(len(jobs)), key=lambda i: _job_order_key(jobs[i].name))
-    size = sum(min(sum(len(trial) for trial in job.trials), MAX_CHOICE_SAMPLES) for job in jobs)
+    size = sum(min(sum(len(trial) for trial in job.trials), FITTING.max_choice_samples) for job in jobs)
     made = results_with_helpers(
         [(_run_job, jobs[i]) for i in order],
-        1 if size < MIN_PARALLEL_SAMPLES else workers,
+        1 if size < FITTING.min_parallel_samples else workers,
         lambda i, share: begun(order[i], share),
     )
     return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
@@ -194,7 +196,7 @@ class _StackedTrials:
         self.neighbours = len(trials[0].angles) > 1
         self.thinned, self.tried = (
             np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most)))
-            for most in (MAX_FITTED_SAMPLES, MAX_CHOICE_SAMPLES)
+            for most in (FITTING.max_fitted_samples, FITTING.max_choice_samples)
         )
         self._made: dict[FeatureSet, Features] = {}
 
@@ -206,7 +208,7 @@ class _StackedTrials:
             return grouped_folds(groups)
         if len(self.trials) > 1:
             return grouped_folds(self.member)
-        return block_folds(self.trials[0].time, BLOCK_COUNT, FOLD_GAP_S)
+        return block_folds(self.trials[0].time, FITTING.block_count, FITTING.fold_gap_s)
 
     def features(self, chosen: FeatureSet) -> Features:
         """Return the features of all trials."""
@@ -252,7 +254,7 @@ def _cross_validate_settings(
     """Return the score of each of `settings` out of fold, over all samples, and its RMSE with trials weighed."""
     seen = stack.features(chosen)
     predicted = np.full((len(settings), len(stack.torque)), np.nan)
-    every = -(-len(stack.torque) // MAX_SCORED_SAMPLES)
+    every = -(-len(stack.torque) // FITTING.max_scored_samples)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         rows = scored[::every]

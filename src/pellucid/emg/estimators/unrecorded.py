@@ -24,16 +24,7 @@ from .features import filter_and_differentiate
 from .hill import AssistedMuscles, HillMap, HillTogether, TrialByJoint, make_folds
 from .muscle_trials import count_warm_up_samples, make_muscle_samples_across
 from .neural_network import Ridge
-from .synergies import (
-    BLOCK_COUNT,
-    DEFAULT_MIN_MUSCLES,
-    FOLD_GAP_S,
-    VAF_THRESHOLD,
-    Synergies,
-    find_synergies,
-    r_squared,
-    vaf,
-)
+from .synergies import SYNERGY, Synergies, find_synergies, r_squared, vaf
 from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial
 
 FILLING_METHODS: Mapping[str, str] = {
@@ -50,20 +41,26 @@ FILLING_METHODS: Mapping[str, str] = {
 TORQUE_INFORMED_METHODS = ("synergies_assisted", "assisted", "static")
 """Filling methods that see the measured torque of the samples that they fill in."""
 
-TRUST_CANDIDATES = (0.3, 3.0, 30.0, 300.0)
-"""Candidate weights of the deviation from recorded EMG, called the trust in EMG."""
 
-EFFORT_WEIGHT_CANDIDATES = (0.03, 0.3, 3.0, 30.0)
-"""Candidate weights of the activity of muscles without EMG."""
+@dataclass(frozen=True)
+class FillingSettings:
+    """Candidates and settings of the filling methods.
 
-FIXED_EMG_TRUST = 1e6
-"""Trust in EMG with which recorded activations practically stay as they are."""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-PENALTY_CANDIDATES = (0.1, 10.0, 1000.0)
-"""Candidate penalties of the linear map's ridge regression."""
+    # Candidate weights of the deviation from recorded EMG, called the trust in EMG
+    trusts: tuple[float, ...] = (0.3, 3.0, 30.0, 300.0)
+    efforts: tuple[float, ...] = (0.03, 0.3, 3.0, 30.0)  # Candidate weights of the activity of muscles without EMG
+    fixed_trust: float = 1e6  # Trust in EMG with which recorded activations practically stay as they are
+    penalties: tuple[float, ...] = (0.1, 10.0, 1000.0)  # Candidate penalties of the linear map's ridge regression
+    phase_bin_count: int = 40  # Number of phase bins of a movement's cycle. Chosen by judgement.
+    # Weight of a synergy at which the slope of a muscle's torque is taken. The torque is treated as linear in the
+    # weight. Chosen by judgement.
+    weight_step: float = 0.1
 
-PHASE_BIN_COUNT = 40
-"""Number of phase bins of a movement's cycle. Chosen by judgement; no measurement is recorded."""
+
+FILLING = FillingSettings()
 
 
 @dataclass(frozen=True)
@@ -162,9 +159,9 @@ def choose_trust(fitted: CalibratedMuscleSet, trials: Sequence[TrialByJoint]) ->
     """Choose the weights with which the activations of removed muscles are best predicted, on the fitted trials."""
     scale = torque_standard_deviations(trials)
     seen = [(trial, *make_assisted_muscles(fitted, trial, scale)) for trial in trials]
-    best = (np.inf, AssistanceWeights(TRUST_CANDIDATES[-1], EFFORT_WEIGHT_CANDIDATES[-1]))
-    for trust in TRUST_CANDIDATES:
-        for effort in EFFORT_WEIGHT_CANDIDATES:
+    best = (np.inf, AssistanceWeights(FILLING.trusts[-1], FILLING.efforts[-1]))
+    for trust in FILLING.trusts:
+        for effort in FILLING.efforts:
             missed = 0.0
             for trial, muscles, own in seen:
                 kept = count_warm_up_samples(_any_joint_trial(trial))
@@ -209,7 +206,7 @@ def score_filling_methods(
             for way in FILLING_METHODS:
                 torque, plain = None, way.removesuffix("_assisted")
                 if way in ("assisted", "static"):
-                    how = FIXED_EMG_TRUST if way == "static" else trust.trust
+                    how = FILLING.fixed_trust if way == "static" else trust.trust
                     predicted = muscles.find_activations(its_own, trust=how, effort=trust.effort)[at, own]
                 elif plain == "synergies" and not filling.grouped:
                     continue
@@ -248,7 +245,7 @@ class EnvelopeFiller:
     @property
     def grouped(self) -> bool:
         """Whether there are enough muscles for synergies without one of them."""
-        return len(self.channels) > DEFAULT_MIN_MUSCLES
+        return len(self.channels) > SYNERGY.min_muscles
 
     def fill_in(self, trial: TrialByJoint, lost: Sequence[str], way: str = "synergies") -> dict[str, TorqueTrial]:
         """Return a recording with its `lost` channels filled in by the method `way`; their own EMG is not used."""
@@ -280,9 +277,9 @@ class EnvelopeFiller:
         x, y = self._known[:, seen], self._known[:, at]
         missed = [
             sum(_squared_error(Ridge(p).fit(x[f], y[f]).predict(x[g]), y[g]) for f, g in self._folds)
-            for p in PENALTY_CANDIDATES
+            for p in FILLING.penalties
         ]
-        return Ridge(PENALTY_CANDIDATES[int(np.argmin(missed))]).fit(x, y)
+        return Ridge(FILLING.penalties[int(np.argmin(missed))]).fit(x, y)
 
     def _choose_synergies(self, at: int, seen: tuple[int, ...]) -> Synergies:
         """Return the synergies whose number best predicts muscle `at` from those `seen`, by cross-validation."""
@@ -322,7 +319,7 @@ def _make_folds(trials: Sequence[TorqueTrial]) -> list[Fold]:
     """Return folds of whole trials, or of blocks of a single one."""
     if len(trials) > 1:
         return grouped_folds([name for i, t in enumerate(trials) for name in [str(i)] * len(t)])
-    return block_folds(trials[0].time, BLOCK_COUNT, FOLD_GAP_S)
+    return block_folds(trials[0].time, SYNERGY.block_count, SYNERGY.fold_gap_s)
 
 
 def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial) -> np.ndarray:
@@ -338,19 +335,12 @@ def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial
         return np.arctan2(-rate / speed, (angle - middle) / size)
 
     known = np.concatenate([t.envelopes[channel] for t in trials])
-    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * PHASE_BIN_COUNT).astype(int) % PHASE_BIN_COUNT
-    count = np.bincount(place, minlength=PHASE_BIN_COUNT)
-    mean = np.bincount(place, known, minlength=PHASE_BIN_COUNT) / np.maximum(count, 1)
-    centre = -np.pi + (np.arange(PHASE_BIN_COUNT) + 0.5) * 2.0 * np.pi / PHASE_BIN_COUNT
+    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * FILLING.phase_bin_count).astype(int) % FILLING.phase_bin_count
+    count = np.bincount(place, minlength=FILLING.phase_bin_count)
+    mean = np.bincount(place, known, minlength=FILLING.phase_bin_count) / np.maximum(count, 1)
+    centre = -np.pi + (np.arange(FILLING.phase_bin_count) + 0.5) * 2.0 * np.pi / FILLING.phase_bin_count
     met = count > 0
     return np.interp(phase(*moved[-1]), centre[met], mean[met], period=2.0 * np.pi)
-
-
-SYNERGY_WEIGHT_STEP = 0.1
-"""Weight of a synergy at which the slope of a muscle's torque is taken. The torque is treated as linear in the weight.
-
-Chosen by judgement; no measurement is recorded.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -417,9 +407,9 @@ class UnrecordedMuscles:
         columns = []
         for i in range(m * k):
             one = np.zeros(m * k)
-            one[i] = SYNERGY_WEIGHT_STEP
+            one[i] = FILLING.weight_step
             columns.append(
-                self._active_torque(activations, bare, one.reshape(m, k))[:, at].ravel() / SYNERGY_WEIGHT_STEP
+                self._active_torque(activations, bare, one.reshape(m, k))[:, at].ravel() / FILLING.weight_step
             )
         return lsq_linear(np.array(columns).T, left[:, at].ravel(), (0.0, 1.0)).x.reshape(m, k)
 
@@ -439,7 +429,7 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
     }
     samples = fit.fit.problem.samples
     excitation = np.maximum(samples.data.excitation, 0.0)
-    if not source or len(known) < DEFAULT_MIN_MUSCLES:
+    if not source or len(known) < SYNERGY.min_muscles:
         return None
     # The activation dynamics of such a muscle are unknown. They are the mean of the calibrated muscles'.
     calibrated = fit.fit.muscles
@@ -454,7 +444,7 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
     relative = excitation.T / top
     for number in range(1, len(known)):
         synergies = find_synergies(relative, tuple(known), number)
-        if vaf(relative, synergies.reconstruct(relative)) >= VAF_THRESHOLD:
+        if vaf(relative, synergies.reconstruct(relative)) >= SYNERGY.min_vaf:
             break
     made = UnrecordedMuscles(fit, unrecorded, synergies, top, np.zeros((len(source), len(synergies))))
     activations, (bare, own) = made._synergy_activations(samples), made._unexcited_samples(trials)

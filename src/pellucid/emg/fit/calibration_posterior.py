@@ -40,14 +40,19 @@ from .muscle_posterior import recording_information
 SHARED_QUANTITIES = ("max_velocity", "force_length_width", "optimal_length_shift")
 """Quantities with one value for all muscles. A calibration keeps them at their anatomical values."""
 
-WEAK_ANATOMY_WEIGHT = 1e-5
-"""A weight of anatomy so small that it only selects among parameters that fit the recording equally well."""
 
-PREDICTED_DRAW_COUNT = 200
-"""Torques are computed for about this many of the draws."""
+@dataclass(frozen=True)
+class PosteriorSettings:
+    """Numbers of the sampling."""
 
-MAX_NORMAL_DEVIATION = 6.0
-"""Beyond this many standard deviations of u, z differs from its bound by rounding errors only."""
+    # A weight of anatomy so small that it only selects among parameters that fit the recording equally well
+    weak_anatomy_weight: float = 1e-5
+    predicted_draw_count: int = 200  # Torques are computed for about this many of the draws
+    # Beyond this many standard deviations of u, z differs from its bound by rounding errors only
+    max_normal_deviation: float = 6.0
+
+
+POSTERIOR = PosteriorSettings()
 
 
 class _Anatomy(Prior):
@@ -81,7 +86,7 @@ class CalibrationPosterior(Posterior):
 
     def torques(self, samples: MuscleSamples) -> np.ndarray:
         """Predict the torque of some draws, shape (k, n) or (k, j, n) [N m]; the samples' own torque is not used."""
-        some = self.draws[:: max(1, len(self.draws) // PREDICTED_DRAW_COUNT)]
+        some = self.draws[:: max(1, len(self.draws) // POSTERIOR.predicted_draw_count)]
         return np.array([self.problem.torque(z, samples) for z in map(self.problem.deviations, some)])
 
 
@@ -103,7 +108,11 @@ class _Bounded:
 
     def u(self, z: np.ndarray) -> np.ndarray:
         low, wide = self._ends
-        return np.clip(ndtri(np.clip((ndtr(z) - low) / wide, 0.0, 1.0)), -MAX_NORMAL_DEVIATION, MAX_NORMAL_DEVIATION)
+        return np.clip(
+            ndtri(np.clip((ndtr(z) - low) / wide, 0.0, 1.0)),
+            -POSTERIOR.max_normal_deviation,
+            POSTERIOR.max_normal_deviation,
+        )
 
     def log_slope(self, u: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Return the logarithm of the derivative of z with respect to u."""
@@ -157,7 +166,7 @@ class _Density:
             cost = 0.5 * float(error @ error) / noise.variance + 0.5 * float(u @ u + at @ coupled @ at)
             return cost, rows @ error / noise.variance + u + gain * (coupled @ at), normal
 
-        far = np.full(p, MAX_NORMAL_DEVIATION)
+        far = np.full(p, POSTERIOR.max_normal_deviation)
         end = bounded_least_squares(equations, np.clip(bounded.u(z), -2.0, 2.0), -far, far)
         covariance = np.zeros((p + 1, p + 1))
         covariance[:p, :p] = np.linalg.inv(end.normal)
@@ -174,7 +183,7 @@ def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "
     """Return the posterior of calibrated muscles, in their units; `sampling` is passed to `drawn_by_gradients`."""
     problem, z = _with_common(fit)
     # R is the smallest residual over all parameters; the full weight of anatomy would prevent the fit from reaching it.
-    least = solve_calibration(problem.held_by(WEAK_ANATOMY_WEIGHT), starts=1, near=z).z
+    least = solve_calibration(problem.held_by(POSTERIOR.weak_anatomy_weight), starts=1, near=z).z
     data, scores, freedom = recording_information(fit)
     told = np.diag(data) > 0.0
     variance = float(np.median(np.diag(scores)[told] / np.diag(data)[told]))

@@ -25,23 +25,22 @@ MUSCLE_GROUPS: Mapping[str, tuple[str, ...]] = {
 GROUP_STRENGTH_CORRELATION = 0.7
 """Correlation among people between the logarithms of the strengths of a group's muscles."""
 
-MIN_TOTAL_DELAY_S = 0.01
-"""Shortest time from an envelope to the force, pure delay and lags together."""
 
-MAX_TOTAL_DELAY_S = 0.1
-"""Longest time from an envelope to the force, pure delay and lags together."""
+@dataclass(frozen=True)
+class DelayBounds:
+    """Bounds of the time from an envelope to the force, and its prior."""
 
-MIN_LAG_S = 0.005
-"""Smallest time constant of either lag."""
+    min_total_s: float = 0.01  # Shortest time from an envelope to the force, pure delay and lags together
+    max_total_s: float = 0.1  # Longest time from an envelope to the force, pure delay and lags together
+    min_lag_s: float = 0.005  # Smallest time constant of either lag
+    # Margin for rounding, by which the longest pure delay stays below `max_total_s` minus the lags
+    rounding_s: float = 1e-6
+    # Bounds of the clock offset of an EMG stream, where it is estimated; positive where the stream is early
+    offset_bounds_s: tuple[float, float] = (-0.15, 0.3)
+    offset_spread_s: float = 0.1  # Prior standard deviation of that offset around 0
 
-DELAY_ROUNDING_S = 1e-6
-"""Margin for rounding, by which the longest pure delay stays below `MAX_TOTAL_DELAY_S` minus the lags."""
 
-STREAM_OFFSET_BOUNDS_S = (-0.15, 0.3)
-"""Bounds of the clock offset of an EMG stream, where it is estimated; positive where the stream is early."""
-
-STREAM_OFFSET_SPREAD_S = 0.1
-"""Prior standard deviation of that offset around 0."""
+DELAYS = DelayBounds()
 
 
 @dataclass(frozen=True)
@@ -55,12 +54,12 @@ class Timing:
     def pure(self, period: float) -> float:
         """Return the longest pure delay [s] for a sampling `period` [s], so that delay and lags stay below 100 ms."""
         pole = np.exp(-period / self.longest_lag)
-        return MAX_TOTAL_DELAY_S - 2.0 * period * float(pole / (1.0 - pole)) - DELAY_ROUNDING_S
+        return DELAYS.max_total_s - 2.0 * period * float(pole / (1.0 - pole)) - DELAYS.rounding_s
 
     @property
     def ahead(self) -> float:
         """Time by which envelopes are advanced before they are delayed, so that a late stream has a short delay [s]."""
-        return -STREAM_OFFSET_BOUNDS_S[0] if self.offset else 0.0
+        return -DELAYS.offset_bounds_s[0] if self.offset else 0.0
 
     @property
     def words(self) -> str:
@@ -97,12 +96,16 @@ def _timing_priors(names: tuple[str, ...], timing: Timing, period: float) -> lis
     most, spread = timing.longest_lag, QUANTITY_FREEDOMS["time_constant"].spread
     of = [(f"time_constant.{name}", (name,)) for name in names] if timing.own else [("time_constant", names)]
     lags = [
-        Prior(FreeParameter(name, "time_constant", driven, MIN_LAG_S, most), 0.5 * (MIN_LAG_S + most), spread)
+        Prior(
+            FreeParameter(name, "time_constant", driven, DELAYS.min_lag_s, most),
+            0.5 * (DELAYS.min_lag_s + most),
+            spread,
+        )
         for name, driven in of
     ]
-    first, last = MIN_TOTAL_DELAY_S, timing.pure(period)
+    first, last = DELAYS.min_total_s, timing.pure(period)
     middle, spread = 0.5 * (first + last), QUANTITY_FREEDOMS["delay"].spread
     if timing.offset:
-        first, last, middle = 0.0, last + timing.ahead + STREAM_OFFSET_BOUNDS_S[1], middle + timing.ahead
-        spread = STREAM_OFFSET_SPREAD_S
+        first, last, middle = 0.0, last + timing.ahead + DELAYS.offset_bounds_s[1], middle + timing.ahead
+        spread = DELAYS.offset_spread_s
     return [*lags, Prior(FreeParameter("delay", "delay", names, first, last), middle, spread)]

@@ -120,29 +120,30 @@ def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = DEF
 CALIBRATION_METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
 """Bounded least squares; Adam with a decaying and with a fixed rate; swarm with conjugate gradients; these alone."""
 
-DEFAULT_START_COUNT = 3
-"""Number of starting points of least squares: the anatomical values, and random draws for the rest."""
 
-SCREENING_EVALUATIONS = 15
-"""After this many evaluations only the best of several starts is continued."""
+@dataclass(frozen=True)
+class SearchSettings:
+    """How the least-squares search starts and ends."""
 
-COST_TOLERANCE = 1e-3
-"""Least squares stops when a step would reduce the cost by less than this share. The recording cannot resolve smaller
-changes."""
+    # Number of starting points of least squares: the anatomical values, and random draws for the rest
+    start_count: int = 3
+    screening_evaluations: int = 15  # After this many evaluations only the best of several starts is continued
+    # Least squares stops when a step would reduce the cost by less than this share. The recording cannot resolve
+    # smaller changes.
+    cost_tolerance: float = 1e-3
+    seed: int = 160214  # Seed of the random starting points
+    # A parameter closer to a bound than this, in standard deviations among people, counts as held by it
+    at_bound_distance: float = 0.01
+    anatomy_weight: float = 0.01  # Default of lambda, the weight of anatomy
 
-START_SEED = 160214
-"""Seed of the random starting points."""
+
+SEARCH = SearchSettings()
+
 
 PASSIVE_TISSUE_PARAMETERS = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40.0, 10.0),
            ("damping", "N*m*s/rad", 0.0, 3.0, 0.5))  # fmt: skip
 """Parameters of the joint's passive tissue: name, unit, lower and upper bound, and prior standard deviation around
 0."""
-
-AT_BOUND_DISTANCE = 0.01
-"""A parameter closer to a bound than this, in standard deviations among people, counts as held by it."""
-
-DEFAULT_ANATOMY_WEIGHT = 0.01
-"""Default of lambda, the weight of anatomy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +183,7 @@ class MuscleProblem:
         *,
         quantities: Sequence[str] = DEFAULT_QUANTITIES,
         passive: bool = True,
-        weight: float = DEFAULT_ANATOMY_WEIGHT,
+        weight: float = SEARCH.anatomy_weight,
         priors: Sequence[Prior] | None = None,
         hold: np.ndarray | None = None,
     ):
@@ -339,7 +340,9 @@ class MuscleFit:
     @property
     def at_bound(self) -> np.ndarray:
         """Whether each parameter ended on a bound, or too close to it to be distinguished from it, shape (p,)."""
-        return (self.z <= self.problem.lower + AT_BOUND_DISTANCE) | (self.z >= self.problem.upper - AT_BOUND_DISTANCE)
+        return (self.z <= self.problem.lower + SEARCH.at_bound_distance) | (
+            self.z >= self.problem.upper - SEARCH.at_bound_distance
+        )
 
     def predict(self, samples: MuscleSamples) -> np.ndarray:
         """Predict the torque of other samples, shape (n,) or (j, n) [N m]; their own torque is not used."""
@@ -350,7 +353,7 @@ def solve_calibration(
     problem: MuscleProblem,
     *,
     method: str = "least_squares",
-    starts: int = DEFAULT_START_COUNT,
+    starts: int = SEARCH.start_count,
     iterations: int | None = None,
     near: np.ndarray | None = None,
 ) -> MuscleFit:
@@ -362,14 +365,14 @@ def solve_calibration(
         raise IdentificationError(
             f"calibration: found the method {method!r}, expected one of {', '.join(CALIBRATION_METHODS)}"
         )
-    began, rng = time.perf_counter(), np.random.default_rng(START_SEED)
+    began, rng = time.perf_counter(), np.random.default_rng(SEARCH.seed)
     low, high = problem.lower, problem.upper
     if method == "least_squares":
         first = np.zeros(len(low)) if near is None else near
         begin = [first, *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
         begin = [np.clip(z, low, high) for z in begin]
         most = iterations or 60
-        found = [_descend(problem, z, SCREENING_EVALUATIONS if starts > 1 else most) for z in begin]
+        found = [_descend(problem, z, SEARCH.screening_evaluations if starts > 1 else most) for z in begin]
         evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
         end = found[int(np.argmin(costs))]
         if starts > 1 and not end.converged:
@@ -402,5 +405,5 @@ def solve_calibration(
 def _descend(problem: MuscleProblem, start: np.ndarray, iterations: int) -> Descent:
     """Run bounded least squares from one start."""
     return bounded_least_squares(
-        problem.equations, start, problem.lower, problem.upper, iterations=iterations, tolerance=COST_TOLERANCE
+        problem.equations, start, problem.lower, problem.upper, iterations=iterations, tolerance=SEARCH.cost_tolerance
     )

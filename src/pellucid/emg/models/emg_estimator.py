@@ -23,27 +23,36 @@ from .muscle_surface import MuscleSurface
 
 KIND = "emg_estimator"
 
-DEFAULT_PATIENCE_S = 0.05
-"""A channel or an angle keeps its last value for this time before it counts as lost [s]."""
 
-SHORT_RANGE_STIFFNESS = 23.4
-"""Short-range stiffness of a fibre, in its force over l_o: one number for six muscles of cats (Cui et al. 2008)."""
+@dataclass(frozen=True)
+class WatchDefaults:
+    """Defaults of an estimator that waits for samples, and of the watch of its channels."""
 
-SHORT_RANGE_STIFFNESS_ERROR_SHARE = 0.15
-"""Standard error of that stiffness as a share of it. Single muscles lie within 30 % (Cui et al. 2008)."""
+    patience_s: float = 0.05  # A channel or an angle keeps its last value for this time before it counts as lost [s]
+    # Time constant of the watch's means [s]: two strides of walking. A change that costs twice `max_loss` is found
+    # after 2 s.
+    memory_s: float = 3.0
+    # Share of the torque's variance that a changed channel may cost before its pattern takes its place. It was chosen
+    # by its consequence: half of the loss of 0.2 in R² that a wearer should never meet.
+    max_loss: float = 0.1
 
-TENDON_STRAIN = 0.033
-"""Strain of a tendon under the force F_0 [1]."""
 
-WATCH_MEMORY_S = 3.0
-"""Time constant of the watch's means [s]: two strides of walking. A change that costs twice `MAX_WATCHED_LOSS` is found
-after 2 s."""
+WATCH_DEFAULTS = WatchDefaults()
 
-MAX_WATCHED_LOSS = 0.1
-"""Share of the torque's variance that a changed channel may cost before its pattern takes its place.
 
-It was chosen by its consequence: half of the loss of 0.2 in R² that a wearer should never meet.
-"""
+@dataclass(frozen=True)
+class ShortRangeStiffness:
+    """Short-range stiffness of a fibre, and the strain of the tendon in series with it."""
+
+    # Short-range stiffness of a fibre, in its force over l_o: one number for six muscles of cats (Cui et al. 2008).
+    stiffness: float = 23.4
+    # Standard error of that stiffness as a share of it. Single muscles lie within 30 % (Cui et al. 2008).
+    error_share: float = 0.15
+    tendon_strain: float = 0.033  # Strain of a tendon under the force F_0 [1]
+
+
+SHORT_RANGE = ShortRangeStiffness()
+
 
 
 @dataclass(frozen=True)
@@ -115,8 +124,8 @@ class EstimatorWatch:
 
     channels: tuple[WatchedChannel, ...]  # In the order of the card's channels
     angles: tuple[WatchedAngle, ...]  # In the order of the card's angles
-    seconds: float = WATCH_MEMORY_S  # Time constant of its means [s]
-    max_loss: float = MAX_WATCHED_LOSS  # Share of the torque's variance at which a channel has changed
+    seconds: float = WATCH_DEFAULTS.memory_s  # Time constant of its means [s]
+    max_loss: float = WATCH_DEFAULTS.max_loss  # Share of the torque's variance at which a channel has changed
 
 
 @dataclass(frozen=True)
@@ -132,14 +141,14 @@ class EmgEstimatorCard:
     period: float  # From one step to the next [s]
     motion_lowpass: float  # On angles before they are differentiated, order 2 [Hz]
     lags: tuple[float, ...] = ()  # How much earlier a map sees envelopes too [s]
-    patience: float = DEFAULT_PATIENCE_S  # [s]
+    patience: float = WATCH_DEFAULTS.patience_s  # [s]
     chain: str = "none"  # From raw EMG to the envelope; none: envelopes are given
     emg_rate: float = 0.0  # sampling rate of raw EMG [Hz]
     before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
     after: tuple[tuple[float, ...], ...] = ()
     watch: EstimatorWatch | None = None  # What its channels are held against; None: they are not watched
-    gamma: float = SHORT_RANGE_STIFFNESS
-    tendon_strain: float = TENDON_STRAIN
+    gamma: float = SHORT_RANGE.stiffness
+    tendon_strain: float = SHORT_RANGE.tendon_strain
     notes: tuple[str, ...] = ()
     checksums: Mapping[str, str] = field(default_factory=dict)
     pellucid: str = ""

@@ -19,17 +19,23 @@ import numpy as np
 
 from .muscle_geometry import LengthOverAngles
 
-LENGTH_ERROR_SCALE_M = 1e-4
-"""RMS error of length that counts as much as `ARM_ERROR_SCALE_M` [m]. The fit stops at half of both."""
 
-ARM_ERROR_SCALE_M = 5e-4
-"""RMS error of a moment arm that counts as much as `LENGTH_ERROR_SCALE_M` [m]."""
+@dataclass(frozen=True)
+class PolynomialFit:
+    """How a polynomial is fitted, and when it is good enough."""
+
+    # RMS error of length that counts as much as `arm_error_m` [m]. The fit stops at half of both.
+    length_error_m: float = 1e-4
+    arm_error_m: float = 5e-4  # RMS error of a moment arm that counts as much as `length_error_m` [m]
+    max_terms: int = 220
+    # Number of poses of a fit over 0, 1, 2 and 3 angles; two in seven are held out
+    pose_counts: tuple[int, ...] = (0, 300, 1200, 2400)
+
+
+POLYNOMIAL = PolynomialFit()
+
 
 POLYNOMIAL_DEGREES = range(2, 13)
-MAX_TERMS = 220
-POSE_COUNTS = (0, 300, 1200, 2400)
-"""Number of poses of a fit over 0, 1, 2 and 3 angles; two in seven are held out."""
-
 HALTON_BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 
 
@@ -74,7 +80,7 @@ def fit_muscle_polynomial(
     names = tuple(ranges)
     low, high = np.array(list(ranges.values()), float).T
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    count = POSE_COUNTS[min(len(names), len(POSE_COUNTS) - 1)]
+    count = POLYNOMIAL.pose_counts[min(len(names), len(POLYNOMIAL.pose_counts) - 1)]
     # A little beyond the ends, and back onto them: errors are largest there.
     x = np.clip(1.04 * (2.0 * _halton_points(count, len(names)) - 1.0), -1.0, 1.0)
     length, arms = path(dict(zip(names, (middle + half * x).T, strict=True)))
@@ -82,16 +88,16 @@ def fit_muscle_polynomial(
     best = None
     for degree in POLYNOMIAL_DEGREES:
         powers = np.array([p for p in product(range(degree + 1), repeat=len(names)) if sum(p) <= degree])
-        if len(powers) > MAX_TERMS:
+        if len(powers) > POLYNOMIAL.max_terms:
             break
         rows = [_monomials(x, powers, half)] + [-_monomials(x, powers, half, (k,)) for k in range(len(names))]
-        told, scales = [length, *arms], [LENGTH_ERROR_SCALE_M] + [ARM_ERROR_SCALE_M] * len(names)
+        told, scales = [length, *arms], [POLYNOMIAL.length_error_m] + [POLYNOMIAL.arm_error_m] * len(names)
         matrix = np.concatenate([r[~judged] / s for r, s in zip(rows, scales, strict=True)])
         right = np.concatenate([t[~judged] / s for t, s in zip(told, scales, strict=True)])
         coefficients = np.linalg.lstsq(matrix, right, rcond=None)[0]
         missed = [r[judged] @ coefficients - t[judged] for r, t in zip(rows, told, strict=True)]
         error = _polynomial_error(missed)
-        worst = max(error.length / LENGTH_ERROR_SCALE_M, error.arm / ARM_ERROR_SCALE_M)
+        worst = max(error.length / POLYNOMIAL.length_error_m, error.arm / POLYNOMIAL.arm_error_m)
         # More terms have to be worth it.
         if best is None or worst < 0.9 * best[0]:
             found = MusclePolynomial(

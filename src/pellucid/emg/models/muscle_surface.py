@@ -15,17 +15,19 @@ import numpy as np
 from ... import _core
 from .muscle_geometry import LengthOverAngles, MuscleGeometry
 
-FITTED_CELL_COUNTS = (10, 4)
-"""Number of cells of a fitted surface along a joint's own angle, and along a neighbour's."""
 
-RANGE_MARGIN_SHARE = 0.05
-"""A fitted surface goes on beyond the angles seen by this share of their range."""
+@dataclass(frozen=True)
+class SurfaceFit:
+    """Grid and smoothness of a surface."""
 
-SAMPLED_CELL_COUNT = 12
-"""Cells along each angle of a surface through another function's values."""
+    # Number of cells of a fitted surface along a joint's own angle, and along a neighbour's
+    fitted_cell_counts: tuple[int, int] = (10, 4)
+    range_margin_share: float = 0.05  # A fitted surface goes on beyond the angles seen by this share of their range
+    sampled_cell_count: int = 12  # Cells along each angle of a surface through another function's values
+    roughness_weight: float = 1e-6  # Weight of a fitted surface's bending: what angles seen leave open is straight
 
-ROUGHNESS_WEIGHT = 1e-6
-"""Weight of a fitted surface's bending: what angles seen leave open is straight."""
+
+SURFACE = SurfaceFit()
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,13 @@ def sampled_surface(path: LengthOverAngles, moved: Sequence[str], held: Mapping[
     axes, at = [], []
     for angle in moved:
         low, high = path.range(angle)
-        step = (high - low) / SAMPLED_CELL_COUNT
-        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SAMPLED_CELL_COUNT))
+        step = (high - low) / SURFACE.sampled_cell_count
+        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SURFACE.sampled_cell_count))
         at.append(
             np.sort(
-                np.concatenate((np.linspace(low, high, SAMPLED_CELL_COUNT + 1), [low + 0.5 * step, high - 0.5 * step]))
+                np.concatenate(
+                    (np.linspace(low, high, SURFACE.sampled_cell_count + 1), [low + 0.5 * step, high - 0.5 * step])
+                )
             )
         )
     grid = np.meshgrid(*at, indexing="ij")
@@ -132,10 +136,12 @@ def _fit_surface(
 ) -> tuple[MuscleSurface, float, float]:
     axes = []
     for (name, q), cells in zip(
-        angles.items(), FITTED_CELL_COUNTS if len(arms) == 1 else FITTED_CELL_COUNTS[:1] * 2, strict=False
+        angles.items(),
+        SURFACE.fitted_cell_counts if len(arms) == 1 else SURFACE.fitted_cell_counts[:1] * 2,
+        strict=False,
     ):
         low, high = float(q.min()), float(q.max())
-        more = RANGE_MARGIN_SHARE * max(high - low, 0.1)
+        more = SURFACE.range_margin_share * max(high - low, 0.1)
         axes.append(SurfaceAxis(name, 1.0, 0.0, low - more, (high - low + 2.0 * more) / cells, cells))
     bases = [_basis(a, angles[a.angle]) for a in axes]
 
@@ -153,7 +159,7 @@ def _fit_surface(
     if len(axes) == 2:
         first, second = (np.eye(a.cells + 3) for a in axes)
         smooth = [np.kron(smooth[0], second), np.kron(first, smooth[1])]
-    weight = np.sqrt(ROUGHNESS_WEIGHT * len(length))
+    weight = np.sqrt(SURFACE.roughness_weight * len(length))
     a = np.vstack([*rows, *(weight * s for s in smooth)])
     b = np.concatenate([*told, np.zeros(sum(len(s) for s in smooth))])
     coefficients = np.linalg.lstsq(a, b, rcond=None)[0]

@@ -14,20 +14,20 @@ from scipy import stats
 
 from ..._errors import RecordingError
 
-MAX_SEARCHED_DELAY_S = 0.5
-"""Delays are searched from minus to plus this time."""
 
-MIN_DELAY_CORRELATION = 0.5
-"""Smallest correlation between envelope and torque at which a delay counts as found. Chosen by judgement."""
+@dataclass(frozen=True)
+class DelaySearch:
+    """Where a delay is searched, and when it counts as found."""
 
-PEAK_SHARE = 0.95
-"""Lags whose correlation is at least this share of the largest belong to its peak."""
+    max_s: float = 0.5  # Delays are searched from minus to plus this time
+    # Smallest correlation between envelope and torque at which a delay counts as found. Chosen by judgement.
+    min_correlation: float = 0.5
+    peak_share: float = 0.95  # Lags whose correlation is at least this share of the largest belong to its peak
+    block_count: int = 10  # Number of blocks of time that are left out in turn
+    min_block_s: float = 1.0  # Smallest length of such a block
 
-DELAY_BLOCK_COUNT = 10
-"""Number of blocks of time that are left out in turn."""
 
-MIN_DELAY_BLOCK_S = 1.0
-"""Smallest length of such a block."""
+DELAY = DelaySearch()
 
 
 @dataclass(frozen=True)
@@ -89,21 +89,21 @@ def electromechanical_delay(
                 f"electromechanical_delay: found {missing.size} missing samples (NaN) in the {name}, the first at "
                 f"{missing[0] / fs:.6g} s, expected none"
             )
-    reach = round(MAX_SEARCHED_DELAY_S * fs)
-    if len(x) < DELAY_BLOCK_COUNT * MIN_DELAY_BLOCK_S * fs:
+    reach = round(DELAY.max_s * fs)
+    if len(x) < DELAY.block_count * DELAY.min_block_s * fs:
         raise RecordingError(
             f"electromechanical_delay: found {len(x) / fs:.3g} s, expected at least "
-            f"{DELAY_BLOCK_COUNT * MIN_DELAY_BLOCK_S:g} s"
+            f"{DELAY.block_count * DELAY.min_block_s:g} s"
         )
     sums = _block_sums(x, y, reach)
     correlation = _correlations(sums.sum(axis=0))
     best = int(np.argmax(np.abs(correlation)))
     largest = float(abs(correlation[best]))
-    if largest < MIN_DELAY_CORRELATION or best in (0, 2 * reach):
+    if largest < DELAY.min_correlation or best in (0, 2 * reach):
         where = ", at the end of the search" if best in (0, 2 * reach) else ""
         raise RecordingError(
             f"electromechanical_delay: found a largest correlation of {largest:.2g} at {(best - reach) / fs:.3g} s"
-            f"{where}, expected one of at least {MIN_DELAY_CORRELATION:g} within {MAX_SEARCHED_DELAY_S:g} s: no delay "
+            f"{where}, expected one of at least {DELAY.min_correlation:g} within {DELAY.max_s:g} s: no delay "
             "can be told"
         )
     sign = np.sign(correlation[best])
@@ -118,8 +118,8 @@ def _block_sums(x: np.ndarray, y: np.ndarray, reach: int) -> np.ndarray:
     """Return sums of 1, x, y, x^2, y^2 and xy at every lag of each block, shape (blocks, 6, lags)."""
     x, y = x - x.mean(), y - y.mean()
     middle = np.arange(reach, len(x) - reach)
-    made = np.empty((DELAY_BLOCK_COUNT, 6, 2 * reach + 1))
-    for i, at in enumerate(np.array_split(middle, DELAY_BLOCK_COUNT)):
+    made = np.empty((DELAY.block_count, 6, 2 * reach + 1))
+    for i, at in enumerate(np.array_split(middle, DELAY.block_count)):
         for j, lag in enumerate(range(-reach, reach + 1)):
             a, b = x[at], y[at + lag]
             made[i, :, j] = len(at), a.sum(), b.sum(), a @ a, b @ b, a @ b
@@ -139,7 +139,7 @@ def _peak(correlation: np.ndarray, reach: int, fs: float) -> float:
     A parabola through three samples alone follows their noise.
     """
     top = int(np.clip(np.argmax(correlation), 1, len(correlation) - 2))
-    below = np.flatnonzero(correlation < PEAK_SHARE * correlation[top])
+    below = np.flatnonzero(correlation < DELAY.peak_share * correlation[top])
     first = int(max(below[below < top].max(initial=-1) + 1, 0))
     last = int(min(below[below > top].min(initial=len(correlation)) - 1, len(correlation) - 1))
     half = max(min(top - first, last - top), 1)

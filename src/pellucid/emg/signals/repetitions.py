@@ -11,17 +11,19 @@ from numpy.typing import ArrayLike
 from ..._errors import RecordingError
 from ...numerics.filters import runs, zero_phase_lowpass
 
-SEARCH_LOWPASS_HZ = 3.0
-"""Cut-off of the low-pass before the search, so that tremor and a goniometer's steps are not taken for repetitions."""
 
-MIN_AWAY_SHARE = 0.5
-"""A repetition goes beyond this share of the whole range."""
+@dataclass(frozen=True)
+class RepetitionSearch:
+    """When a movement counts as one repetition."""
 
-MAX_BACK_SHARE = 0.25
-"""A repetition comes back below this share of the whole range."""
+    # Cut-off of the low-pass before the search, so that tremor and a goniometer's steps are not taken for repetitions
+    lowpass_hz: float = 3.0
+    min_away_share: float = 0.5  # A repetition goes beyond this share of the whole range
+    max_back_share: float = 0.25  # A repetition comes back below this share of the whole range
+    max_rest_speed: float = np.radians(8.0)  # Speeds below this count as rest [rad/s]
 
-MAX_REST_SPEED = np.radians(8.0)
-"""Speeds below this count as rest [rad/s]."""
+
+REPETITION = RepetitionSearch()
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ def find_repetitions(
             f"{where}: found {len(missing)} missing samples (NaN), the first at index {missing[0]}, expected a number "
             "in every sample; choose a window without them"
         )
-    smooth = zero_phase_lowpass(angle, SEARCH_LOWPASS_HZ, 2, fs)
+    smooth = zero_phase_lowpass(angle, REPETITION.lowpass_hz, 2, fs)
     low, high = np.percentile(smooth, [2.0, 98.0])
     if high - low < smallest:
         raise RecordingError(
@@ -96,10 +98,10 @@ def find_repetitions(
     if not trips:
         raise RecordingError(
             f"{where}: found no movement that leaves {np.degrees(base):.3g} deg by "
-            f"{np.degrees(abs(way)) * MIN_AWAY_SHARE:.3g} "
+            f"{np.degrees(abs(way)) * REPETITION.min_away_share:.3g} "
             "deg and comes back, expected at least one"
         )
-    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < MAX_REST_SPEED) & (share < MAX_BACK_SHARE)
+    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < REPETITION.max_rest_speed) & (share < REPETITION.max_back_share)
     at_rest = float(np.median(angle[settled])) if np.any(settled) else float(base)
     ends = [trip.stop for trip in trips]
     starts = [trip.start for trip in trips[1:]] + ([unfinished.start] if unfinished else [])
@@ -115,7 +117,7 @@ def find_repetitions(
 
 def _trips(share: np.ndarray) -> tuple[list[slice], slice | None]:
     """Stretches away from rest that go far enough and come back, and a last one that does not come back."""
-    found = [run for run in runs(share > MAX_BACK_SHARE) if share[run].max() > MIN_AWAY_SHARE]
+    found = [run for run in runs(share > REPETITION.max_back_share) if share[run].max() > REPETITION.min_away_share]
     # One that is away at the very beginning did not begin here.
     found = [run for run in found if run.start > 0]
     if found and found[-1].stop == len(share):

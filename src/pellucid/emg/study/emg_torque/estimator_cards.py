@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from math import nan
 from typing import Any
@@ -75,34 +76,31 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     )
 
 
-MAX_ENVELOPE_RATIO = 2.0
-"""Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle.
+@dataclass(frozen=True)
+class CardLimits:
+    """Limits that a card states, as its estimator takes them from the fitted trials.
 
-Chosen by judgement; no measurement is recorded.
-"""
+    All were chosen by judgement; no measurement is recorded.
+    """
 
-REST_QUANTILE = 0.01
-"""Quantile of a channel's fitted envelope that is taken for its value at rest.
+    # Largest valid envelope of a channel, as a multiple of the largest fitted one. A larger one is not from a muscle.
+    # Chosen by judgement.
+    max_envelope_ratio: float = 2.0
+    # Quantile of a channel's fitted envelope that is taken for its value at rest. Chosen by judgement.
+    rest_quantile: float = 0.01
+    # Limit of an estimator's torque, as a multiple of the largest fitted torque. Chosen by judgement.
+    max_torque_ratio: float = 1.5
+    # The card notes a muscle's surface if the RMS error of its moment arms exceeds this [m]. Chosen by judgement.
+    max_unnoted_arm_error_m: float = 2e-3
 
-Chosen by judgement; no measurement is recorded.
-"""
 
-TORQUE_LIMIT_RATIO = 1.5
-"""Limit of an estimator's torque, as a multiple of the largest fitted torque.
+CARD_LIMITS = CardLimits()
 
-Chosen by judgement; no measurement is recorded.
-"""
 
 ACROSS_JOINTS_NOTES = (
     "Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",
 )
 """Notes on a card of muscles over all joints, which are fitted with zero-phase filters."""
-
-NOTED_ARM_ERROR_M = 2e-3
-"""The card notes a muscle's surface if the RMS error of its moment arms exceeds this [m].
-
-Chosen by judgement; no measurement is recorded.
-"""
 
 
 def estimator_cards(
@@ -217,7 +215,10 @@ def _make_card(
     for channel in trials[0].envelopes:
         if channel in used:
             seen = np.concatenate([t.envelopes[channel] for t in trials])
-            rest, ceiling = float(np.quantile(seen, REST_QUANTILE)), MAX_ENVELOPE_RATIO * float(seen.max())
+            rest, ceiling = (
+                float(np.quantile(seen, CARD_LIMITS.rest_quantile)),
+                CARD_LIMITS.max_envelope_ratio * float(seen.max()),
+            )
             channels.append(EstimatorChannel(channel, 1.0 / top.get(channel, 1.0), rest, max(ceiling, rest + 1e-9)))
     return EmgEstimatorCard(
         study.name,
@@ -268,7 +269,7 @@ def _muscle_surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) ->
 
 def _surface_error_notes(muscle: str, surface: MuscleSurface, missed: float, arm: float) -> list[str]:
     """Return a note if a muscle's surface is inaccurate, given its RMS errors of length and arm [m]."""
-    if arm <= NOTED_ARM_ERROR_M:
+    if arm <= CARD_LIMITS.max_unnoted_arm_error_m:
         return []
     return [
         f"{muscle}: lengths and arms are met within {1e3 * missed:.2g} and {1e3 * arm:.2g} mm over "
@@ -278,7 +279,7 @@ def _surface_error_notes(muscle: str, surface: MuscleSurface, missed: float, arm
 
 def _torque_limit(trials: Sequence[TorqueTrial]) -> float:
     """Return the limit of the estimator's torque [N m]."""
-    return TORQUE_LIMIT_RATIO * max(float(np.max(np.abs(t.torque))) for t in trials)
+    return CARD_LIMITS.max_torque_ratio * max(float(np.max(np.abs(t.torque))) for t in trials)
 
 
 def chain_sections(chain: EmgChain, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,17 +16,22 @@ from .emg_torque_table import EmgTorqueTable
 from .relative_envelopes import is_maximal, is_relative
 from .study_muscles import study_geometry, study_muscles
 
-MAX_LENGTH_ERROR_M = 1e-3
-"""A muscle's polynomial is reported as poor if the RMS error of its length exceeds this [m].
 
-Chosen by judgement; no measurement is recorded.
-"""
+@dataclass(frozen=True)
+class PolynomialLimits:
+    """RMS errors beyond which a muscle's polynomial is reported as poor.
 
-MAX_ARM_ERROR_M = 2e-3
-"""A muscle's polynomial is reported as poor if the RMS error of its moment arm exceeds this [m].
+    Both were chosen by judgement; no measurement is recorded.
+    """
 
-Chosen by judgement; no measurement is recorded.
-"""
+    # A muscle's polynomial is reported as poor if the RMS error of its length exceeds this [m]. Chosen by judgement.
+    max_length_error_m: float = 1e-3
+    # A muscle's polynomial is reported as poor if the RMS error of its moment arm exceeds this [m]. Chosen by
+    # judgement.
+    max_arm_error_m: float = 2e-3
+
+
+POLYNOMIAL_LIMITS = PolynomialLimits()
 
 
 def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSource | None:
@@ -103,7 +108,7 @@ def geometry_verdicts(study: Study) -> list[Verdict]:
             "Narrow the coordinates' <range> in the model to what was recorded.",
         )
         for name, p in model.polynomials.items()
-        if p.error.length > MAX_LENGTH_ERROR_M or p.error.arm > MAX_ARM_ERROR_M
+        if p.error.length > POLYNOMIAL_LIMITS.max_length_error_m or p.error.arm > POLYNOMIAL_LIMITS.max_arm_error_m
     ]
     return verdicts + [
         Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...._errors import IdentificationError
 from ...._processes import results_with_helpers
-from ...estimators.condition_choice import ERROR_BAND_SHARE
+from ...estimators.condition_choice import BAND
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill import HillTogether, fit_together
 from ...estimators.torque_trial import TorqueTrial, group_pieces
@@ -52,7 +52,7 @@ class TogetherScore:
     joint: str
     recording: str  # Test recording; ``""`` for all trials, each left out in turn
     score: Score
-    coverage: float  # Share of samples within the band at the level `ERROR_BAND_SHARE`
+    coverage: float  # Share of samples within the band at the level `BAND.share`
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +130,12 @@ def _evaluate_fits(
         each = []
         for name, (by, pieces) in made.items():
             torque = _over_pieces([by.predict(trial) for trial in pieces])
-            half = _over_pieces([by.half_width(trial, ERROR_BAND_SHARE) for trial in pieces])
+            half = _over_pieces([by.half_width(trial, BAND.share) for trial in pieces])
             for joint in fit.joints:
                 reference = np.concatenate([trial[joint].torque for trial in pieces])
                 each.append(_score_joint(how, joint, name, reference, torque, half))
                 time = np.concatenate([trial[joint].time for trial in pieces])
-                trace = TorqueTrace(joint, name, time, reference, {}, {}, ERROR_BAND_SHARE)
+                trace = TorqueTrace(joint, name, time, reference, {}, {}, BAND.share)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean_score(how, joint, each) for joint in fit.joints]
@@ -153,7 +153,7 @@ def _add_unrecorded_muscles(
     for name in [] if never is None else group_pieces(next(iter(held.values()))):
         pieces = _pieces_by_joint(held, name)
         torque = _over_pieces([never.predict(trial) for trial in pieces])
-        half = _over_pieces([fit.half_width(trial, ERROR_BAND_SHARE) for trial in pieces])
+        half = _over_pieces([fit.half_width(trial, BAND.share) for trial in pieces])
         for joint in fit.joints:
             reference = np.concatenate([trial[joint].torque for trial in pieces])
             scores.append(_score_joint(UNRECORDED_VARIANT, joint, name, reference, torque, half))
@@ -179,7 +179,7 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
     held = [t for t in next(iter(across.values())) if t.heldout]
     for name in () if posterior.unsettled else group_pieces(held):
         pieces = _pieces_by_joint(across, name)
-        made = [fit.predict_with_posterior(posterior, trial, ERROR_BAND_SHARE) for trial in pieces]
+        made = [fit.predict_with_posterior(posterior, trial, BAND.share) for trial in pieces]
         torque, half = (_over_pieces([each[i] for each in made]) for i in (0, 1))
         for joint in fit.joints:
             reference = np.concatenate([trial[joint].torque for trial in pieces])

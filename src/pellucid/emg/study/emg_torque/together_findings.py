@@ -20,7 +20,7 @@ from ....study.procedures.posterior_beside import (
 from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...estimators.condition_choice import ERROR_BAND_SHARE
+from ...estimators.condition_choice import BAND
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.calibration_posterior import CalibrationPosterior
@@ -56,7 +56,7 @@ class TogetherFigureData:
 
 
 VALID_COVERAGE_BOUNDS = (0.8, 0.97)
-"""A band at the level `ERROR_BAND_SHARE` is said to hold if its share of held-out torque is between these two.
+"""A band at the level `BAND.share` is said to hold if its share of held-out torque is between these two.
 
 Chosen by judgement; no measurement is recorded.
 """
@@ -91,7 +91,7 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
         "Calibrated",
         "RMSE (N*m)",
         "R²",
-        f"Within the {100.0 * ERROR_BAND_SHARE:g} % band (%)",
+        f"Within the {100.0 * BAND.share:g} % band (%)",
     )
     return (
         FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows), 0),
@@ -165,7 +165,7 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         held = all(VALID_COVERAGE_BOUNDS[0] <= s.coverage <= VALID_COVERAGE_BOUNDS[1] for s in own)
         yield Verdict(
             "good" if held else "warning",
-            f"{who}, mean of the posterior's draws and their {100.0 * ERROR_BAND_SHARE:g} % band on "
+            f"{who}, mean of the posterior's draws and their {100.0 * BAND.share:g} % band on "
             f"{name.replace('_', ' ')}: "
             f"{words}.",
         )
@@ -195,7 +195,7 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
             Verdict(
                 "good" if held else "warning",
                 f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
-                f"{100.0 * ERROR_BAND_SHARE:g} % band that was stated beforehand{where * (not held)}.",
+                f"{100.0 * BAND.share:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
     return (*verdicts, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
@@ -283,7 +283,7 @@ def together_rows(
             choice = found.fits[s.how].choice
             note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
         at = {"split": "heldout", "recording": s.recording}
-        within = f"share of samples within the {100.0 * ERROR_BAND_SHARE:g} % band"
+        within = f"share of samples within the {100.0 * BAND.share:g} % band"
         add(f"{s.joint}.{s.how}.r2{tail}", s.score.r2, "1", note, **at)
         add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
         add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", within, **at)

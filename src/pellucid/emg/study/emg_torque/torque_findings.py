@@ -16,12 +16,12 @@ from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...estimators.emg_session import ChannelComparison
-from ...estimators.emg_worth import MIN_TRIALS_FOR_INTERVAL, EmgWorth, worth_on_recording, worth_over_trials
+from ...estimators.emg_worth import WORTH, EmgWorth, worth_on_recording, worth_over_trials
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.coupled_priors import MAX_TOTAL_DELAY_S, MIN_TOTAL_DELAY_S
+from ...fit.coupled_priors import DELAYS
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.muscle import CARD_KIND, CalibratedMuscles
@@ -78,7 +78,6 @@ DRAWN_MUSCLES_S = 3.0
 
 DELAY_TOLERANCE_S = 5e-3
 """An electromechanical delay counts as longer than a person's only if it exceeds the longest by more than this [s]."""
-
 
 
 @dataclass(frozen=True)
@@ -190,11 +189,11 @@ def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
         f"{what}, muscles: the electromechanical delay, from envelope to activation with all lags, is "
         f"{1e3 * delays.min():.0f} to {1e3 * delays.max():.0f} ms"
     )
-    if delays.max() <= MAX_TOTAL_DELAY_S + DELAY_TOLERANCE_S:
+    if delays.max() <= DELAYS.max_total_s + DELAY_TOLERANCE_S:
         return Verdict("note", f"{found}; run causally, the angles' rates come 19 ms late on top.")
     return Verdict(
         "warning",
-        f"{found}, more than the {1e3 * MIN_TOTAL_DELAY_S:.0f} to {1e3 * MAX_TOTAL_DELAY_S:.0f} ms of people: the "
+        f"{found}, more than the {1e3 * DELAYS.min_total_s:.0f} to {1e3 * DELAYS.max_total_s:.0f} ms of people: the "
         "EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
         "Look for a torque that was filtered one way, and for clocks that were joined. Several joints in "
         "[emg_torque] give muscles whose delay is a person's, and the offset beside it.",
@@ -359,7 +358,7 @@ MAX_BRIEF_WORTH_ROWS = 6
 """Largest number of joints and recordings in the table on a terminal without ``-v``."""
 
 TOO_FEW_TRIALS_SENTENCE = (
-    f"Fewer than {MIN_TRIALS_FOR_INTERVAL} trials are left to fit: too few to say whether EMG is worth it. "
+    f"Fewer than {WORTH.min_trials} trials are left to fit: too few to say whether EMG is worth it. "
 )
 """Sentence before the figures of maps that were fitted to too few of the study's trials."""
 
@@ -421,7 +420,7 @@ def is_answer_founded(fitted: int, lost: int) -> bool:
     A study whose trials are all used answers for the trials that it planned. Where some were lost, the ones that are
     left must be as many as an interval over trials requires.
     """
-    return not lost or fitted >= MIN_TRIALS_FOR_INTERVAL
+    return not lost or fitted >= WORTH.min_trials
 
 
 def _signed(value: float) -> str:

@@ -55,20 +55,27 @@ class TorqueEvaluation:
 STEP_PROTOCOL = "torque_steps"
 """Protocol in which a wearer counters an orthosis's torque."""
 
-KEPT_RATE_HZ = 100.0
-"""Rate to which faster recordings are thinned [Hz]. Envelopes and movements have nothing above half of it."""
 
-MIN_TRIAL_RATE_HZ = 50.0
-"""Recordings below this rate are interpolated to `KEPT_RATE_HZ` [Hz].
+@dataclass(frozen=True)
+class TrialClock:
+    """How recordings become trials on one clock.
 
-Angles are filtered at up to 12 Hz and envelopes looked at 50 ms apart, which a slower clock cannot hold.
-"""
+    No measurement is recorded for what is chosen by judgement.
+    """
 
-SAME_ANGLE_TOLERANCE_RAD = 0.1
-"""Two recordings are at the same held angle if their median angles differ by less than this [rad].
+    # Rate to which faster recordings are thinned [Hz]. Envelopes and movements have nothing above half of it.
+    kept_rate_hz: float = 100.0
+    # Recordings below this rate are interpolated to `kept_rate_hz` [Hz]. Angles are filtered at up to 12 Hz and
+    # envelopes looked at 50 ms apart, which a slower clock cannot hold.
+    min_rate_hz: float = 50.0
+    # Two recordings are at the same held angle if their median angles differ by less than this [rad]. Chosen by
+    # judgement.
+    angle_tolerance_rad: float = 0.1
+    # Duration of the EMG before each repetition that is passed to muscles [s], since their force depends on it
+    emg_lead_s: float = 0.3
 
-Chosen by judgement; no measurement is recorded.
-"""
+
+CLOCK = TrialClock()
 
 
 def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:
@@ -129,15 +136,15 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
 
 
 def _at_trial_rate(recording: Recording) -> Recording:
-    """Return a recording whose own clock is even and at least `MIN_TRIAL_RATE_HZ`, interpolated if it is not.
+    """Return a recording whose own clock is even and at least `CLOCK.min_rate_hz`, interpolated if it is not.
 
     Short gaps were left in it, over which angles and moments are interpolated. Interpolation keeps the shape of an
     angle between its samples: it never overshoots.
     """
-    if recording.fs >= MIN_TRIAL_RATE_HZ and recording.steps_within(recording.longest_step):
+    if recording.fs >= CLOCK.min_rate_hz and recording.steps_within(recording.longest_step):
         return recording
     old = recording.time
-    rate = max(recording.fs, KEPT_RATE_HZ)
+    rate = max(recording.fs, CLOCK.kept_rate_hz)
     time = old[0] + np.arange(int((old[-1] - old[0]) * rate) + 1) / rate
     channels = {
         name: replace(each, samples=time if name == "time" else PchipInterpolator(old, each.samples)(time))
@@ -147,8 +154,8 @@ def _at_trial_rate(recording: Recording) -> Recording:
 
 
 def _thin_trial(trial: TorqueTrial) -> TorqueTrial:
-    """Thin a trial at the rate of raw EMG to about `KEPT_RATE_HZ`, with a low-pass against aliasing."""
-    every = round(trial.fs / KEPT_RATE_HZ)
+    """Thin a trial at the rate of raw EMG to about `CLOCK.kept_rate_hz`, with a low-pass against aliasing."""
+    every = round(trial.fs / CLOCK.kept_rate_hz)
     if every < 2:
         return trial
 
@@ -191,7 +198,7 @@ def step_trials(
     for recording in found:
         torque = body.wearer_torque(recording, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
-        every = slice(None, None, max(1, round(recording.fs / KEPT_RATE_HZ)))
+        every = slice(None, None, max(1, round(recording.fs / CLOCK.kept_rate_hz)))
         trials.append(
             TorqueTrial(
                 name=recording.name,
@@ -216,7 +223,7 @@ def number_repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     made: dict[str, int] = {}
     for recording in recordings:
         angle = float(np.nanmedian(recording["position"]))
-        earlier = sum(abs(angle - a) < SAME_ANGLE_TOLERANCE_RAD for t, a in angles.items() if t != recording.trial)
+        earlier = sum(abs(angle - a) < CLOCK.angle_tolerance_rad for t, a in angles.items() if t != recording.trial)
         made[recording.name] = recording.repetition or earlier + 1
         angles.setdefault(recording.trial, angle)
     return made
@@ -279,9 +286,6 @@ EXTENSION_PROTOCOL = "leg_extension"
 DEFAULT_MASS_AND_HEIGHT = (70.0, 1.7)
 """Mass [kg] and height [m] of a person without a stated body. Height sets I/(m g l); mass sets a unit that cancels."""
 
-EMG_LEAD_S = 0.3
-"""Duration of the EMG before each repetition that is passed to muscles [s], since their force depends on it."""
-
 
 def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[TorqueTrial], float]:
     """Return one person's repetitions, each a trial and a group of its own, and the weight torque of the leg [N m].
@@ -306,8 +310,8 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
         torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))
         flexion = sign * (0.5 * np.pi - extension)
         envelopes = relative_envelopes(study, recording, top, causal=False)
-        every = max(1, round(recording.fs / KEPT_RATE_HZ))
-        reach = round(EMG_LEAD_S * recording.fs)
+        every = max(1, round(recording.fs / CLOCK.kept_rate_hz))
+        reach = round(CLOCK.emg_lead_s * recording.fs)
         for i, repetition in enumerate(repetitions.each, start=1):
             kept = slice(repetition.start, repetition.end, every)
             ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -15,8 +16,7 @@ from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
 from ...estimators.synergies import (
-    MIN_MUSCLE_VAF,
-    VAF_THRESHOLD,
+    SYNERGY,
     Synergies,
     SynergyCount,
     chance_similarity,
@@ -115,7 +115,7 @@ def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> Synergie
         study=study.name,
         headline=_headline(groups, alike),
         tables=(*_tables(groups), *_similarity_table(alike)),
-        verdicts=_verdicts(groups, table.number),
+        verdicts=tuple(_verdicts(groups, table.number)),
         rows=tuple(_rows(study.name, groups, alike, checksum)),
         cards={},
         checksums={each.name: each.checksum for members in grouped.values() for each in members},
@@ -216,78 +216,67 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
     return (FigureTable("How alike synergies are", heads, rows),)
 
 
-def _verdicts(groups: list[GroupSynergies], asked: int | None) -> tuple[Verdict, ...]:
-    verdicts = []
+def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdict]:
+    """Yield verdicts on the number of synergies of each group; `asked` is the number that the study states."""
     for g in groups:
-        name, c = f"{g.name}: " if g.name else "", g.count
-        if c.heldout.max() < VAF_THRESHOLD:
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
-                    f"variance, less than {100 * VAF_THRESHOLD:g} %: the fitted synergies do not hold there, or "
-                    "most in [synergies] is too small.",
-                )
+        name, c, threshold = f"{g.name}: " if g.name else "", g.count, 100 * SYNERGY.min_vaf
+        if c.heldout.max() < SYNERGY.min_vaf:
+            yield Verdict(
+                "warning",
+                f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
+                f"variance, less than {threshold:g} %: the fitted synergies do not hold there, or "
+                "most in [synergies] is too small.",
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
-        if chance > VAF_THRESHOLD - 0.05 and c.heldout.max() >= VAF_THRESHOLD:
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
-                    "in time too: with so few muscles any activity can be factored.",
-                )
+        if chance > SYNERGY.min_vaf - 0.05 and c.heldout.max() >= SYNERGY.min_vaf:
+            yield Verdict(
+                "warning",
+                f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
+                "in time too: with so few muscles any activity can be factored.",
             )
         if c.left_out.max() <= 0.0:
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{name}no number of synergies predicts a muscle that is left out from the others (R² below 0): "
-                    "do not fill in unrecorded muscles with them.",
-                )
+            yield Verdict(
+                "warning",
+                f"{name}no number of synergies predicts a muscle that is left out from the others (R² below 0): "
+                "do not fill in unrecorded muscles with them.",
             )
         elif c.predicting != c.enough and asked is None:
-            verdicts.append(
-                Verdict(
-                    "note",
-                    f"{name}{100 * VAF_THRESHOLD:g} % of the variance needs {c.enough}; a muscle left out is predicted "
-                    f"best by {c.predicting} (R² {c.left_out.max():.2f}).",
-                )
+            yield Verdict(
+                "note",
+                f"{name}{threshold:g} % of the variance needs {c.enough}; a muscle left out is predicted "
+                f"best by {c.predicting} (R² {c.left_out.max():.2f}).",
             )
-    return tuple(verdicts)
 
 
 def _rows(
     study: str, groups: list[GroupSynergies], alike: tuple[GroupSimilarity, ...], checksum: str
-) -> list[ResultRow]:
-    """Return all result rows."""
-    made = []
+) -> Iterator[ResultRow]:
+    """Yield all result rows."""
 
-    def row(name: str, value: float, split: str, note: str = "") -> None:
-        made.append(ResultRow(name, value, "1", "synergies", split, checksum, note))
+    def row(name: str, value: float, split: str, note: str = "") -> ResultRow:
+        return ResultRow(name, value, "1", "synergies", split, checksum, note)
 
     def part(name: str) -> str:
         return name.replace(", ", ".").replace(" ", "_")
 
     for g in groups:
-        base = f"{study}.{part(g.name)}" if g.name else study
+        base = f"{study}.{part(g.name)}.synergies" if g.name else f"{study}.synergies"
         c = g.count
         words = (
-            f"fewest with a VAF of {VAF_THRESHOLD:g}, of each muscle {MIN_MUSCLE_VAF:g}, on blocks of the fitted "
-            "recordings left out in turn"
+            f"fewest with a VAF of {SYNERGY.min_vaf:g}, of each muscle {SYNERGY.min_muscle_vaf:g}, on blocks of the "
+            "fitted recordings left out in turn"
         )
-        row(f"{base}.synergies.number", g.within.enough, "fitted", words)
-        row(f"{base}.synergies.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
+        yield row(f"{base}.number", g.within.enough, "fitted", words)
+        yield row(f"{base}.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
         for i, number in enumerate(c.numbers):
-            row(f"{base}.synergies.{number}.vaf", c.heldout[i], "heldout")
-            row(f"{base}.synergies.{number}.vaf.fitted", c.fitted[i], "fitted")
-            row(f"{base}.synergies.{number}.vaf.shifted", c.shuffled[i], "heldout", "envelopes shifted in time")
-            row(f"{base}.synergies.{number}.left_out.r2", c.left_out[i], "heldout", "each muscle in turn, together")
+            yield row(f"{base}.{number}.vaf", c.heldout[i], "heldout")
+            yield row(f"{base}.{number}.vaf.fitted", c.fitted[i], "fitted")
+            yield row(f"{base}.{number}.vaf.shifted", c.shuffled[i], "heldout", "envelopes shifted in time")
+            yield row(f"{base}.{number}.left_out.r2", c.left_out[i], "heldout", "each muscle in turn, together")
         for i, weights in enumerate(g.synergies.weights, start=1):
             for muscle, weight in zip(g.synergies.muscles, weights, strict=True):
-                row(f"{base}.synergies.weight.{i}.{muscle}", float(weight), "fitted")
+                yield row(f"{base}.weight.{i}.{muscle}", float(weight), "fitted")
     for a in alike:
         base = f"{study}.synergies.alike.{part(a.one)}.{part(a.other)}"
-        row(f"{base}.cosine", a.cosine, "fitted", f"mixed weights exceed {a.chance:.3f} once in twenty")
-        row(f"{base}.vaf", a.crossed, "heldout", "of the second's envelopes by the first's weights")
-    return made
+        yield row(f"{base}.cosine", a.cosine, "fitted", f"mixed weights exceed {a.chance:.3f} once in twenty")
+        yield row(f"{base}.vaf", a.crossed, "heldout", "of the second's envelopes by the first's weights")

@@ -14,7 +14,7 @@ from math import nan
 import numpy as np
 
 from ...._errors import IdentificationError
-from ....emg.estimators.causal_map import ANGLE_LOWPASS_HZ, EmgSettings, EmgTrial, fit_causal_map
+from ....emg.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from ....emg.study.emg_torque.trial_sources import STEP_PROTOCOL, body_of_card, number_repetitions
 from ....files.recording import Recording
 from ....joint.fit.drive_delay import actuator_residual
