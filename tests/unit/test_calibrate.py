@@ -272,6 +272,12 @@ def test_a_band_says_what_it_holds():
     assert coverage_text(TorqueTrace("knee", "a", time, time, {"ridge": time})) == ""
 
 
+def predict_by_card(card, values):
+    """Torque by a card's terms, each a product of features; the offset is a product of none."""
+    factors = {name: () if name == "offset" else name.split(" * ") for name in card.values}
+    return sum(weight * np.prod([values[f] for f in factors[name]]) for name, weight in card.values.items())
+
+
 def test_the_card_says_the_same_as_the_map(tmp_path, calibrated):
     study, made, _ = calibrated
     card = made.cards["torque_map_knee"]

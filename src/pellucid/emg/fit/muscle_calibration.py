@@ -10,7 +10,8 @@ for factors). The cost is
 with s the standard deviation of the reference torque. The last three terms are the joint's passive tissue. Several
 joints share one set of muscles: each joint's errors are divided by its own s, and n counts the samples of all joints.
 For coupled priors a quadratic form replaces :math:`z^T z` (`coupled_priors`). The core computes exact derivatives. The
-default method is bounded least squares; Adam and a particle swarm with conjugate gradients are offered for comparison.
+default method is bounded least squares; a particle swarm with conjugate gradients, and these alone, are those of
+published methods.
 Envelopes are relative to a maximal contraction [1]_.
 
 .. [1] D. G. Lloyd, T. F. Besier, "An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
@@ -28,7 +29,6 @@ from functools import cached_property
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...numerics.searches.adam import adam
 from ...numerics.searches.bounded_least_squares import Descent, bounded_least_squares
 from ...numerics.searches.swarm import conjugate_gradient, swarm_with_gradients
 from ..models.hill import FreeParameter, HillData, HillModel, HillMuscle
@@ -117,8 +117,8 @@ def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = DEF
     )
 
 
-CALIBRATION_METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
-"""Bounded least squares; Adam with a decaying and with a fixed rate; swarm with conjugate gradients; these alone."""
+CALIBRATION_METHODS = ("least_squares", "swarm", "descent")
+"""Bounded least squares; swarm with conjugate gradients; these alone."""
 
 
 @dataclass(frozen=True)
@@ -367,10 +367,9 @@ def solve_calibration(
         )
     began, rng = time.perf_counter(), np.random.default_rng(SEARCH.seed)
     low, high = problem.lower, problem.upper
+    first = np.clip(np.zeros(len(low)) if near is None else near, low, high)
     if method == "least_squares":
-        first = np.zeros(len(low)) if near is None else near
-        begin = [first, *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
-        begin = [np.clip(z, low, high) for z in begin]
+        begin = [first, *(np.clip(rng.normal(0.0, 0.7, len(low)), low, high) for _ in range(starts - 1))]
         most = iterations or 60
         found = [_descend(problem, z, SEARCH.screening_evaluations if starts > 1 else most) for z in begin]
         evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
@@ -378,28 +377,17 @@ def solve_calibration(
         if starts > 1 and not end.converged:
             end = _descend(problem, end.x, most)
             evaluations += end.evaluations
-        cost, z, normal = end.cost, end.x, end.normal
+        return MuscleFit(problem, end.x, end.normal, end.cost, method, costs, evaluations, time.perf_counter() - began)
+    if method == "swarm":
+        ends = swarm_with_gradients(
+            problem.cost, problem.cost_and_gradient, low, high, rng=rng, iterations=iterations or 30
+        )
     else:
-        if method == "swarm":
-            ends = swarm_with_gradients(
-                problem.cost, problem.cost_and_gradient, low, high, rng=rng, iterations=iterations or 30
-            )
-            z, evaluations = ends.best, ends.evaluations
-        elif method == "descent":
-            ends = conjugate_gradient(
-                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), value=problem.cost, lower=low,
-                upper=high, iterations=iterations or 200,
-            )  # fmt: skip
-            z, evaluations = ends.best, ends.evaluations
-        else:
-            path = adam(
-                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), rate=0.05,
-                final_rate=0.0005 if method == "adam" else None, iterations=iterations or 1000, lower=low, upper=high,
-            )  # fmt: skip
-            z, evaluations = (path.last, path.evaluations)
-        cost, _, normal = problem.equations(z)
-        costs = (cost,)
-    return MuscleFit(problem, z, normal, cost, method, costs, evaluations, time.perf_counter() - began)
+        ends = conjugate_gradient(
+            problem.cost_and_gradient, first, value=problem.cost, lower=low, upper=high, iterations=iterations or 200
+        )
+    cost, _, normal = problem.equations(ends.best)
+    return MuscleFit(problem, ends.best, normal, cost, method, (cost,), ends.evaluations, time.perf_counter() - began)
 
 
 def _descend(problem: MuscleProblem, start: np.ndarray, iterations: int) -> Descent:
