@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.cocontraction import cocontraction
+from pellucid.emg.cocontraction import cocontraction_over_time
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, report
 from pellucid.study.procedures.run import cocontraction as run
@@ -42,25 +42,25 @@ def study(folder, text=STUDY, change=lambda x: x):
 
 def test_the_same_activity_is_common_altogether():
     x = 0.3 + 0.2 * np.sin(TIME)
-    found = cocontraction(TIME, x, x)
+    found = cocontraction_over_time(TIME, x, x)
     assert found.common.value == pytest.approx(100.0)
     assert found.weighed.value == pytest.approx(200.0 * x.mean(), rel=1e-2)
 
 
 def test_muscles_that_alternate_have_nothing_in_common():
     on = (np.sin(2.0 * np.pi * TIME) > 0.0).astype(float)
-    assert cocontraction(TIME, on, 1.0 - on).common.value == 0.0
+    assert cocontraction_over_time(TIME, on, 1.0 - on).common.value == 0.0
 
 
 def test_constant_envelopes_give_the_published_formulas():
-    found = cocontraction(TIME, np.full(len(TIME), 0.6), np.full(len(TIME), 0.2))
+    found = cocontraction_over_time(TIME, np.full(len(TIME), 0.6), np.full(len(TIME), 0.2))
     assert found.common.value == pytest.approx(100.0 * 2.0 * 0.2 / 0.8)
     assert found.weighed.value == pytest.approx(100.0 * (0.2 / 0.6) * 0.8)
 
 
 def test_how_hard_they_work_counts_in_the_second_alone():
     x, y = 0.5 + 0.4 * np.sin(TIME), 0.5 + 0.4 * np.cos(TIME)
-    whole, half = cocontraction(TIME, x, y), cocontraction(TIME, 0.5 * x, 0.5 * y)
+    whole, half = cocontraction_over_time(TIME, x, y), cocontraction_over_time(TIME, 0.5 * x, 0.5 * y)
     assert half.common.value == pytest.approx(whole.common.value)
     assert half.weighed.value == pytest.approx(0.5 * whole.weighed.value)
 
@@ -73,7 +73,7 @@ def test_intervals_hold_the_index_of_the_process():
         n = 2000 if seed else 400_000
         time = 0.01 * np.arange(n)
         slow = [np.convolve(rng.standard_normal(n + 40), np.ones(41) / np.sqrt(41), "valid") for _ in range(2)]
-        found = cocontraction(time, np.abs(slow[0]), np.abs(slow[1])).common
+        found = cocontraction_over_time(time, np.abs(slow[0]), np.abs(slow[1])).common
         if truth is None:
             truth = found.value
             continue
@@ -82,7 +82,7 @@ def test_intervals_hold_the_index_of_the_process():
 
 
 def test_a_short_recording_has_no_interval():
-    assert cocontraction(TIME[:300], TIME[:300], TIME[:300] + 0.1).common.interval is None
+    assert cocontraction_over_time(TIME[:300], TIME[:300], TIME[:300] + 0.1).common.interval is None
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_a_short_recording_has_no_interval():
 def test_what_is_no_envelope_is_refused(change, said):
     x = np.abs(np.sin(TIME))
     with pytest.raises(RecordingError, match=said):
-        cocontraction(TIME, change(x), 0.0 * x)
+        cocontraction_over_time(TIME, change(x), 0.0 * x)
 
 
 def test_a_study_has_rows_and_a_page(tmp_path):

@@ -48,7 +48,7 @@ class Cocontraction:
     weighed: CocontractionIndex  # index of Rudolph
 
 
-def cocontraction(time: np.ndarray, first: np.ndarray, second: np.ndarray, *, level: float = 0.95) -> Cocontraction:
+def cocontraction_over_time(time: np.ndarray, first: np.ndarray, second: np.ndarray, *, level: float = 0.95) -> Cocontraction:
     """Return both indices of two envelopes, (n,) [1], over `time`, (n,) [s].
 
     The intervals are those of a jackknife that leaves out one block of time after the other.

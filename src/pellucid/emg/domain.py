@@ -11,7 +11,7 @@ PROCEDURE_FOLDERS = (
 )
 ARRAY_FUNCTIONS = {
     "onset": "signals.emg_onset:onset",
-    "cocontraction": "envelope_cocontraction:cocontraction",
+    "cocontraction": "cocontraction:cocontraction",
     "synergies": "estimators.synergies:synergies",
 }
 EXPORTER_CLASSES = ("study.estimator_folder:EstimatorExporter", "study.subject:MusclesExporter")

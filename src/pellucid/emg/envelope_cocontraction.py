@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import RecordingError
-from .cocontraction import Cocontraction
-from .cocontraction import cocontraction as cocontraction_over_time
+from .cocontraction import Cocontraction, cocontraction_over_time
 
 MAX_OPPOSED_SHARE = 0.01
 """A group's moment may have the other sign by this share of the largest moment, as filters leave it."""

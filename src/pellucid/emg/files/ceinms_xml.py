@@ -13,7 +13,7 @@ from ..._errors import RecordingError
 from ...files.readers._xml import read_xml
 from .muscle_constants import MuscleConstants, require_physical, require_range
 
-PLAUSIBLE_RANGES: Mapping[str, tuple[float, float]] = {
+SUBJECT_RANGES: Mapping[str, tuple[float, float]] = {
     "strengthCoefficient": (1e-3, 100.0), "shapeFactor": (-10.0, 10.0), "C1": (-1.0, 1.0), "C2": (-1.0, 1.0),
     "damping": (0.0, 10.0),
 }  # fmt: skip
@@ -66,7 +66,7 @@ def read_subject(path: Path) -> Subject:
     joints = _groups(path, _child(root, "dofset", "dofs"), muscles)
     excitations = _groups(path, _child(root, "channels"), muscles)
     damping = _optional(path, default, "damping")
-    require_range(path, "mtuDefault", "damping", damping, bounds=PLAUSIBLE_RANGES["damping"])
+    require_range(path, "mtuDefault", "damping", damping, bounds=SUBJECT_RANGES["damping"])
     return Subject(path, muscles, joints, excitations, _curves(path, default), damping)
 
 
@@ -106,7 +106,7 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
         ("shapeFactor", muscle.shape),
         *zip(("C1", "C2"), muscle.twitch, strict=True),
     ):
-        require_range(path, name, what, found, bounds=PLAUSIBLE_RANGES[what])
+        require_range(path, name, what, found, bounds=SUBJECT_RANGES[what])
     return require_physical(path, muscle)
 
 

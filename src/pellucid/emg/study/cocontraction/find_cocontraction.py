@@ -13,7 +13,7 @@ from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...cocontraction import Cocontraction, CocontractionIndex, cocontraction
+from ...cocontraction import Cocontraction, CocontractionIndex, cocontraction_over_time
 from ..muscle_channels import MAXIMAL_PROTOCOL, MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
 from .cocontraction_table import CocontractionTable
 
@@ -64,7 +64,7 @@ def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress =
         for pair in table.pairs:
             first, second = (each.envelopes[muscle] for muscle in pair)
             try:
-                index = cocontraction(each.time, first, second, level=table.confidence)
+                index = cocontraction_over_time(each.time, first, second, level=table.confidence)
             except RecordingError as error:
                 raise RecordingError(f"recording {each.name}, {' and '.join(pair)}: {error}") from None
             shown = np.abs(each.time - 0.5 * (each.time[0] + each.time[-1])) <= 0.5 * DRAWN_STRETCH_S
