@@ -24,7 +24,7 @@ from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, find_family
 from pellucid.emg.estimators.features import Features
-from pellucid.emg.models.estimator_faults import ESTIMATOR_FAULTS
+from pellucid.emg.models.emg_estimator import ESTIMATOR_FAULTS
 from pellucid.files import defects
 from pellucid.study.drawing.style import COLOURS, colour
 from pellucid.study.find_defects import KINDS

@@ -16,8 +16,7 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle
 from pellucid.emg.models.hill import MUSCLE_QUANTITIES
-from pellucid.emg.models.muscle_geometry import muscle_table
-from pellucid.emg.models.muscle_surface import surface_from_geometry
+from pellucid.emg.models.muscle_geometry import muscle_table, surface_from_geometry
 from pellucid.emg.study.estimator_folder import write_estimator_folder
 
 from ._size import sized

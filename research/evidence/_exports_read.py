@@ -19,8 +19,7 @@ from pellucid.controllers.export.simulator_model import (
     joint_simulator_model,
     tree_simulator_model,
 )
-from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers
-from pellucid.emg.files.osim_writer import write_osim
+from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers, write_osim
 from pellucid.emg.models.hill import HillMuscle
 from pellucid.emg.models.muscle import CalibratedMuscles
 from pellucid.models.card import CardParameter, ModelCard

@@ -58,7 +58,6 @@ DOORS = {
     ("orthosis", "emg.signals.emg_chain"): "EMG tells whether a limb is relaxed, and gives the wearer's torque",
     ("orthosis", "emg.signals.emg_quality"): "EMG tells whether a limb is relaxed",
     ("orthosis", "emg.study.emg_torque.torque_findings"): "loaded swings are an evaluation of calibrate",
-    ("orthosis", "emg.study.emg_torque.evaluation"): "loaded swings are an evaluation of calibrate",
     ("orthosis", "emg.study.emg_torque.emg_torque_table"): "loaded swings are an evaluation of calibrate",
     ("orthosis", "emg.study.emg_torque.trial_sources"): "a strapped wearer's body is made of the same cards",
     ("orthosis", "emg.study.muscle_channels"): "loaded swings: the study's EMG chain",

@@ -70,7 +70,7 @@ def across(name="a", *, seconds=10.0, seed=0, noise=1.0, true=None, early=0.0, h
     them; `true` changes numbers of a problem's names, or gives the whole z of a problem; `early` is how far the EMG's
     stream runs ahead [s]."""
     from pellucid.emg.estimators.muscle_trials import find_driven_muscles_across, make_muscle_samples_across
-    from pellucid.emg.fit.coupled_priors import Timing, coupled_priors
+    from pellucid.emg.fit.muscle_calibration import Timing, coupled_priors
 
     count, pad = round(seconds * FS), 60
     driven = envelopes(seconds + 2 * pad / FS, seed=seed, muscles=LEG)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 from test_xdf import stream, write
 
-from pellucid.emg.study.emg_torque.emg_faults import FLEXOR_NAME_PARTS
+from pellucid.emg.study.emg_torque.relative_envelopes import FLEXOR_NAME_PARTS
 
 RATE_HZ = 200.0
 """Rate of the stand-in's robot [Hz]; slower than a robot's, so that tests are quick."""

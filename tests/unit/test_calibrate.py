@@ -21,13 +21,12 @@ from pellucid.emg.estimators.torque_trial import MovedBody
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
-from pellucid.emg.study.emg_torque.evaluation import (
+from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,
     recommend_by_fold,
     recommend_estimator,
 )
-from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials, moved_body, step_trials
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card

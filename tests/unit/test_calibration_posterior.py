@@ -6,10 +6,9 @@ from made_muscles import across, trial
 
 from pellucid.emg.estimators.hill import fit_together
 from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from pellucid.emg.fit import calibration_posterior as draws_of_muscles
-from pellucid.emg.fit.calibration_posterior import SHARED_QUANTITIES, calibration_posterior
-from pellucid.emg.fit.coupled_priors import Timing
-from pellucid.emg.fit.muscle_calibration import MuscleProblem, solve_calibration
+from pellucid.emg.fit import muscle_posterior as draws_of_muscles
+from pellucid.emg.fit.muscle_calibration import MuscleProblem, Timing, solve_calibration
+from pellucid.emg.fit.muscle_posterior import SHARED_QUANTITIES, calibration_posterior
 from pellucid.numerics.posterior import ensemble as hamiltonian
 from pellucid.numerics.posterior.ensemble import drawn_by_gradients
 from pellucid.numerics.posterior.posterior import Noise

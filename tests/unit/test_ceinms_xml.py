@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.files.ceinms_xml import read_subject
+from pellucid.emg.files.muscle_constants import read_subject
 
 MUSCLE = """<mtu><name>vaslat_r</name>{twitch}<shapeFactor>-0.5</shapeFactor>
 <optimalFiberLength>0.084</optimalFiberLength><pennationAngle>{pennation}</pennationAngle>

@@ -6,8 +6,7 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import RecordingError
-from pellucid.emg.signals.emg_chain import EMG_CHAINS, FILTER_STAGES, EmgChain, Stage, emg_chain
-from pellucid.emg.signals.envelope_delay import group_delay
+from pellucid.emg.signals.emg_chain import EMG_CHAINS, FILTER_STAGES, EmgChain, Stage, emg_chain, group_delay
 
 
 def bursts(seconds: float = 4.0, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:

@@ -16,8 +16,7 @@ from pellucid.controllers.export.microcontroller import measure, missing_tools
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.emg.models.emg_estimator import read_estimator_card, write_estimator_card
-from pellucid.emg.models.muscle_geometry import muscle_table
-from pellucid.emg.models.muscle_surface import fit_muscle_surface, sampled_surface, surface_from_geometry
+from pellucid.emg.models.muscle_geometry import fit_muscle_surface, muscle_table, sampled_surface, surface_from_geometry
 from pellucid.emg.study.emg_torque import estimator_cards
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.estimator_folder import chosen_card, estimator_vector, write_estimator_folder

@@ -9,7 +9,7 @@ from made_muscles import across
 from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.hill import fit_together
-from pellucid.emg.fit.coupled_priors import (
+from pellucid.emg.fit.muscle_calibration import (
     DELAYS,
     GROUP_STRENGTH_CORRELATION,
     TIMING_CANDIDATES,

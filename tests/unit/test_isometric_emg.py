@@ -6,8 +6,8 @@ from made_emg import FS, raw_emg
 
 import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.emg.study.emg_torque.emg_faults import emg_faults
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
+from pellucid.emg.study.emg_torque.relative_envelopes import emg_faults
 from pellucid.emg.study.emg_torque.study_muscles import ignored_channel_verdicts
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.muscle_channels import find_notch, mains_verdicts, notch_frequencies, study_chain

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError
-from pellucid.emg.files.ceinms_writer import mean_curves, write_subject
-from pellucid.emg.files.ceinms_xml import read_subject
-from pellucid.emg.files.muscle_remark import MuscleRemark, osim_numbers, read_calibrated
-from pellucid.emg.files.osim import read_model
+from pellucid.emg.files.muscle_constants import read_model, read_subject
+from pellucid.emg.files.muscle_remark import (
+    MuscleRemark,
+    mean_curves,
+    osim_numbers,
+    read_calibrated,
+    write_osim,
+    write_subject,
+)
 from pellucid.emg.files.osim_paths import read_paths
-from pellucid.emg.files.osim_writer import write_osim
 from pellucid.emg.models.hill import HillData, HillModel, HillMuscle
 from pellucid.emg.models.muscle import CARD_KIND, CalibratedMuscles
 from pellucid.models.parameter_card import ParameterCard

@@ -8,7 +8,7 @@ from made_muscles import MUSCLES, trial
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.emg.estimators.hill import fit_hill
-from pellucid.emg.estimators.muscle_faults import refuse_unfit_trials
+from pellucid.emg.estimators.muscle_trials import refuse_unfit_trials
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings, find_applicable_estimators
 
 

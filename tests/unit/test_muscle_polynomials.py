@@ -11,7 +11,7 @@ from pellucid._errors import RecordingError
 from pellucid.emg.estimators.torque_trial import MuscleSource
 from pellucid.emg.files.muscle_polynomials import model_muscles, read_polynomials, write_polynomials
 from pellucid.emg.files.osim_paths import read_paths
-from pellucid.emg.models.muscle_polynomial import fit_muscle_polynomial
+from pellucid.emg.models.muscle_geometry import fit_muscle_polynomial
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants, study_geometry, study_muscles
 

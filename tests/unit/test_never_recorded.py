@@ -9,7 +9,7 @@ from made_muscles import across
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.hill import fit_together
 from pellucid.emg.estimators.unrecorded import fit_unrecorded_muscles
-from pellucid.emg.fit.coupled_priors import Timing
+from pellucid.emg.fit.muscle_calibration import Timing
 
 QUICK = {"weights": (0.01,), "timings": (Timing(0.04),)}
 

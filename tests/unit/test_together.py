@@ -8,12 +8,13 @@ import pytest
 from made_muscles import across
 
 from pellucid.emg.estimators.hill import fit_hill
-from pellucid.emg.fit.calibration_posterior import calibration_posterior
+from pellucid.emg.fit.muscle_posterior import calibration_posterior
 from pellucid.emg.models.muscle import calibrated_muscles
 from pellucid.emg.study.emg_torque import together
 from pellucid.emg.study.emg_torque.calibration_page import departures, joints_together
-from pellucid.emg.study.emg_torque.together import FIT_WORDS, calibrate_together
-from pellucid.emg.study.emg_torque.together_findings import (
+from pellucid.emg.study.emg_torque.together import (
+    FIT_WORDS,
+    calibrate_together,
     together_cards,
     together_figure_data,
     together_rows,

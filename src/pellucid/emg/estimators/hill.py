@@ -11,10 +11,18 @@ from scipy.special import ndtri, stdtrit
 from ... import _core
 from ..._errors import IdentificationError
 from ...models.estimates import Parameter
-from ..fit.calibration_posterior import CalibrationPosterior
-from ..fit.coupled_priors import DELAYS, TIMING_CANDIDATES, Timing, coupled_priors
-from ..fit.muscle_calibration import DEFAULT_QUANTITIES, MuscleFit, MuscleProblem, MuscleSamples, solve_calibration
-from ..fit.muscle_posterior import covariance, muscle_parameters, recording_information
+from ..fit.muscle_calibration import (
+    DEFAULT_QUANTITIES,
+    DELAYS,
+    TIMING_CANDIDATES,
+    MuscleFit,
+    MuscleProblem,
+    MuscleSamples,
+    Timing,
+    coupled_priors,
+    solve_calibration,
+)
+from ..fit.muscle_posterior import CalibrationPosterior, covariance, muscle_parameters, recording_information
 from ..models.hill import MUSCLE_QUANTITIES, HillModel, HillMuscle
 from ..models.muscle import CalibratedMuscles
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score, weighted_rmse

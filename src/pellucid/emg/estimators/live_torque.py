@@ -15,8 +15,7 @@ import numpy as np
 from ... import _core
 from ..._errors import PellucidError
 from ...units import to_si_factor
-from ..models.emg_estimator import EmgEstimatorCard
-from ..models.estimator_faults import ESTIMATOR_FAULTS_BY_NAME
+from ..models.emg_estimator import ESTIMATOR_FAULTS_BY_NAME, EmgEstimatorCard
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from ..._errors import IdentificationError, RecordingError
 from ...files.recording import Recording
 from ...numerics.filters import central_difference, zero_phase_lowpass
 from ..models.hill import HillMuscle
-from ..models.muscle_geometry import muscle_table
-from ..models.muscle_polynomial import MusclePolynomial
+from ..models.muscle_geometry import MusclePolynomial, muscle_table
 
 
 @dataclass(frozen=True)

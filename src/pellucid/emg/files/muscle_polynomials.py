@@ -17,9 +17,8 @@ import numpy as np
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError, RecordingError
 from ..._given import read_given, visible_text
-from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fit_muscle_polynomial
-from .muscle_constants import MuscleConstants, require_physical
-from .osim import read_model
+from ..models.muscle_geometry import MusclePolynomial, PolynomialError, fit_muscle_polynomial
+from .muscle_constants import MuscleConstants, read_model, require_physical
 from .osim_paths import MuscleModel, read_paths
 
 FORMAT_VERSION = 1

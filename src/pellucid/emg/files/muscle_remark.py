@@ -9,18 +9,21 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.parsers import expat
+from xml.sax.saxutils import escape
 
+import numpy as np
+
+from ..._atomic import write_bytes_atomically, write_text_atomically
 from ..._errors import PellucidError, RecordingError
 from ..._given import read_given, visible_text
 from ...models.parameter_card import ParameterCard
-from ..models.hill import HillMuscle
+from ..models.hill import HillData, HillModel, HillMuscle
 from ..models.muscle import CARD_KIND, CalibratedMuscles, calibrated_muscles
-from .ceinms_xml import SubjectMuscle, read_subject
-from .muscle_constants import MuscleConstants, require_physical
-from .osim import read_model
+from .muscle_constants import MuscleConstants, SubjectMuscle, read_model, read_subject, require_physical
 
 REMARK_START = "pellucid calibrated muscles "
 """Every remark begins with this text, which a table in JSON follows."""
@@ -179,3 +182,144 @@ def _with_changed_numbers(muscle: HillMuscle, **numbers) -> HillMuscle:
     own quantity.
     """
     return replace(muscle, **{key: back(now) for key, (now, written, back) in numbers.items() if now != written})
+
+
+_RENAMED_ELEMENTS = {"pennation_angle": "pennation_angle_at_optimal"}
+"""Present name of each element that was renamed in OpenSim 3."""
+
+
+def write_osim(path: Path, source: Path, remark: MuscleRemark) -> Path:
+    """Write a copy of the model `source` with calibrated muscles, completely or not at all."""
+    known = read_model(source)  # raises an error if the file is not a model
+    lacking = [name for name in remark.names.values() if name not in known]
+    if lacking:
+        raise RecordingError(
+            f"{source.name}: found the muscles {', '.join(list(known)[:40])}, expected "
+            f"{', '.join(map(visible_text, lacking))} too: say what the model calls the study's muscles in "
+            "[emg_torque] muscle_names"
+        )
+    content = without_remark(read_given(source))
+    wanted = {remark.names[m.name]: osim_numbers(m) for m in remark.muscles.muscles}
+    for start, end, number in sorted(_element_places(source, content, wanted), reverse=True):
+        if float(content[start:end]) != number:  # an equal number keeps its text
+            content = content[:start] + repr(number).encode() + content[end:]
+    at = content.rindex(b"</OpenSimDocument")
+    return write_bytes_atomically(path, content[:at] + f"{remark.text()}\n".encode() + content[at:])
+
+
+def _element_places(
+    source: Path, content: bytes, wanted: Mapping[str, Mapping[str, float]]
+) -> list[tuple[int, int, float]]:
+    """Return the start and end of each element's text in the file [bytes], and the number to write there."""
+    found: list[tuple[int, int, float]] = []
+    above: list[tuple[str, str]] = []
+    # A frame or a marker may have a muscle's name. Only an element with a force is a muscle.
+    pending: dict[int, list[tuple[str, int, int, float]]] = {}
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        above.append((tag, attributes.get("name", "")))
+        pending[len(above)] = []
+
+    def end(tag: str) -> None:
+        depth = len(above)
+        own = pending.pop(depth)
+        if any(key == "max_isometric_force" for key, *_ in own):
+            found.extend((first, last, number) for _, first, last, number in own)
+        above.pop()
+        numbers = wanted.get(above[-1][1], {}) if above else {}
+        key = _RENAMED_ELEMENTS.get(tag, tag)
+        if key in numbers:
+            last = parser.CurrentByteIndex
+            first = content.rfind(b">", 0, last) + 1
+            pending[depth - 1].append((key, first, last, numbers[key]))
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        content.decode("utf-8")
+        parser.Parse(content, True)
+    except (UnicodeDecodeError, expat.ExpatError) as error:
+        raise RecordingError(f"{source.name}: not readable as XML in UTF-8: {error}") from None
+    return found
+
+
+CURVE_LENGTHS = np.round(np.arange(0.0, 2.01, 0.05), 2)
+"""Fibre lengths at which a subject's curves are sampled, in optimal fibre lengths l_o."""
+
+CURVE_VELOCITIES = np.round(np.arange(-1.0, 1.01, 0.05), 2)
+"""Fibre velocities at which a subject's curves are sampled, in v_max l_o."""
+
+
+def write_subject(path: Path, remark: MuscleRemark, joints: Mapping[str, Sequence[str]]) -> Path:
+    """Write a subject, completely or not at all. `joints` holds the muscles that move each joint, by the study's
+    names."""
+    muscles = remark.muscles.muscles
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<subject>", " <muscleDefault>"]
+    lines += [
+        f"  <percentageChange>{_mean(muscles, 'optimal_length_shift')!r}</percentageChange>",
+        f"  <damping>{_mean(muscles, 'damping')!r}</damping>",
+    ]
+    for name, (x, y) in mean_curves(muscles).items():
+        points = [
+            f"<{tag}>{' '.join(repr(float(v)) for v in row)}</{tag}>" for tag, row in (("xPoints", x), ("yPoints", y))
+        ]
+        lines += ["  <Curve>", f"   <name>{name}</name>", *(f"   {p}" for p in points), "  </Curve>"]
+    lines += [" </muscleDefault>", " <muscles>"]
+    for muscle in muscles:
+        numbers = subject_numbers(muscle, remark.period)
+        lines += ["  <muscle>", f"   <name>{escape(remark.names[muscle.name])}</name>"]
+        lines += [f"   <{key}>{value!r}</{key}>" for key, value in numbers.items()]
+        lines += ["  </muscle>"]
+    lines += [" </muscles>", " <DoFs>"]
+    for joint, members in joints.items():
+        lines += _sequence("DoF", joint, [remark.names[m] for m in members])
+    lines += [" </DoFs>", " <Channels>"]
+    channels = dict.fromkeys(c for m in muscles for c in remark.muscles.driven[m.name])
+    for channel in channels:
+        driven = [remark.names[m.name] for m in muscles if channel in remark.muscles.driven[m.name]]
+        lines += _sequence("Channel", channel, driven)
+    lines += [" </Channels>", remark.text(), "</subject>"]
+    return write_text_atomically(path, "\n".join(lines) + "\n")
+
+
+def _sequence(tag: str, name: str, muscles: Sequence[str]) -> list[str]:
+    said = escape(" ".join(muscles))
+    return [
+        f"  <{tag}>", f"   <name>{escape(name)}</name>", f"   <muscleSequence>{said}</muscleSequence>", f"  </{tag}>"
+    ]  # fmt: skip
+
+
+def _mean(muscles: Sequence[HillMuscle], quantity: str) -> float:
+    values = [getattr(m, quantity) for m in muscles]
+    return float(values[0] if len(set(values)) == 1 else np.mean(values))
+
+
+def mean_curves(muscles: Sequence[HillMuscle]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return the points of the core's own curves for the mean muscle, since a subject has one curve for all muscles."""
+    shaped = ("force_length_width", "passive_scale", "curvature", "eccentric_force", "passive_strain", "passive_shape")
+    mean_muscle = HillMuscle("mean", 1.0, 0.0, 1.0, **{q: _mean(muscles, q) for q in shaped})
+    # Without tendon, pennation, damping and time, a muscle's force consists of its curves alone.
+    model = HillModel([replace(mean_muscle, shape=0.0, delay=0.0, optimal_length_shift=0.0)])
+
+    def force(excitation: float, length: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        n = len(length)
+        starts = tuple(range(n))  # every sample is a simulation of its own, which starts at rest
+        data = HillData(
+            np.full((1, n), excitation), length[None], 10.0 * velocity[None], np.ones((1, n)), 1.0, starts
+        )  # fmt: skip
+        return model.states(data)["force"][0]
+
+    still = np.zeros_like(CURVE_LENGTHS)
+    passive = force(0.0, CURVE_LENGTHS, still)
+    active = force(1.0, CURVE_LENGTHS, still) - passive
+    fast = force(1.0, np.ones_like(CURVE_VELOCITIES), CURVE_VELOCITIES)
+    return {
+        "activeForceLength": _with_far_points(CURVE_LENGTHS, active, (0.0, 0.0)),
+        "passiveForceLength": _with_far_points(CURVE_LENGTHS, passive, (0.0, float(passive[-1]))),
+        "forceVelocity": _with_far_points(CURVE_VELOCITIES, fast, (0.0, float(fast[-1]))),
+    }
+
+
+def _with_far_points(x: np.ndarray, y: np.ndarray, ends: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve with one more point far out on either side, so that no program extrapolates the spline."""
+    return np.concatenate(([-5.0], x, [5.0])), np.concatenate((ends[:1], y, ends[1:]))

@@ -23,8 +23,18 @@ from ..models.muscle_geometry import (
     ScaledFunction,
     Spline,
 )
-from ..models.muscle_path import MusclePath, PathPoint, PathSurface
-from ..models.skeleton import GROUND_BODY, Axis, Coordinate, Coupling, Skeleton, SkeletonJoint, frame
+from ..models.muscle_path import (
+    GROUND_BODY,
+    Axis,
+    Coordinate,
+    Coupling,
+    MusclePath,
+    PathPoint,
+    PathSurface,
+    Skeleton,
+    SkeletonJoint,
+    frame,
+)
 from ..models.wrapping import METHODS, Cylinder, Ellipsoid, Side, Sphere, Surface
 
 MAX_DISTANCE_M = 5.0

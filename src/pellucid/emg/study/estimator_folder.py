@@ -30,8 +30,7 @@ from ...study.exporter import (
 from ...study.procedures.card_sources import require_fresh
 from ...study.procedures.registry import asked
 from ...study.study import Study
-from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
-from ..models.estimator_faults import ESTIMATOR_FAULTS
+from ..models.emg_estimator import ESTIMATOR_FAULTS, EmgEstimatorCard, read_estimator_card
 from .emg_torque.emg_torque_table import EmgTorqueTable
 
 FOLDER_TITLE = "torque of joints from EMG"

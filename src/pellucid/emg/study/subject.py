@@ -14,15 +14,13 @@ from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
-from ..files.ceinms_writer import write_subject
-from ..files.muscle_remark import MuscleRemark, exported_study, read_calibrated
-from ..files.osim_writer import write_osim
+from ..files.muscle_remark import MuscleRemark, exported_study, read_calibrated, write_osim, write_subject
 from ..models.hill import MUSCLE_QUANTITIES
 from ..models.muscle import CARD_KIND, CalibratedMuscles, calibrated_muscles
 from ..models.muscle_geometry import muscle_table
 from .emg_torque.emg_torque_table import EmgTorqueTable
-from .emg_torque.known_muscles import muscle_source
 from .emg_torque.study_muscles import study_coordinates
+from .emg_torque.trial_sources import muscle_source
 
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
 """Ending of the file for each program to which muscles can be exported."""

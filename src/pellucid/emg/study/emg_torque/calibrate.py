@@ -24,28 +24,15 @@ from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_tor
 from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ..muscle_channels import mains_verdicts, study_chain
-from .calibration_rows import calibration_rows
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, torque_card
-from .evaluation import (
-    BASELINE_ESTIMATOR,
-    CAUSAL_ESTIMATORS,
-    REPORTED_ESTIMATORS,
-    EstimatorEvaluation,
-    RecommendedEstimator,
-    TorqueTrace,
-    recommend_by_fold,
-    recommend_estimator,
-    run_tests_if_candidate,
-)
-from .known_muscles import geometry_verdicts
 from .leave_one_out import leave_out_recordings, leave_out_repetitions
 from .relative_envelopes import normalisation_words
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
-from .together import calibrate_together
-from .together_findings import (
+from .together import (
     TogetherFigureData,
+    calibrate_together,
     together_cards,
     together_figure_data,
     together_rows,
@@ -53,10 +40,17 @@ from .together_findings import (
     together_verdicts,
 )
 from .torque_findings import (
+    BASELINE_ESTIMATOR,
+    CAUSAL_ESTIMATORS,
+    REPORTED_ESTIMATORS,
     CalibrationFindings,
+    EstimatorEvaluation,
     MuscleSummary,
+    RecommendedEstimator,
     RecordingWorth,
+    TorqueTrace,
     calibrated_muscle_verdicts,
+    calibration_rows,
     find_applicable_estimators,
     find_stiffness,
     find_worth,
@@ -65,6 +59,9 @@ from .torque_findings import (
     muscle_summaries,
     muscle_tables,
     partial_errors,
+    recommend_by_fold,
+    recommend_estimator,
+    run_tests_if_candidate,
     stiffness_cards,
     stiffness_rows,
     stiffness_tables,
@@ -72,7 +69,15 @@ from .torque_findings import (
     worth_sentence,
     worth_tables,
 )
-from .trial_sources import EXTENSION_PROTOCOL, STEP_PROTOCOL, WornBody, moment_trials, moved_body, step_trials
+from .trial_sources import (
+    EXTENSION_PROTOCOL,
+    STEP_PROTOCOL,
+    WornBody,
+    geometry_verdicts,
+    moment_trials,
+    moved_body,
+    step_trials,
+)
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""

@@ -26,9 +26,15 @@ from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from ...signals.emg_chain import emg_chain
 from .calibrate import INVALID_BANDS_FINDING, CalibrationResult
 from .emg_torque_table import EmgTorqueTable
-from .evaluation import BASELINE_ESTIMATOR, RecommendedEstimator, TorqueTrace
 from .together import FIT_WORDS
-from .torque_findings import DRAWN_MUSCLES_S, MuscleSummary, RecordingWorth
+from .torque_findings import (
+    BASELINE_ESTIMATOR,
+    DRAWN_MUSCLES_S,
+    MuscleSummary,
+    RecommendedEstimator,
+    RecordingWorth,
+    TorqueTrace,
+)
 
 CHOSEN_TONE = "heldout"
 """Colour of the recommended estimator's torque."""

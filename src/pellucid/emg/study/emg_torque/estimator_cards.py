@@ -22,8 +22,13 @@ from ...estimators.torque_trial import TorqueTrial
 from ...models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle, EstimatorTerm
 from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle import CalibratedMuscles
-from ...models.muscle_geometry import muscle_table
-from ...models.muscle_surface import MuscleSurface, fit_muscle_surface, sampled_surface, surface_from_geometry
+from ...models.muscle_geometry import (
+    MuscleSurface,
+    fit_muscle_surface,
+    muscle_table,
+    sampled_surface,
+    surface_from_geometry,
+)
 from ...signals.emg_chain import FILTER_STAGES, EmgChain
 from ..muscle_channels import study_chain
 from .emg_torque_table import EmgTorqueTable

@@ -16,10 +16,16 @@ from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
 from ...estimators.torque_trial import TorqueTrial
 from ..muscle_channels import mains_verdicts
 from .emg_torque_table import EmgTorqueTable
-from .evaluation import EstimatorEvaluation, TorqueTrace, recommend_by_fold, run_tests_if_candidate
 from .relative_envelopes import normalisation_words
 from .study_muscles import ignored_channel_verdicts
-from .torque_findings import CalibrationFindings, find_applicable_estimators
+from .torque_findings import (
+    CalibrationFindings,
+    EstimatorEvaluation,
+    TorqueTrace,
+    find_applicable_estimators,
+    recommend_by_fold,
+    run_tests_if_candidate,
+)
 from .trial_sources import EXTENSION_PROTOCOL, leg_extension_trials, moment_trials
 
 Progress = Callable[[str, float], None]

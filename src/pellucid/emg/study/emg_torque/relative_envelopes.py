@@ -7,13 +7,132 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...._errors import IdentificationError, RecordingError
+from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
-from ..muscle_channels import study_chain
-from .emg_faults import trial_faults
+from ...signals.emg_quality import QUALITY, contrast_faults, inspect_emg, swapped_faults
+from ..muscle_channels import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
-from .study_muscles import find_used_muscles
+from .study_muscles import find_used_muscles, ignored_channels
+
+ENVELOPE_SETTLING_S = 0.5
+"""Duration at either end of a recording in which an envelope has not settled [s].
+
+Chosen by judgement; no measurement is recorded.
+"""
+
+FLEXOR_NAME_PARTS = ("hamstring", "biceps", "semitendinosus", "semimembranosus", "brachialis", "brachioradialis")
+"""Parts of the names of muscles that flex a knee or an elbow."""
+
+EXTENSOR_NAME_PARTS = ("rectus", "vastus", "triceps", "quadriceps")
+"""Parts of the names of muscles that extend a knee or an elbow."""
+
+
+def emg_faults(study: Study) -> list[Fault]:
+    """Return the faults of a study's EMG that affect a torque map. `study` [emg_torque]."""
+    asked = study.table(EmgTorqueTable)
+    found: list[Fault] = []
+    rates: dict[str, float] = {}
+    windows = [entry.name for entry in study.config.recordings if entry.window is not None]
+    for recording in study.recordings():
+        stream = recording.stream_or_self(asked.emg)
+        if not any(name.startswith("emg.") for name in stream.channels):
+            continue
+        whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
+        chain = study_chain(study, asked)
+        own = trial_faults(recording, stream, chain, whole=whole)
+        found += own
+        if not any(fault.severity == "refuse" for fault in own):
+            if not any(fault.kind == "rate" for fault in own):
+                rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
+            if chain is not None:
+                found += _envelope_faults(recording, stream, chain)
+    for recording in study.recordings():
+        for muscle in ignored_channels(study).get(recording.name, ()):
+            file, expected = recording.stream_or_self(asked.emg).path.name, "a channel of every fitted recording"
+            message = (
+                f"{file} (recording {recording.name}), channel emg.{muscle}: found it in this recording, expected "
+                f"{expected}: it is not used"
+            )
+            found.append(
+                Fault("note", "extra_channel", file, f"emg.{muscle}", "it in this recording", expected, message)
+            )
+    usual = float(np.median(list(rates.values()))) if rates else 0.0
+    for where, fs in rates.items():
+        if abs(fs - usual) > QUALITY.rate_tolerance * usual:
+            text, wanted = f"{fs:.4g} Hz", f"{usual:.4g} Hz as in the study's other files"
+            message = f"{where}, channel time: found {text}, expected {wanted}"
+            found.append(Fault("note", "rate", where.split(" (")[0], "time", text, wanted, message))
+    return found
+
+
+def trial_faults(
+    recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
+) -> list[Fault]:
+    """Return the faults of one trial's EMG. `whole`: whether the trial covers its whole file."""
+    found = inspect_emg(stream, notches=notch_frequencies(chain))
+    if chain is not None:
+        try:
+            chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel time")
+        except RecordingError as error:
+            found.append(_rate_fault("refuse", stream, f"{stream.fs:.5g} Hz", "a rate its chain fits", str(error)))
+    if whole and stream is not recording:
+        found += _length_faults(recording, stream)
+    return found
+
+
+def _mean_rate(stream: Recording) -> float:
+    """Return the mean sampling rate, gaps included [Hz]. Single steps may differ by ticks of another clock."""
+    return (len(stream) - 1) / float(stream.time[-1] - stream.time[0])
+
+
+def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
+    """Return a fault if EMG does not end with its trial: it was then sampled at another rate than its times say."""
+    trial, emg = (float(r.time[-1] - r.time[0]) for r in (recording, stream))
+    beside = max(2.0 / recording.fs, 2.0 / stream.fs, QUALITY.rate_tolerance * trial)
+    if abs(float(stream.time[-1] - recording.time[-1])) <= beside:
+        return []
+    text = f"{emg:.4g} s of EMG at {_mean_rate(stream):.4g} Hz, until {stream.time[-1]:.4g} s"
+    wanted = (
+        f"until {recording.time[-1]:.4g} s, as {recording.path.name} lasts; {len(stream)} samples are as long at "
+        f"{(len(stream) - 1) / trial:.4g} Hz"
+    )
+    message = f"{stream.path.name} (recording {recording.name}), channel time: found {text}, expected {wanted}"
+    # An amplifier may run on after the trial, so longer EMG is only noted. Shorter EMG is refused.
+    return [_rate_fault("refuse" if emg < trial else "note", stream, text, wanted, message)]
+
+
+def _rate_fault(severity: str, stream: Recording, found: str, expected: str, message: str) -> Fault:
+    """Return a fault of a stream's sampling rate."""
+    return Fault(severity, "rate", stream.path.name, "time", found, expected, message)
+
+
+def _envelope_faults(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:
+    """Return faults of the envelopes' contrast in maximal contractions, and of swapped channels in torque steps."""
+    if recording.protocol not in (MAXIMAL_PROTOCOL, "torque_steps"):
+        return []
+    raw = {n.removeprefix("emg."): c for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"}
+    try:
+        made = {muscle: chain.zero_phase(c.samples, stream.fs) for muscle, c in raw.items()}
+    except RecordingError:  # The recording is too short for the chain's filters, which calibration reports itself
+        return []
+    if recording.protocol == MAXIMAL_PROTOCOL:
+        inside = (stream.time >= stream.time[0] + ENVELOPE_SETTLING_S) & (
+            stream.time <= stream.time[-1] - ENVELOPE_SETTLING_S
+        )
+        return contrast_faults(stream, {muscle: e[inside] for muscle, e in made.items()})
+    flexor, extensor = _first_muscle_named(raw, FLEXOR_NAME_PARTS), _first_muscle_named(raw, EXTENSOR_NAME_PARTS)
+    if flexor is None or extensor is None or "torque" not in recording:
+        return []
+    # A wearer who holds still counters the orthosis's torque with its opposite.
+    answered = -np.interp(stream.time, recording.time, recording["torque"])
+    return swapped_faults(stream, flexor, extensor, made, answered)
+
+
+def _first_muscle_named(muscles: Mapping[str, object], parts: Sequence[str]) -> str | None:
+    """Return the first muscle whose name contains one of `parts`; None without one."""
+    return next((muscle for muscle in muscles if any(part in muscle for part in parts)), None)
 
 
 def relative_envelopes(

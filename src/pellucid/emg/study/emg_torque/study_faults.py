@@ -6,9 +6,8 @@ from ...._domains import offered
 from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....study.study import Study
-from .emg_faults import emg_faults
 from .emg_torque_table import EmgTorqueTable
-from .relative_envelopes import find_maxima, relative_envelopes
+from .relative_envelopes import emg_faults, find_maxima, relative_envelopes
 from .sessions import session_faults
 from .torque_findings import CalibrationFindings, find_applicable_estimators
 from .trial_sources import EXTENSION_PROTOCOL, STEP_PROTOCOL, moment_trials

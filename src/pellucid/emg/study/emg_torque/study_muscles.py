@@ -12,8 +12,7 @@ from ...._given import read_given
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....study.study import Study
-from ...files.ceinms_xml import read_subject
-from ...files.muscle_constants import MuscleConstants
+from ...files.muscle_constants import MuscleConstants, read_model, read_subject
 from ...files.muscle_polynomials import (
     POLYNOMIAL_FILE,
     ModelMuscles,
@@ -21,7 +20,6 @@ from ...files.muscle_polynomials import (
     read_polynomials,
     write_polynomials,
 )
-from ...files.osim import read_model
 from ...files.osim_paths import read_paths
 from .emg_torque_table import EmgTorqueTable
 

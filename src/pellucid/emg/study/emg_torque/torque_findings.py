@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -15,17 +16,185 @@ from ....models.parameter_card import ParameterCard
 from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
+from ...estimators.condition_choice import ConditionTestErrors, choose_estimator, is_candidate, run_condition_tests
+from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.emg_worth import WORTH, EmgWorth, worth_on_recording, worth_over_trials
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
+from ...estimators.torque_map import CrossValidated
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.coupled_priors import DELAYS
+from ...fit.muscle_calibration import DELAYS
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.muscle import CARD_KIND, CalibratedMuscles
-from .evaluation import BASELINE_ESTIMATOR, REPORTED_ESTIMATORS, EstimatorEvaluation, RecommendedEstimator, TorqueTrace
+
+REPORTED_ESTIMATORS = tuple(ESTIMATOR_FAMILIES)
+"""Estimators that `calibrate` reports, in the order of its tables."""
+
+CAUSAL_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.scored_causally)
+"""Estimators that `calibrate` also reports with causal features."""
+
+
+@dataclass(frozen=True)
+class EstimatorEvaluation:
+    """Evaluation of one estimator on one recording, or on all trials of a joint or person."""
+
+    what: str  # Joint or participant
+    estimator: str  # Name in `ESTIMATOR_FAMILIES`
+    causal: bool  # Whether its features use the past alone
+    recording: str  # Test recording; ``""`` for all trials, each left out in turn
+    score: Score
+    within: Score | None  # Score of cross-validation within the fitted trials
+    choice: str  # Chosen features and settings, in words
+    examined: ConditionTestErrors | None = None  # Condition tests; None for an estimator that may not be recommended
+    by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Score of each trial left out in turn
+    # Kind of evaluation, which sets the row's id: ``"recording"``, ``"steps"`` (torque against an orthosis),
+    # ``"trials"`` (means over trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
+    kind: str = "recording"
+    seconds: float | None = None  # Duration of one calibration with all starts [s], if it is reported
+    coverage: float | None = None  # Share of held-out samples within the 95 % interval about the prediction
+    held: float | None = None  # Share of held-out samples within the error band of `ConditionTestErrors`
+    # RMSE where the reference pulls along its main direction, and RMSE of both torques cut off at 0 [N m]; or empty
+    partial: tuple[float, ...] = ()
+    # Score with the envelopes of changed channels predicted from the other channels; None if no channel changed
+    without_changed: Score | None = None
+    as_recorded: Score | None = None  # Score without any repair, if channels changed and repairs were asked for
+    repaired: tuple[str, ...] = ()  # Muscles whose channels were repaired for this estimator
+    torque_unit: str = "N*m"  # Unit of the reference; "MVC": shares of a maximal contraction's torque
+
+    @property
+    def unit(self) -> str:
+        """Unit of the RMSE."""
+        return "of the leg's weight" if self.kind == "normalised" else self.torque_unit
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueTrace:
+    """A stretch of held-out torque: the reference and the predictions."""
+
+    what: str  # Joint or participant
+    recording: str
+    time: np.ndarray  # Time, shape (n,) [s]
+    reference: np.ndarray  # Reference torque, shape (n,) [N m]
+    predicted: Mapping[str, np.ndarray]  # Predicted torque by estimator, shape (n,) [N m]
+    # Half the band about the prediction, of estimators that have one, shape (n,) [N m]
+    half_width: Mapping[str, np.ndarray] = field(default_factory=dict)
+    level: float = 0.95  # Nominal share of samples within the bands
+
+
+BASELINE_ESTIMATOR = "motion"
+"""Estimator that sees angles alone, no EMG. The others are compared with it."""
+
+
+@dataclass(frozen=True)
+class ConditionScore:
+    """Score of the recommended estimator on one recording or trial."""
+
+    name: str  # Name of the recording or trial
+    estimator: str
+    score: Score
+    bare: Score | None  # Score of angles alone
+    held: float | None  # Share of the reference within the error band
+
+
+@dataclass(frozen=True)
+class RecommendedEstimator:
+    """The recommended estimator of one joint or participant."""
+
+    what: str  # Joint or participant
+    estimators: tuple[str, ...]  # Name of the estimator, or one name for each outer fold
+    judged: tuple[EstimatorEvaluation, ...]  # Its evaluation on each recording, the worst first
+    bare: tuple[
+        EstimatorEvaluation, ...
+    ]  # Evaluations of angles alone, in the same order; empty if these were not fitted
+
+    conditions: int = 1  # Smallest number of conditions left out in turn to choose it; 1: parts of one recording
+    fitted_coverage: float | None = None  # Share of left-out fitted trials within the band of the others, the smallest
+    by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, if trials are left out in turn
+    half_width: Mapping[str, float] = field(default_factory=dict)  # Half width of the error band by such trial [N m]
+    held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within the band, by such trial
+
+    def by_condition(self) -> list[ConditionScore]:
+        """Return its score on each recording or trial."""
+        if not self.by:
+            bare = {e.recording: e.score for e in self.bare}
+            return [
+                ConditionScore(e.recording, e.estimator, e.score, bare.get(e.recording), e.held) for e in self.judged
+            ]
+        bare = self.bare[0].by_trial if self.bare else {}
+        own = self.judged[0].by_trial
+        return [ConditionScore(t, name, own[t], bare.get(t), self.held.get(t)) for t, name in self.by.items()]
+
+    @property
+    def words(self) -> str:
+        """Description of the estimator, or of those chosen in all folds."""
+        counts = Counter(self.estimators)
+        if len(counts) == 1:
+            return ESTIMATOR_FAMILIES[self.estimators[0]].description
+        each = (f"{ESTIMATOR_FAMILIES[name].description} for {count}" for name, count in counts.most_common())
+        return f"what was chosen without each ({', '.join(each)})"
+
+
+def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
+    """Return the condition tests of a fitted estimator; None for one that may not be recommended."""
+    return run_condition_tests(fit, trials) if is_candidate(fit.name) else None
+
+
+def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> RecommendedEstimator:
+    """Recommend an estimator for a joint with held-out recordings. No held-out recording influences the choice."""
+    own = [e for e in evaluated if e.what == what and not e.causal]
+    best = choose_estimator({e.estimator: e.examined for e in own if e.examined is not None})
+    judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
+    bare = {e.recording: e for e in own if e.estimator == BASELINE_ESTIMATOR}
+    bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
+    tests = judged[0].examined
+    assert tests is not None  # only an estimator with tests is chosen
+    return RecommendedEstimator(
+        what, (best,), tuple(judged), bare, tests.conditions, fitted_coverage=tests.left_out_coverage
+    )
+
+
+def recommend_by_fold(
+    trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated], evaluated: Sequence[EstimatorEvaluation]
+) -> RecommendedEstimator:
+    """Recommend an estimator for each trial that is left out, by the other trials alone.
+
+    `results` and `evaluated` hold cross-validation and evaluation of every estimator.
+    """
+    groups = list(dict.fromkeys(t.group for t in trials))
+    best = [
+        choose_estimator({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
+        for j in range(len(groups))
+    ]
+    of = dict(zip(groups, best, strict=True))
+    made = np.concatenate([results[of[t.group]].predicted[t.name] for t in trials])
+    whole = score(np.concatenate([t.torque for t in trials]), made)
+    by, alike = {e.estimator: e for e in evaluated}, evaluated[0]
+    by_trial = {t.name: by[of[t.group]].by_trial[t.name] for t in trials}
+    rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
+    one = replace(
+        alike, estimator=Counter(best).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
+        choice=", ".join(f"{name} without {group}" for group, name in of.items()),
+    )  # fmt: skip
+    within = {g: results[name].examined[j] for j, (g, name) in enumerate(of.items())}
+    width = {t.name: within[t.group].half_width for t in trials}
+    held = {
+        t.name: float(np.mean(np.abs(t.torque - results[of[t.group]].predicted[t.name]) <= width[t.name]))
+        for t in trials
+    }
+    return RecommendedEstimator(
+        one.what,
+        tuple(best),
+        (one,),
+        tuple(e for e in evaluated if e.estimator == BASELINE_ESTIMATOR),
+        min(each.conditions for each in within.values()),
+        min((e.left_out_coverage for e in within.values() if e.left_out_coverage is not None), default=None),
+        by={t.name: of[t.group] for t in trials},
+        half_width=width,
+        held=held,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -471,3 +640,100 @@ def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
     )
     heads = ("Judged on", "Gain in R²", "95 % interval", f"EMG, by a margin of {worth[0].worth.margin:g}")
     return (FigureTable("What EMG is worth over angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)
+
+
+def calibration_rows(
+    study: str,
+    evaluated: Sequence[EstimatorEvaluation],
+    trials: Sequence[TorqueTrial],
+    sessions: Mapping[str, ChannelComparison] | None = None,
+    chosen: Sequence[RecommendedEstimator] = (),
+    worth: Sequence[RecordingWorth] = (),
+) -> tuple[ResultRow, ...]:
+    """Return all result rows. Ids name the recording, except for the first held-out one."""
+    sums = {trial.name: trial.checksum for trial in trials}
+    first = next((trial.name for trial in trials if trial.heldout), "")
+    rows: list[ResultRow] = []
+
+    def add(name: str, value: float, unit: str, note: str, *, split: str = "heldout", recording: str = "") -> None:
+        rows.append(ResultRow(f"{study}.{name}", value, unit, "calibrate", split, sums.get(recording), note))
+
+    for each in evaluated:
+        how, note = each.estimator + (".causal" if each.causal else ""), each.choice
+        if each.kind == "steps":
+            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, each.torque_unit, note)
+            add(f"emg.{each.what}.r2.{how}", each.score.r2, "1", note)
+        elif each.kind == "normalised":
+            add(f"{each.what}.{how}.rmse_normalised", each.score.rmse, "1", f"of the leg's own weight; {note}")
+            add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
+        elif each.kind == "trials":
+            add(f"{each.what}.{how}.rmse", each.score.rmse, each.torque_unit, f"mean over trials left out; {note}")
+            add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
+        else:
+            tail = "" if each.recording == first else f".{each.recording}"
+            add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", note, recording=each.recording)
+            add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, each.torque_unit, note, recording=each.recording)
+            if each.as_recorded is not None:
+                words = (
+                    f"without rescale, which repairs {', '.join(each.repaired) or 'nothing: its torque hardly changes'}"
+                )
+                add(
+                    f"{each.what}.{how}.r2.as_recorded{tail}", each.as_recorded.r2, "1", words, recording=each.recording
+                )
+            if each.without_changed is not None:
+                words = "channels that changed replaced by what the others tell"
+                add(f"{each.what}.{how}.r2.without_changed{tail}", each.without_changed.r2, "1", words,
+                    recording=each.recording)  # fmt: skip
+            if each.coverage is not None:
+                words = "share of samples within the 95 % interval"
+                add(f"{each.what}.{how}.coverage{tail}", each.coverage, "1", words, recording=each.recording)
+            for name, words, value in zip(
+                ("positive", "truncated"),
+                ("where the reference pulls along its main direction", "both torques cut off at 0"),
+                each.partial,
+                strict=False,
+            ):
+                add(f"{each.what}.{how}.rmse.{name}{tail}", value, each.torque_unit, words, recording=each.recording)
+            if not tail:
+                if each.examined is not None:
+                    words = f"root mean square over tests within what was fitted: {', '.join(each.examined.words)}"
+                    add(f"{each.what}.{how}.rmse.tested", each.examined.mean, each.torque_unit, words, split="fitted")
+                if each.within is not None:
+                    words = "cross-validation within what was fitted"
+                    add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
+                if each.seconds is not None:
+                    words = "one calibration, all starts included"
+                    add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")
+    refused = {name for name, compared in (sessions or {}).items() if not compared.is_valid}
+    for named in chosen:
+        for judged in named.judged:
+            tail = "" if judged.recording in (first, "") else f".{judged.recording}"
+            note = f"chosen within what was fitted: {named.words}"
+            unit = "1" if judged.kind == "normalised" else judged.torque_unit
+            add(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, recording=judged.recording)
+            add(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, recording=judged.recording)
+        if named.fitted_coverage is not None:
+            words = "smallest share of fitted trials, left out in turn, within the 90 % band that the others give"
+            add(f"{named.what}.chosen.coverage90.fitted", named.fitted_coverage, "1", words, split="fitted")
+        for one in named.by_condition():
+            tail = f".{one.name}" if named.by or one.name != first else ""
+            if named.by:
+                add(f"{named.what}.chosen.rmse{tail}", one.score.rmse, unit, f"by {one.estimator}", recording=one.name)
+            if one.held is not None:
+                words = "share of samples within the 90 % band"
+                if one.name in refused:
+                    words = "share of samples within a 90 % band that is not stated, since no estimate holds there"
+                add(f"{named.what}.chosen.coverage90{tail}", one.held, "1", words, recording=one.name)
+    for gained in worth:
+        tail, made = "" if gained.recording in (first, "") else f".{gained.recording}", gained.worth
+        note = f"R² beyond that of angles alone: {made.answer}, by a margin of {made.margin:g}"
+        for end, value in (("", made.gain), (".low", made.low), (".high", made.high)):
+            if np.isfinite(value):
+                name = f"{gained.what}.gain_over_angles{end}{tail}"
+                add(name, value, "1", note if not end else "end of its 95 % interval", recording=gained.recording)
+    for recording, compared in (sessions or {}).items():
+        at = {"recording": recording}
+        add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)
+        add(f"session.{recording}.elsewhere", compared.outside_share, "1", "share of time beyond what was fitted", **at)
+        add(f"session.{recording}.holds", float(compared.is_valid), "1", "1: what was fitted may be asked of it", **at)
+    return tuple(rows)

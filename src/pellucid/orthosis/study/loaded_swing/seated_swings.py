@@ -21,8 +21,14 @@ from ....emg.estimators.torque_trial import FIBRE_DAMPING, SEATED_POSTURE_RAD, M
 from ....emg.models.muscle_geometry import muscle_table
 from ....emg.signals.emg_chain import EmgChain, emg_chain
 from ....emg.study.emg_torque.emg_torque_table import EmgTorqueTable
-from ....emg.study.emg_torque.evaluation import EstimatorEvaluation, TorqueTrace, run_tests_if_candidate
-from ....emg.study.emg_torque.torque_findings import CalibrationFindings, find_applicable_estimators, partial_errors
+from ....emg.study.emg_torque.torque_findings import (
+    CalibrationFindings,
+    EstimatorEvaluation,
+    TorqueTrace,
+    find_applicable_estimators,
+    partial_errors,
+    run_tests_if_candidate,
+)
 from ....emg.study.emg_torque.trial_sources import TorqueEvaluation
 from ....emg.study.muscle_channels import study_chain
 from ....files.recording import Recording
