@@ -20,7 +20,7 @@ import numpy as np
 from scipy import signal
 
 from pellucid.controllers.export.microcontroller import measure, missing_tools
-from pellucid.emg.estimators.condition_choice import BAND
+from pellucid.emg.estimators.condition_choice import ERROR_BAND
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.emg_session import FittedSession, SessionWatch
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
@@ -459,7 +459,7 @@ def choice_rows() -> Iterator[ResultRow]:
         for name in CHOICE_SETS:
             result = calibrate(sets[name]())
             own = held_shares(name, result)
-            said = f"of the reference within the {100 * BAND.share:g} % band of what is named"
+            said = f"of the reference within the {100 * ERROR_BAND.share:g} % band of what is named"
             for where, share in own.items():
                 away = is_refused(where, result)
                 words = f"{said}, had one been stated: calibrate says that no estimate holds there" if away else said

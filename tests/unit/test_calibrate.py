@@ -21,6 +21,7 @@ from pellucid.emg.estimators.torque_trial import MovedBody
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
+from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,

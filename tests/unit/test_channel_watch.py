@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.cross_validation import score
-from pellucid.emg.estimators.emg_session import WATCH, add_channel_watch
+from pellucid.emg.estimators.emg_session import WATCH_TIMES, add_channel_watch
 from pellucid.emg.estimators.live_torque import LiveTorque
 from pellucid.emg.estimators.torque_trial import TorqueTrial
 from pellucid.emg.models.emg_estimator import (
@@ -170,5 +170,5 @@ def test_a_watch_of_another_cards_channels_is_refused(watched, tmp_path):
 
 
 def test_too_few_samples_make_no_watch():
-    short = stride(0.01 * (WATCH.min_samples - 10))
+    short = stride(0.01 * (WATCH_TIMES.min_samples - 10))
     assert card([short]).watch is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.emg.estimators.condition_choice import BAND, find_error_band, find_left_out_coverage
+from pellucid.emg.estimators.condition_choice import ERROR_BAND, find_error_band, find_left_out_coverage
 
 
 def drawn_errors(rng, count, deviation, heavy=False):
@@ -32,7 +32,7 @@ def test_a_band_is_wider_with_few_trials():
     widths = [find_error_band([errors] * count, count) for count in (2, 3, 6, 20)]
     assert widths == sorted(widths, reverse=True)
     assert widths[0] > 1.1 * widths[-1]
-    assert widths[-1] == pytest.approx(np.quantile(np.abs(errors), BAND.share), rel=0.03)
+    assert widths[-1] == pytest.approx(np.quantile(np.abs(errors), ERROR_BAND.share), rel=0.03)
 
 
 def test_the_check_within_fitted_trials_sees_a_band_that_fails():

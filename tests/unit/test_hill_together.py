@@ -10,7 +10,7 @@ from pellucid._errors import IdentificationError
 from pellucid.emg.estimators.cross_validation import score
 from pellucid.emg.estimators.hill import fit_together
 from pellucid.emg.fit.muscle_calibration import (
-    DELAYS,
+    DELAY_BOUNDS,
     GROUP_STRENGTH_CORRELATION,
     TIMING_CANDIDATES,
     Timing,
@@ -110,7 +110,7 @@ def test_the_streams_offset_is_found_with_its_interval(early):
 def test_no_muscle_takes_longer_than_muscles_do():
     """The stream runs 0.12 s ahead, and nobody asked for its offset: the delay ends on its bound, undetermined."""
     made = fitted_to(across(seed=3, true=TRUE, early=0.12))
-    assert DELAYS.min_total_s <= made.delays.min() <= made.delays.max() <= DELAYS.max_total_s
+    assert DELAY_BOUNDS.min_total_s <= made.delays.min() <= made.delays.max() <= DELAY_BOUNDS.max_total_s
     delay = next(p for p in made.parameters if p.name == "delay")
     assert delay.at_bound
     assert not delay.identifiable
@@ -123,7 +123,7 @@ def test_no_muscle_takes_longer_than_muscles_do():
 def test_every_way_to_share_the_delay_stays_between_10_and_100_ms(found, timing, period):
     muscles = found.fit.problem.model.muscles
     priors, hold = coupled_priors(muscles, timing, period)
-    for bound, end in (("lower", DELAYS.min_total_s), ("upper", DELAYS.max_total_s)):
+    for bound, end in (("lower", DELAY_BOUNDS.min_total_s), ("upper", DELAY_BOUNDS.max_total_s)):
         of = {p.free.quantity: getattr(p.free, bound) for p in priors}
         each = replace(
             muscles[0], delay=of["delay"], time_constant_1=of["time_constant"], time_constant_2=of["time_constant"]

@@ -6,7 +6,7 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.transparent_laws import with_rules
-from pellucid_lab.learnt_rules import RULES, LearntRules, RecordedResidual, learn_rules, memberships
+from pellucid_lab.learnt_rules import RULE_GRID, LearntRules, RecordedResidual, learn_rules, memberships
 
 
 def moved(seed, size, noise, count=6):
@@ -25,7 +25,7 @@ def test_a_rule_holds_whole_at_its_place_and_all_sum_to_one():
     q, v = np.random.default_rng(1).uniform([[-1.0], [-9.0]], [[3.0], [9.0]], (2, 200))
     assert memberships(q, v, 0.0, 2.0).sum(axis=1) == pytest.approx(1.0)
     # The second angle of five and the sixth speed of seven, 2/3 = v / (v + w).
-    one = memberships(np.array([0.5]), np.array([0.6]), 0.0, 2.0).reshape(RULES.angles, RULES.speeds)
+    one = memberships(np.array([0.5]), np.array([0.6]), 0.0, 2.0).reshape(RULE_GRID.angles, RULE_GRID.speeds)
     assert one[1, 5] == pytest.approx(1.0)
 
 
@@ -56,7 +56,7 @@ def test_too_few_recordings_and_one_angle_are_refused():
 
 
 def test_the_core_says_what_the_rules_say():
-    table = np.random.default_rng(6).uniform(-1.0, 1.0, (RULES.angles, RULES.speeds))
+    table = np.random.default_rng(6).uniform(-1.0, 1.0, (RULE_GRID.angles, RULE_GRID.speeds))
     rules = LearntRules("fuzzy", 0.2, 2.2, table, 0.1, 0.0, 0.0)
     values = LAWS["transparent"].defaults | {
         "velocity_width": 0.1, "bandwidth": 150.0, "energy_store": np.inf, "innovation_gate": 0.1,

@@ -5,7 +5,7 @@ import pytest
 from made_walking import FS, changed, walking
 
 from pellucid._errors import RecordingError
-from pellucid.emg.estimators.emg_session import WATCH, FittedSession, SessionWatch
+from pellucid.emg.estimators.emg_session import WATCH_TIMES, FittedSession, SessionWatch
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_the_words_are_those_of_the_recording(session):
     trial = changed(trial, soleus=2.6 * trial.envelopes["soleus"] + 0.06)
     watch = SessionWatch(session, tuple(trial.angles), FS, seconds=10.0)
     said = played(watch, trial)
-    assert said[round(WATCH.min_seconds * FS) - 2] == ()
+    assert said[round(WATCH_TIMES.min_seconds * FS) - 2] == ()
     assert said[-1] == session.compare(trial).changes
     assert watch.last_comparison.is_valid
     assert {c.muscle for c in said[-1]} == {"soleus"}

@@ -13,7 +13,7 @@ from pellucid.emg.estimators.families.family import Family
 from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
 from pellucid.emg.estimators.neural_network import Ridge
 from pellucid.emg.estimators.torque_map import (
-    FITTING,
+    MAP_FITTING,
     MapJob,
     cross_validate_torque_maps,
     fit_torque_map,
@@ -201,14 +201,14 @@ def test_one_recording_is_chosen_on_in_blocks():
     found = fit_torque_map([trial("a", 3, n=800)], "ridge")
     assert found.choice.score.r2 > 0.98
     assert len(found.choice.tried) == len(ESTIMATOR_FAMILIES["ridge"].settings) * 3
-    assert max(ENVELOPE_LAGS_S) < FITTING.fold_gap_s
+    assert max(ENVELOPE_LAGS_S) < MAP_FITTING.fold_gap_s
     unseen = trial("b", 77)
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
 
 
 @pytest.mark.slow
 def test_maps_are_the_same_whoever_fits_them(monkeypatch):
-    monkeypatch.setattr(torque_map, "FITTING", replace(FITTING, min_parallel_samples=0))
+    monkeypatch.setattr(torque_map, "MAP_FITTING", replace(MAP_FITTING, min_parallel_samples=0))
     seen, told = trial("b", 4), []
     jobs = [MapJob([trial("a", 3)], name, causal) for name in ("linear", "mbp", "tree") for causal in (False, True)]
     maps = fit_torque_maps(jobs, lambda i, share: told.append(i), workers=2)

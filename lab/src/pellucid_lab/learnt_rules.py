@@ -40,7 +40,7 @@ class RuleGrid:
     folds: int = 3  # Number of groups of recordings. Each is left out once in cross-validation. Chosen by judgement.
 
 
-RULES = RuleGrid()
+RULE_GRID = RuleGrid()
 
 
 STIFFNESS_CANDIDATES = {"fuzzy": (1e-3, 1e-2, 1e-1, 1.0), "network": (0.1, 1.0, 10.0)}
@@ -78,7 +78,7 @@ class LearntRules:
     def numbers(self, share: float = 1.0) -> dict[str, float]:
         """Return the core's parameters by name, in SI units, with every torque multiplied by `share`."""
         table = {f"rule_{i}_{j}": share * float(t) for (i, j), t in np.ndenumerate(self.torque)}
-        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": RULES.speed_rad_s, **table}
+        return {"rule_low": self.low, "rule_high": self.high, "rule_speed": RULE_GRID.speed_rad_s, **table}
 
 
 FitFunction = Callable[[Sequence[RecordedResidual], float], np.ndarray]
@@ -93,9 +93,9 @@ def learn_rules(recordings: Sequence[RecordedResidual], kind: RuleKind) -> Learn
 
     Cross-validation chooses their stiffness, and an outer cross-validation scores this choice.
     """
-    if len(recordings) < RULES.folds + 1:
+    if len(recordings) < RULE_GRID.folds + 1:
         raise PellucidError(
-            f"rules: found {len(recordings)} recordings, expected {RULES.folds + 1} or more to learn from"
+            f"rules: found {len(recordings)} recordings, expected {RULE_GRID.folds + 1} or more to learn from"
         )
     whole = np.concatenate([one.position for one in recordings])
     low, high = float(whole.min()), float(whole.max())
@@ -105,7 +105,7 @@ def learn_rules(recordings: Sequence[RecordedResidual], kind: RuleKind) -> Learn
 
     def fit(used: Sequence[RecordedResidual], stiffness: float) -> np.ndarray:
         if np.isinf(stiffness):
-            return np.zeros((RULES.angles, RULES.speeds))
+            return np.zeros((RULE_GRID.angles, RULE_GRID.speeds))
         q, v, r = (np.concatenate([getattr(one, x) for one in used]) for x in ("position", "velocity", "torque"))
         return make(q, v, r, low, high, stiffness)
 
@@ -127,11 +127,11 @@ def memberships(position: np.ndarray, velocity: np.ndarray, low: float, high: fl
     `low` and `high` are the ends of the rules' angles [rad]. The result has shape (n, angle rules * speed rules); its
     rows sum to one.
     """
-    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (RULES.angles - 1)
-    fast = 0.5 * (RULES.speeds - 1) * (1.0 + compress_speed(velocity))
+    along = np.clip((np.asarray(position) - low) / (high - low), 0.0, 1.0) * (RULE_GRID.angles - 1)
+    fast = 0.5 * (RULE_GRID.speeds - 1) * (1.0 + compress_speed(velocity))
     a, b = (
         np.maximum(1.0 - np.abs(x[:, None] - np.arange(n)), 0.0)
-        for x, n in ((along, RULES.angles), (fast, RULES.speeds))
+        for x, n in ((along, RULE_GRID.angles), (fast, RULE_GRID.speeds))
     )
     return (a[:, :, None] * b[:, None, :]).reshape(len(along), -1)
 
@@ -142,7 +142,7 @@ def compress_speed(velocity: np.ndarray) -> np.ndarray:
     Rules that are evenly spaced on this scale lie close together about zero speed, where friction changes its sign.
     """
     v = np.asarray(velocity, float)
-    return v / (np.abs(v) + RULES.speed_rad_s)
+    return v / (np.abs(v) + RULE_GRID.speed_rad_s)
 
 
 def _fit_fuzzy_rules(
@@ -150,8 +150,8 @@ def _fit_fuzzy_rules(
 ) -> np.ndarray:
     """Return the rules' torques by ridge regression, shape (angle rules, speed rules) [N m]."""
     phi = memberships(q, v, low, high)
-    ridge = stiffness * len(r) / (RULES.angles * RULES.speeds) * np.eye(RULES.angles * RULES.speeds)
-    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(RULES.angles, RULES.speeds)
+    ridge = stiffness * len(r) / (RULE_GRID.angles * RULE_GRID.speeds) * np.eye(RULE_GRID.angles * RULE_GRID.speeds)
+    return np.linalg.solve(phi.T @ phi + ridge, phi.T @ r).reshape(RULE_GRID.angles, RULE_GRID.speeds)
 
 
 def _fit_network_rules(
@@ -166,11 +166,11 @@ def _fit_network_rules(
     every = max(len(r) // 1000, 1)
     trained = NeuralNetwork(penalty=stiffness).fit(features(q, compress_speed(v))[::every], r[::every])
     angle, speed = np.meshgrid(
-        np.linspace(low, high, RULES.angles), np.linspace(-1.0, 1.0, RULES.speeds), indexing="ij"
+        np.linspace(low, high, RULE_GRID.angles), np.linspace(-1.0, 1.0, RULE_GRID.speeds), indexing="ij"
     )
     said = trained.predict(features(angle.ravel(), speed.ravel()))
     # A network extrapolates freely. Its values are limited to the residuals that were recorded.
-    return np.clip(said, r.min(), r.max()).reshape(RULES.angles, RULES.speeds)
+    return np.clip(said, r.min(), r.max()).reshape(RULE_GRID.angles, RULE_GRID.speeds)
 
 
 def _choose_stiffness(
@@ -193,8 +193,11 @@ def _split_recordings(
 ) -> list[tuple[list[RecordedResidual], list[RecordedResidual]]]:
     """Return pairs of fitted and left-out recordings."""
     return [
-        ([one for i, one in enumerate(recordings) if i % RULES.folds != fold], list(recordings[fold :: RULES.folds]))
-        for fold in range(RULES.folds)
+        (
+            [one for i, one in enumerate(recordings) if i % RULE_GRID.folds != fold],
+            list(recordings[fold :: RULE_GRID.folds]),
+        )
+        for fold in range(RULE_GRID.folds)
     ]
 
 

@@ -14,6 +14,8 @@ work; the second [2]_ weighs it by how hard, and reaches 200 % where both are at
    Electromyography and Clinical Neurophysiology 25, 1985.
 .. [2] K. S. Rudolph, M. J. Axe, L. Snyder-Mackler, "Dynamic stability after ACL injury: who can hop?", Knee Surgery,
    Sports Traumatology, Arthroscopy 8, 2000.
+
+Co-contraction from arrays of two envelopes, or of two muscle groups' moments.
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ Every channel is band-passed, rectified and low-passed, forwards only. The torqu
 
 A ridge regression finds the weights; repetitions left out choose its penalty. An envelope far outside the fitted range
 cannot come from a muscle. The core then reports that EMG is not valid.
+
+Period of a movement that repeats, such as a stride or a lift, from the autocorrelation of a signal of it.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ class CausalMapSettings:
     patience_samples: int = 400
 
 
-CAUSAL = CausalMapSettings()
+CAUSAL_FIT = CausalMapSettings()
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class CausalMap:
     rmse: float = nan  # RMSE on repetitions that the map was not fitted to [N m]
     muscles: tuple[str, ...] = field(default=())  # Names of the channels, in the order of the samples
     patience: int = (
-        CAUSAL.patience_samples  # Number of samples in a row outside floor and ceiling before EMG is invalid
+        CAUSAL_FIT.patience_samples  # Number of samples in a row outside floor and ceiling before EMG is invalid
     )
 
     def parameters(self) -> EmgTorqueArguments:
@@ -140,7 +142,7 @@ class CausalMap:
             for m, x in zip(muscles, values, strict=True)
         }
         chain = {"fs": self.fs, "corner": self.corner, "patience": self.patience, "torque_limit": self.torque_limit}
-        low, high = CAUSAL.band_hz
+        low, high = CAUSAL_FIT.band_hz
         return ParameterCard(
             kind=CARD_KIND,
             study=study,
@@ -197,7 +199,7 @@ def fit_causal_map(
     from .neural_network import Ridge  # scikit-learn takes half a second to load
 
     settings = settings or EmgSettings()
-    trials = [t for t in trials if _max_speed(t) < CAUSAL.max_joint_speed_rad_s]
+    trials = [t for t in trials if _max_speed(t) < CAUSAL_FIT.max_joint_speed_rad_s]
     if len({t.repetition for t in trials}) < 2:
         raise IdentificationError("causal EMG map: found fewer than two repetitions that were held, expected two")
     fs = _sampling_rate(trials[0].emg_time)
@@ -207,7 +209,7 @@ def fit_causal_map(
         level = sosfilt(envelope, np.abs(sosfilt(band, t.emg, axis=0)), axis=0)
         level = np.column_stack([np.interp(t.time, t.emg_time, column) for column in level.T])
         own = _sampling_rate(t.time)
-        kept = slice(round(CAUSAL.settling_s * own), None, max(1, round(own / CAUSAL.rate_hz)))
+        kept = slice(round(CAUSAL_FIT.settling_s * own), None, max(1, round(own / CAUSAL_FIT.rate_hz)))
         q, e = t.position[kept], level[kept]
         rows.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
         torques.append(t.torque[kept])
@@ -222,9 +224,9 @@ def fit_causal_map(
         ]
         return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    errors = [left_out(penalty) for penalty in CAUSAL.penalties]
+    errors = [left_out(penalty) for penalty in CAUSAL_FIT.penalties]
     best = first_best(errors)
-    fitted = Ridge(CAUSAL.penalties[best]).fit(x, y)
+    fitted = Ridge(CAUSAL_FIT.penalties[best]).fit(x, y)
     terms = list(fitted.unscaled_coefficients([str(i) for i in range(x.shape[1])]).values())
     return CausalMap(
         fs,
@@ -242,13 +244,13 @@ def _design_filters(fs: float, corner: float) -> tuple[np.ndarray, np.ndarray]:
     """Return band-pass and low-pass as second-order sections, shape (k, 6) each."""
     from scipy.signal import butter
 
-    return butter(2, CAUSAL.band_hz, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
+    return butter(2, CAUSAL_FIT.band_hz, "bandpass", fs=fs, output="sos"), butter(2, corner, fs=fs, output="sos")
 
 
 def _max_speed(trial: EmgTrial) -> float:
     """Return the largest speed of a trial's joint, low-passed [rad/s]."""
     fs = _sampling_rate(trial.time)
-    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, CAUSAL.angle_lowpass_hz, 4, fs)))) * fs)
+    return float(np.max(np.abs(np.diff(zero_phase_lowpass(trial.position, CAUSAL_FIT.angle_lowpass_hz, 4, fs)))) * fs)
 
 
 def _sampling_rate(time: np.ndarray) -> float:
@@ -281,13 +283,13 @@ class StrideSearch:
     min_autocorrelation: float = 0.5
 
 
-STRIDES = StrideSearch()
+STRIDE_SEARCH = StrideSearch()
 
 
 def find_period(signal: np.ndarray, fs: float) -> int:
     """Return the period of a signal, shape (n,) at `fs` [Hz], in samples; 0 if it does not repeat often enough."""
     n = len(signal)
     r = np.fft.irfft(np.abs(np.fft.rfft(signal - signal.mean(), 2 * n)) ** 2)[:n] / np.arange(n, 0, -1)
-    first, last = round(STRIDES.min_period_s * fs), n // STRIDES.min_count
+    first, last = round(STRIDE_SEARCH.min_period_s * fs), n // STRIDE_SEARCH.min_count
     period = first + int(np.argmax(r[first:last])) if last > first else 0
-    return period if period and r[period] >= STRIDES.min_autocorrelation * r[0] else 0
+    return period if period and r[period] >= STRIDE_SEARCH.min_autocorrelation * r[0] else 0

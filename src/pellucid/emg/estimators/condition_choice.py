@@ -22,13 +22,13 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleProblem, solve_calibration
-from .causal_map import STRIDES, find_period
+from .adaptive_correction import UncoupledMap, uncouple_trial
+from .causal_map import STRIDE_SEARCH, find_period
 from .families import ESTIMATOR_FAMILIES
 from .features import compute_features, filter_and_differentiate
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
-from .synergies import UncoupledMap, uncouple_trial
-from .torque_map import FITTING, TorqueMap
+from .torque_map import MAP_FITTING, TorqueMap
 from .torque_regressor import find_row_weights, smooth
 from .torque_trial import TorqueTrial
 
@@ -63,7 +63,7 @@ class ErrorBand:
     quadrature_count: int = 100  # Number of quantiles over which scales and errors are averaged
 
 
-BAND = ErrorBand()
+ERROR_BAND = ErrorBand()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class ConditionTestErrors:
 
     words: tuple[str, ...]  # Description of each test
     rmse: tuple[float, ...]  # RMSE in each test [N m]; NaN if the estimator could not be fitted
-    half_width: float  # Half width of the band that should hold the share `BAND.share` in other conditions [N m]
+    half_width: float  # Half width of the band that should hold the share `ERROR_BAND.share` in other conditions [N m]
     conditions: int = 1  # Number of recordings, sessions or repetitions left out in turn; 1: parts of a single one
     # RMSE in each test with trials weighed by the noise model, by which estimators are compared [N m]; empty: as `rmse`
     weighted_rmse: tuple[float, ...] = ()
@@ -181,7 +181,7 @@ def _is_slow_stride(v: np.ndarray, fs: float) -> np.ndarray:
     A movement that does not repeat is divided into parts of equal length instead.
     """
     n = len(v)
-    period = find_period(v, fs) or max(1, n // (2 * STRIDES.min_count))
+    period = find_period(v, fs) or max(1, n // (2 * STRIDE_SEARCH.min_count))
     stride = np.minimum(np.arange(n) // period, n // period - 1)
     level = np.bincount(stride, v**2) / np.bincount(stride)
     return (level <= np.median(level))[stride]
@@ -221,7 +221,7 @@ def run_condition_tests(fit: Any, trials: Sequence[TorqueTrial]) -> ConditionTes
 
 
 def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
-    r"""Return half the width of the band that should hold `BAND.share` of the errors in another condition.
+    r"""Return half the width of the band that should hold `ERROR_BAND.share` of the errors in another condition.
 
     The errors of condition i are taken as :math:`q_i z`: a scale :math:`q_i`, which is the quantile of their size at
     the band's share, and a distribution of z that all conditions have in common. Logarithms of scales vary normally
@@ -249,22 +249,22 @@ def find_error_band(errors: Sequence[np.ndarray], conditions: int) -> float:
     from scipy.stats import t as student
 
     each = [np.abs(e) for e in errors if len(e) and np.isfinite(e).all()]
-    quantiles = np.array([np.quantile(e, BAND.share) for e in each])
+    quantiles = np.array([np.quantile(e, ERROR_BAND.share) for e in each])
     if not len(each):
         return float("nan")
     if conditions < 2 or len(each) < 2 or not quantiles.min() > 0.0:
         return float(np.sqrt(np.mean(quantiles**2)))
     logs, count = np.log(quantiles), len(each)
-    freedom = BAND.prior_weight + count - 1.0
-    variance = (BAND.prior_weight * BAND.prior_deviation**2 + (count - 1.0) * logs.var(ddof=1)) / freedom
-    places = (np.arange(BAND.quadrature_count) + 0.5) / BAND.quadrature_count
+    freedom = ERROR_BAND.prior_weight + count - 1.0
+    variance = (ERROR_BAND.prior_weight * ERROR_BAND.prior_deviation**2 + (count - 1.0) * logs.var(ddof=1)) / freedom
+    places = (np.arange(ERROR_BAND.quadrature_count) + 0.5) / ERROR_BAND.quadrature_count
     scales = logs.mean() + np.sqrt(variance * (1.0 + 1.0 / count)) * student.ppf(places, freedom)
     # Every condition counts the same in the common distribution, however long it lasts.
     relative = np.concatenate([np.quantile(e / q, places) for e, q in zip(each, quantiles, strict=True)])
     ranked = np.log(np.maximum(np.sort(relative), 1e-12))
 
     def missing_share(log_width: float) -> float:
-        return float(np.mean(np.searchsorted(ranked, log_width - scales) / len(ranked))) - BAND.share
+        return float(np.mean(np.searchsorted(ranked, log_width - scales) / len(ranked))) - ERROR_BAND.share
 
     low, high = logs.min() + ranked[0] - 50.0, logs.max() + ranked[-1] + 50.0
     return float(np.exp(brentq(missing_share, low, high, xtol=1e-3)))
@@ -304,7 +304,7 @@ def _make_map_predictor(
     def predict(test: ConditionTest) -> np.ndarray:
         if not len(test.fitted) or not len(test.judged):
             raise IdentificationError(f"{test.words}: found no samples, expected some to fit and some to judge")
-        kept = test.fitted[:: -(-len(test.fitted) // FITTING.max_choice_samples)]
+        kept = test.fitted[:: -(-len(test.fitted) // MAP_FITTING.max_choice_samples)]
         weights = family.weights(None if weight is None else weight[kept])
         made = family.make(fit.choice.settings, each[0]).fit(x[kept], torque[kept], **weights).predict(x[test.judged])
         if not family.smoothing:

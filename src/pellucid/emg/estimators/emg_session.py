@@ -10,6 +10,22 @@ the highest fitted one. Every fitted trial therefore passes its own comparison.
 
 A channel's *floor* and *top* are two quantiles of its envelope, and its *range* is their difference. Its *pattern* is
 the envelope that a ridge regression predicts from joint angles and their rates.
+
+Compare channels with the fitted ones while they are recorded: sample by sample, from the past alone.
+
+Give an estimator's card a watch: what each channel was in the fitted recordings, and what its change would cost.
+
+The core steps the watch with the estimator (``include/pellucid/emg_watch.hpp``). Its numbers come from the fitted
+recordings alone:
+
+pattern
+    Ridge regression of the envelope on angles and their rates, with squares and products.
+usual
+    Largest mean square of what the pattern leaves, with the memory of the watch, in and out of fold. Fitted recordings
+    therefore pass their own watch.
+consequence
+    Mean square change of the torque when the channel is doubled, over the mean square of its envelope and the variance
+    of the torque: the share of the torque's variance that a squared error of the envelope costs.
 """
 
 from __future__ import annotations
@@ -45,7 +61,7 @@ class SessionThresholds:
     floor_quantile: float = 0.05  # Quantile of an envelope that is its floor. One silent moment does not move it.
     top_quantile: float = 0.95  # Quantile of an envelope that is its top. One twitch does not move it.
     # A floor may move by at most this share of the fitted range. Between walking and crouching it moves by up to 0.23.
-    max_floor_shift_share: float = 0.25
+    max_floor_shift: float = 0.25
     # A channel's range may change by at most this factor, up or down, after the common change of all channels is
     # removed. The range of a walker's small muscle changes by a factor of 2.5 within a minute.
     max_range_ratio: float = 3.0
@@ -61,7 +77,7 @@ class SessionThresholds:
     min_pattern_correlation: float = 0.6
     # An envelope whose correlation with its own pattern reaches this is unchanged, whatever other pattern it matches.
     # Chosen by judgement.
-    unchanged_pattern_correlation: float = 0.7
+    unchanged_correlation: float = 0.7
     # Two envelopes can be one signal only if their correlation exceeds this. Chosen by judgement.
     min_copy_correlation: float = 0.9
     # Two envelopes count as one signal only if Fisher's z of their correlation rose by more than this since the fit.
@@ -71,13 +87,13 @@ class SessionThresholds:
     # Chosen by judgement.
     min_pattern_log_likelihood: float = 0.6
     # A value may leave its fitted range by this share of the range before it counts as outside. Chosen by judgement.
-    fitted_range_margin_share: float = 0.25
+    range_margin: float = 0.25
     # Smallest margins about the fitted angles [rad] and rates [rad/s], for joints that were held and so hardly moved.
     # Chosen by judgement.
-    min_motion_margins: tuple[float, float] = (0.1, 0.2)
+    motion_margins: tuple[float, float] = (0.1, 0.2)
     # A recording can be judged only if at most this share of its time lies outside the fitted ranges. Chosen by
     # judgement.
-    max_outside_time_share: float = 0.25
+    max_outside_share: float = 0.25
     # Penalty of the ridge regression that finds a pattern, for standardised terms. Chosen by judgement.
     pattern_penalty: float = 10.0
     # Shares of the way between two fitted trials at which ranges are interpolated. The way leads from the trial with
@@ -87,7 +103,7 @@ class SessionThresholds:
     max_log_distance: float = 10.0
 
 
-SESSION = SessionThresholds()
+SESSION_LIMITS = SessionThresholds()
 
 
 @dataclass(frozen=True)
@@ -112,7 +128,7 @@ class WatchTimes:
     min_square: float = 1e-12  # Least mean square of a pattern by which the core divides
 
 
-WATCH = WatchTimes()
+WATCH_TIMES = WatchTimes()
 
 
 @dataclass(frozen=True)
@@ -149,7 +165,7 @@ class ChannelComparison:
     @property
     def is_valid(self) -> bool:
         """Whether the fitted estimator may be used on this recording at all."""
-        return not self.has_other_effort and self.outside_share <= SESSION.max_outside_time_share
+        return not self.has_other_effort and self.outside_share <= SESSION_LIMITS.max_outside_share
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,18 +201,23 @@ class FittedSession:
                 f"trials {', '.join(t.name for t in trials)}: expected the same muscles and angles in each"
             )
         x, moved = _stack_trials(trials)
-        floor, top = np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0)
+        floor, top = np.quantile(x, (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile), axis=0)
         everything = tuple(range(moved.shape[1]))
-        patterns = tuple(Ridge(SESSION.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(len(muscles)))
+        patterns = tuple(
+            Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(len(muscles))
+        )
         others: tuple[Ridge, ...] = ()
         if len(muscles) > 1:
             others = tuple(
-                Ridge(SESSION.pattern_penalty).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles))
+                Ridge(SESSION_LIMITS.pattern_penalty).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles))
             )
         parts = [*trials, *(part for trial in trials for part in _watched_stretches(trial))]
         stretches = [_stack_trials([part]) for part in parts]
         quantiles = np.array(
-            [np.quantile(each, (SESSION.floor_quantile, SESSION.top_quantile), axis=0) for each, _ in stretches]
+            [
+                np.quantile(each, (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile), axis=0)
+                for each, _ in stretches
+            ]
         )
         moves = [moves for _, moves in stretches]
         none = np.zeros((len(muscles), len(muscles)))
@@ -227,7 +248,9 @@ class FittedSession:
         for x, moved in stretches:
             goes_with = self._correlations(x, moved)
             own = np.maximum(own, _other_pattern_log_likelihood(goes_with))
-            now = np.diff(np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0), axis=0)[0]
+            now = np.diff(np.quantile(x, (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile), axis=0), axis=0)[
+                0
+            ]
             found = self._swap_scores(now, now, goes_with)
             swap = np.maximum(swap, np.where(np.isfinite(found), found, 0.0))
         return replace(self, own_doubt=own, swap_doubt=swap)
@@ -235,25 +258,25 @@ class FittedSession:
     def compare(self, trial: TorqueTrial) -> ChannelComparison:
         """Compare a trial's channels with the fitted ones."""
         x, moved = _stack_trials([trial])
-        floor, top = np.quantile(x, (SESSION.floor_quantile, SESSION.top_quantile), axis=0)
+        floor, top = np.quantile(x, (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile), axis=0)
         now = top - floor
         like = self._nearest_ranges(now)
         level = _range_ratio(now, like)
         risen = floor - np.clip(floor, self.floors.min(axis=0), self.floors.max(axis=0))
         risen = risen / np.where(like > 0.0, like, np.inf)
         many = bool(
-            np.sum((level > SESSION.max_range_ratio) | (level < 1.0 / SESSION.max_range_ratio))
+            np.sum((level > SESSION_LIMITS.max_range_ratio) | (level < 1.0 / SESSION_LIMITS.max_range_ratio))
             > max(2, 0.5 * len(self.muscles))
         )
         margin = np.maximum(
-            SESSION.fitted_range_margin_share * (self.high - self.low),
-            np.tile(SESSION.min_motion_margins, len(self.low) // 2),
+            SESSION_LIMITS.range_margin * (self.high - self.low),
+            np.tile(SESSION_LIMITS.motion_margins, len(self.low) // 2),
         )
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
-        goes_with = self._correlations(x, moved) if np.mean(away) <= SESSION.max_outside_time_share else None
+        goes_with = self._correlations(x, moved) if np.mean(away) <= SESSION_LIMITS.max_outside_share else None
         changes = [] if many else self._find_changes(floor, risen, now, like, goes_with, _fisher_z(x))
         named = {change.muscle for change in changes}
-        loudest = (self.floors + (1.0 + 2.0 * SESSION.fitted_range_margin_share) * self.spans).max(axis=0)
+        loudest = (self.floors + (1.0 + 2.0 * SESSION_LIMITS.range_margin) * self.spans).max(axis=0)
         loud = [x[:, k] > loudest[k] for k, muscle in enumerate(self.muscles) if muscle not in named]
         away |= np.sum(loud, axis=0) >= max(2, 0.25 * len(self.muscles))
 
@@ -285,7 +308,9 @@ class FittedSession:
         first = trial.time <= trial.time[0] + seconds
         made = dict(trial.envelopes)
         floor, top = np.quantile(
-            [made[muscle][first] for muscle in self.muscles], (SESSION.floor_quantile, SESSION.top_quantile), axis=1
+            [made[muscle][first] for muscle in self.muscles],
+            (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile),
+            axis=1,
         )
         like = self._nearest_trial_index(
             top - floor, [k for k, muscle in enumerate(self.muscles) if muscle not in muscles]
@@ -310,7 +335,9 @@ class FittedSession:
         whole = self.spans[: self.trials]
         # Trials are sorted by effort. Efforts between two neighbours were not recorded and are interpolated.
         whole = whole[np.argsort(np.prod(np.where(whole > 0.0, whole, 1.0) ** (1.0 / whole.shape[1]), axis=1))]
-        between = [a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in SESSION.interpolation_shares]
+        between = [
+            a ** (1.0 - share) * b**share for a, b in pairwise(whole) for share in SESSION_LIMITS.interpolation_shares
+        ]
         spans = np.vstack([self.spans, *between])
         return spans[_nearest_ranges_index(now, spans)]
 
@@ -361,17 +388,20 @@ class FittedSession:
                                   "exchanged?", other)
                 )  # fmt: skip
                 continue
-            if abs(risen[k]) > SESSION.max_floor_shift_share:
+            if abs(risen[k]) > SESSION_LIMITS.max_floor_shift:
                 ends = dict.fromkeys((f"{lowest[k]:.2g}", f"{highest[k]:.2g}"))
                 expected = (
-                    f"{' to '.join(ends)}, within {100 * SESSION.max_floor_shift_share:g} % of its range, as fitted"
+                    f"{' to '.join(ends)}, within {100 * SESSION_LIMITS.max_floor_shift:g} % of its range, as fitted"
                 )
                 found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
-            if not 1.0 / SESSION.max_range_ratio <= level[k] <= SESSION.max_range_ratio:
+            if not 1.0 / SESSION_LIMITS.max_range_ratio <= level[k] <= SESSION_LIMITS.max_range_ratio:
                 said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
                 found.append(
                     ChannelChange(
-                        muscle, "level", said, f"{1 / SESSION.max_range_ratio:.1g} to {SESSION.max_range_ratio:g} times"
+                        muscle,
+                        "level",
+                        said,
+                        f"{1 / SESSION_LIMITS.max_range_ratio:.1g} to {SESSION_LIMITS.max_range_ratio:g} times",
                     )
                 )
             if k in copies:
@@ -383,10 +413,10 @@ class FittedSession:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
                 clear = (
-                    goes_with[k, k] < SESSION.unchanged_pattern_correlation
-                    and goes_with[best, k] > SESSION.min_pattern_correlation
+                    goes_with[k, k] < SESSION_LIMITS.unchanged_correlation
+                    and goes_with[best, k] > SESSION_LIMITS.min_pattern_correlation
                 )
-                if known and clear and rather_than_own[best, k] > SESSION.min_pattern_log_likelihood:
+                if known and clear and rather_than_own[best, k] > SESSION_LIMITS.min_pattern_log_likelihood:
                     other = self.muscles[best]
                     said = f"the pattern of {other} (correlation {goes_with[best, k]:.2f})"
                     found.append(ChannelChange(muscle, "pattern", said, f"its own ({goes_with[k, k]:.2f})", other))
@@ -397,10 +427,10 @@ class FittedSession:
 
         Of two equal channels, the copy is the one that is less like its fitted self.
         """
-        close = (together > np.arctanh(SESSION.min_copy_correlation)) & (
-            together - self.together > SESSION.min_copy_z_rise
+        close = (together > np.arctanh(SESSION_LIMITS.min_copy_correlation)) & (
+            together - self.together > SESSION_LIMITS.min_copy_z_rise
         )
-        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / SESSION.log_range_deviation
+        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / SESSION_LIMITS.log_range_deviation
         if goes_with is not None:
             unlike = unlike + np.where(self.repeats, _log_unexplained_share(np.diag(goes_with)), 0.0)
         return {
@@ -419,7 +449,8 @@ class FittedSession:
         scores = self._swap_scores(now, like, goes_with) - self.swap_doubt
         pairs: dict[int, int] = {}
         for _, i, k in sorted(
-            ((scores[i, k], i, k) for i, k in np.argwhere(scores > SESSION.min_swap_log_likelihood)), reverse=True
+            ((scores[i, k], i, k) for i, k in np.argwhere(scores > SESSION_LIMITS.min_swap_log_likelihood)),
+            reverse=True,
         ):
             if i not in pairs and k not in pairs:
                 pairs |= {int(i): int(k), int(k): int(i)}
@@ -434,13 +465,13 @@ class FittedSession:
         unexplained = _log_unexplained_share(goes_with)
         with np.errstate(divide="ignore", invalid="ignore"):
             # Row i compares the range of each channel k with that of muscle i.
-            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * SESSION.log_range_deviation**2)
+            off = np.log(now[None, :] / like[:, None]) ** 2 / (2.0 * SESSION_LIMITS.log_range_deviation**2)
         scores = np.full((len(now), len(now)), -np.inf)
         for i in range(len(now)):
             for k in range(i + 1, len(now)):
                 rather = (
-                    min(off[i, i], SESSION.gain_change_cost)
-                    + min(off[k, k], SESSION.gain_change_cost)
+                    min(off[i, i], SESSION_LIMITS.gain_change_cost)
+                    + min(off[k, k], SESSION_LIMITS.gain_change_cost)
                     - off[i, k]
                     - off[k, i]
                 )
@@ -452,12 +483,12 @@ class FittedSession:
 
 
 def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
-    """Return the stretches of a trial that a watch would compare, at most `WATCH.max_stretch_count`, evenly spaced."""
-    every, window = max(1, round(WATCH.interval_s * trial.fs)), round(WATCH.window_s * trial.fs)
-    first = -(-round(WATCH.min_seconds * trial.fs) // every) * every
+    """Return the stretches of a trial that a watch would compare, evenly spaced where there are too many."""
+    every, window = max(1, round(WATCH_TIMES.interval_s * trial.fs)), round(WATCH_TIMES.window_s * trial.fs)
+    first = -(-round(WATCH_TIMES.min_seconds * trial.fs) // every) * every
     ends = range(first, len(trial) + 1, every)
-    if len(ends) > WATCH.max_stretch_count:
-        ends = np.linspace(first, len(trial), WATCH.max_stretch_count).astype(int).tolist()
+    if len(ends) > WATCH_TIMES.max_stretch_count:
+        ends = np.linspace(first, len(trial), WATCH_TIMES.max_stretch_count).astype(int).tolist()
     parts = [slice(max(0, end - window), end) for end in ends]
     return [
         replace(
@@ -475,12 +506,12 @@ def _has_repeating_pattern(trials: Sequence[TorqueTrial]) -> np.ndarray:
     halves = [len(x) // 2 for x, _ in each]
     x, moved = (np.vstack([both[i][:half] for both, half in zip(each, halves, strict=True)]) for i in (0, 1))
     everything = tuple(range(moved.shape[1]))
-    patterns = [Ridge(SESSION.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
+    patterns = [Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
     found = [
         np.diag(_correlations(np.column_stack([pattern.predict(moved[half:]) for pattern in patterns]), x[half:]))
         for (x, moved), half in zip(each, halves, strict=True)
     ]
-    return np.median(found, axis=0) > SESSION.min_pattern_correlation
+    return np.median(found, axis=0) > SESSION_LIMITS.min_pattern_correlation
 
 
 def _other_pattern_log_likelihood(goes_with: np.ndarray) -> np.ndarray:
@@ -505,7 +536,7 @@ def _nearest_ranges_index(now: np.ndarray, spans: np.ndarray) -> int:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.abs(np.log(now / spans))
-    return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=SESSION.max_log_distance).sum(axis=1)))
+    return int(np.argmin(np.nan_to_num(apart, nan=0.0, posinf=SESSION_LIMITS.max_log_distance).sum(axis=1)))
 
 
 def _common_range_ratio(level: np.ndarray) -> float:
@@ -557,12 +588,14 @@ class SessionWatch:
     Its result is that of `FittedSession.compare` for a recording of the samples in its buffer.
     """
 
-    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WATCH.window_s):
+    def __init__(
+        self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = WATCH_TIMES.window_s
+    ):
         """Prepare a buffer of `seconds` [s] of samples at the rate `fs` [Hz]; `joints` names the angles."""
-        if not fs > 0.0 or seconds < WATCH.min_seconds:
+        if not fs > 0.0 or seconds < WATCH_TIMES.min_seconds:
             raise RecordingError(
                 f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
-                f"least {WATCH.min_seconds:g} s"
+                f"least {WATCH_TIMES.min_seconds:g} s"
             )
         if 2 * len(joints) != len(session.low):
             raise RecordingError(
@@ -599,8 +632,8 @@ class SessionWatch:
         self._rows[self._count % len(self._rows)] = row
         self._count += 1
         if (
-            self._count >= WATCH.min_seconds * self._fs
-            and self._count % max(1, round(WATCH.interval_s * self._fs)) == 0
+            self._count >= WATCH_TIMES.min_seconds * self._fs
+            and self._count % max(1, round(WATCH_TIMES.interval_s * self._fs)) == 0
         ):
             self._last_comparison = self._session.compare(self._buffered_trial())
         return self.changes
@@ -633,7 +666,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     """
     first = list(next(iter(trials.values())))
     names = [channel.name for channel in card.channels]
-    if sum(map(len, first)) < WATCH.min_samples or not names:
+    if sum(map(len, first)) < WATCH_TIMES.min_samples or not names:
         return card
     x = [np.column_stack([t.envelopes[name] for name in names]) for t in first]
     moved = [_motion(t, card.angles) for t in first]
@@ -670,7 +703,8 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     )
     low, high = np.vstack(moved).min(axis=0), np.vstack(moved).max(axis=0)
     margin = np.maximum(
-        SESSION.fitted_range_margin_share * (high - low), np.tile(SESSION.min_motion_margins, len(card.angles))
+        SESSION_LIMITS.range_margin * (high - low),
+        np.tile(SESSION_LIMITS.motion_margins, len(card.angles)),
     )
     low, high = low - margin, high + margin
     angles = tuple(
@@ -690,7 +724,10 @@ def _fit_patterns(moved: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[
     """Return the pattern of each channel from motion, shape (n, 2 angles) each, and envelopes, shape (n, k) each."""
     motion, envelopes = np.vstack(moved), np.vstack(x)
     everything = tuple(range(motion.shape[1]))
-    return [Ridge(SESSION.pattern_penalty, everything).fit(motion, envelopes[:, k]) for k in range(envelopes.shape[1])]
+    return [
+        Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(motion, envelopes[:, k])
+        for k in range(envelopes.shape[1])
+    ]
 
 
 def _predict(patterns: Sequence[Ridge], moved: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
@@ -706,8 +743,8 @@ def _predict_left_out(
     ceiling: np.ndarray,
 ) -> np.ndarray:
     """Return a trial's envelopes by patterns of all trials without the block that is predicted, shape (n, k)."""
-    n, gap = len(trials[index]), round(WATCH.block_gap_s * trials[index].fs)
-    edges, made = np.linspace(0, n, WATCH.block_count + 1).astype(int), np.empty_like(x[index])
+    n, gap = len(trials[index]), round(WATCH_TIMES.block_gap_s * trials[index].fs)
+    edges, made = np.linspace(0, n, WATCH_TIMES.block_count + 1).astype(int), np.empty_like(x[index])
     for a, b in pairwise(edges):
         kept = np.ones(n, bool)
         kept[max(0, a - gap) : b + gap] = False
@@ -731,7 +768,7 @@ def _remembered_error(
         lfilter([share], [1.0, share - 1.0], y, axis=0, zi=((1.0 - share) * mean)[None, :])[0]
         for y, mean in zip((x * x, x * pattern, pattern * pattern), means, strict=True)
     )
-    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH.min_square)))[:, None]
+    common = _common_factor(np.sqrt(square / np.maximum(pattern_square, WATCH_TIMES.min_square)))[:, None]
     missed = square - 2.0 * common * product + common**2 * pattern_square
     return np.maximum(missed, 0.0) / np.maximum(1.0, common**2)
 

@@ -46,7 +46,7 @@ class WorthSettings:
     min_block_count: int = 6
 
 
-WORTH = WorthSettings()
+WORTH_BLOCKS = WorthSettings()
 
 
 Answer = Literal["worth it", "not worth it", "cannot say"]
@@ -124,9 +124,9 @@ def worth_on_recording(
 
 def _block_means(apart: np.ndarray, period: int) -> np.ndarray:
     """Return the means of blocks of whole periods, or of the correlation's length if there is no period."""
-    wanted = WORTH.correlation_lengths * correlation_length(apart)
+    wanted = WORTH_BLOCKS.correlation_lengths * correlation_length(apart)
     length = period * max(1.0, np.ceil(wanted / period)) if period else wanted
-    count = max(WORTH.min_block_count, int(len(apart) // max(length, 1.0)))
+    count = max(WORTH_BLOCKS.min_block_count, int(len(apart) // max(length, 1.0)))
     return np.array([part.mean() for part in np.array_split(apart, min(count, len(apart)))])
 
 
@@ -143,7 +143,7 @@ def worth_over_trials(
     """Return the mean gain of EMG over trials that were left out in turn, from R² by trial, in the same order."""
     gains = np.asarray(with_emg, float) - np.asarray(angles_alone, float)
     gain, count = float(gains.mean()), len(gains)
-    if count < WORTH.min_trials:
+    if count < WORTH_BLOCKS.min_trials:
         return EmgWorth(gain, float("-inf"), float("inf"), margin, count)
     half = _student_half_width(gains)
     return EmgWorth(gain, gain - half, gain + half, margin, count)

@@ -1,4 +1,34 @@
-"""Muscles of Hill's type as an estimator of torque: calibrated on trials, with an interval on what it predicts."""
+r"""Muscles of Hill's type as an estimator of torque: calibrated on trials, with an interval on what it predicts.
+
+Calibrate all muscles of several joints at once: each has one set of parameters and a moment arm for each joint.
+
+A muscle that crosses two joints pulls with the same force at both. The force of every muscle follows its envelope by 10
+to 100 ms. If the muscles of a recording need another delay, its EMG stream runs ahead or behind. With ``offset`` this
+shift is estimated beside the muscles; it belongs to the recording, not to the person.
+
+EMG-assisted muscles: activations near the recorded ones that reproduce a measured torque.
+
+At every sample, with F_m(a) the force of a calibrated muscle at the length and speed that it has, r its moment arms, E
+the muscles with EMG and U those without,
+
+.. math::
+   \min_{0 \le a \le 1} \; \sum_j \frac{(\tau_j - \tau^0_j - \sum_m r_{jm} F_m(a_m))^2}{s_j^2}
+   + \kappa \sum_{m \in E} (a_m - a^{emg}_m)^2 + \varepsilon \sum_{m \in U} a_m^2
+
+with :math:`\tau^0` the joint's own tissue and s the standard deviation of the torque that was fitted. :math:`\kappa` is
+the trust in EMG. Infinite trust makes the method EMG-driven; with no trust and every muscle in U it is static
+optimisation [1]_; between them it is EMG-assisted [2]_. The activations are found from the measured torque. That they
+reproduce this torque is therefore no evidence for them.
+
+A muscle's force is linear in its activation, except that its optimal length moves. The problem is therefore linearised
+a few times, and each linear problem is solved exactly. Its dual has one unknown for each joint, :math:`\lambda_j`, with
+:math:`a_m = \mathrm{clip}(c_m + \sum_j G_{jm}\lambda_j/w_m, 0, 1)`. The dual is convex, and Newton's method solves it.
+
+.. [1] R. D. Crowninshield, R. A. Brand, "A physiologically based criterion of muscle force prediction in locomotion",
+   J. Biomechanics 14, 1981.
+.. [2] C. Pizzolato et al., "CEINMS: a toolbox to investigate the influence of different neural control solutions on the
+   prediction of muscle excitation and joint moments during dynamic motor tasks", J. Biomechanics 48, 2015.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +43,7 @@ from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ..fit.muscle_calibration import (
     DEFAULT_QUANTITIES,
-    DELAYS,
+    DELAY_BOUNDS,
     TIMING_CANDIDATES,
     MuscleFit,
     MuscleProblem,
@@ -51,7 +81,7 @@ class HillChoices:
     timing_weight: float = 0.01
 
 
-HILL = HillChoices()
+HILL_CHOICES = HillChoices()
 
 
 EFFORT_CANDIDATES = np.geomspace(0.02, 1.0, 18)
@@ -118,7 +148,7 @@ def fit_hill(
     *,
     name: str = "hill",
     causal: bool = False,
-    weights: Sequence[float] = HILL.anatomy_weights,
+    weights: Sequence[float] = HILL_CHOICES.anatomy_weights,
     quantities: Sequence[str] = DEFAULT_QUANTITIES,
     method: str = "least_squares",
     weighs_trials: bool = True,
@@ -194,7 +224,7 @@ def make_folds(
     elif len(trials) > 1:
         folds = grouped_folds(member[counted])
     else:
-        folds = block_folds(trials[0].time[counted - own[0].start], HILL.block_count, HILL.fold_gap_s)
+        folds = block_folds(trials[0].time[counted - own[0].start], HILL_CHOICES.block_count, HILL_CHOICES.fold_gap_s)
     return [(counted[fitted], counted[scored]) for fitted, scored in folds]
 
 
@@ -313,7 +343,10 @@ class HillTogether:
             return None
         delay = next(p for p in self.parameters if p.name == "delay")
         error = 0.0 if np.isnan(delay.standard_error) else delay.standard_error
-        low, high = float(self.delays.max()) - DELAYS.max_total_s, float(self.delays.min()) - DELAYS.min_total_s
+        low, high = (
+            float(self.delays.max()) - DELAY_BOUNDS.max_total_s,
+            float(self.delays.min()) - DELAY_BOUNDS.min_total_s,
+        )
         half = float(ndtri(0.975)) * error
         return StreamOffset(0.5 * (low + high), low - half, high + half)
 
@@ -349,7 +382,7 @@ def fit_together(
     trials: Mapping[str, Sequence[TorqueTrial]],
     *,
     offset: bool = False,
-    weights: Sequence[float] = HILL.anatomy_weights,
+    weights: Sequence[float] = HILL_CHOICES.anatomy_weights,
     timings: Sequence[Timing] = TIMING_CANDIDATES,
 ) -> HillTogether:
     """Calibrate the muscles of several joints on the same recordings, given as trials by joint.
@@ -390,8 +423,8 @@ def fit_together(
     tried: dict[tuple[Timing, float], _CandidateErrors] = {}
     for each in timings:
         last.clear()
-        tried[replace(each, offset=offset), HILL.timing_weight] = left_out(
-            replace(each, offset=offset), HILL.timing_weight
+        tried[replace(each, offset=offset), HILL_CHOICES.timing_weight] = left_out(
+            replace(each, offset=offset), HILL_CHOICES.timing_weight
         )
     timing = _choose_simplest_timing([(t, each) for (t, _), each in tried.items()])
     last.clear()
@@ -427,7 +460,7 @@ class AssistanceSearch:
     activation_step: float = 1e-4
 
 
-ASSISTANCE = AssistanceSearch()
+ASSISTED_SEARCH = AssistanceSearch()
 
 
 INSTANT_ACTIVATION_DYNAMICS = {"delay": 0.0, "time_constant_1": 1e-9, "time_constant_2": 1e-9, "shape": 0.0}
@@ -480,10 +513,10 @@ class AssistedMuscles:
         weight = np.where(own, trust, effort)
         wanted = self.samples.torque.reshape(self.tissue.shape)
         a = centre
-        for _ in range(ASSISTANCE.linearisation_count):
-            here = np.clip(a, 0.0, 1.0 - ASSISTANCE.activation_step)
+        for _ in range(ASSISTED_SEARCH.linearisation_count):
+            here = np.clip(a, 0.0, 1.0 - ASSISTED_SEARCH.activation_step)
             force = self.force(here)
-            slope = (self.force(here + ASSISTANCE.activation_step) - force) / ASSISTANCE.activation_step
+            slope = (self.force(here + ASSISTED_SEARCH.activation_step) - force) / ASSISTED_SEARCH.activation_step
             gain = self.arms * slope
             rest = self.tissue + np.einsum("jmn,mn->jn", self.arms, force - slope * here)
             a = minimise_bounded_quadratic(gain, wanted - rest, centre, weight, self.scale)
@@ -512,7 +545,7 @@ def minimise_bounded_quadratic(
 
     dual = np.zeros((joints, count))
     a = activation(dual)
-    for _ in range(ASSISTANCE.max_newton_steps):
+    for _ in range(ASSISTED_SEARCH.max_newton_steps):
         slope = dual - y + np.einsum("jmn,mn->jn", g, a)
         if np.max(np.abs(slope), initial=0.0) < 1e-10:
             break

@@ -48,7 +48,7 @@ class StiffnessSettings:
     min_step: float = 0.05
 
 
-STIFFNESS = StiffnessSettings()
+STIFFNESS_STEPS = StiffnessSettings()
 
 
 STIFFNESS_KINDS = ("short_range", "slope")
@@ -82,7 +82,7 @@ class JointStiffness:
 
 def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) -> JointStiffness:
     """Compute the stiffness along a trial from the muscles of a one-joint card and the fit that they come from."""
-    shown = slice(0, STIFFNESS.max_sample_count)
+    shown = slice(0, STIFFNESS_STEPS.max_sample_count)
     # A trial's envelopes are relative already.
     card = replace(card, chain="none", channels=tuple(replace(c, scale=1.0) for c in card.channels))
     time = np.round(1e6 * card.period * np.arange(len(trial.time[shown])))
@@ -98,14 +98,14 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
     spread = np.array(covariance(fit))
     # A parameter that ended on a bound keeps the standard deviation among people.
     spread[fit.at_bound, fit.at_bound] = 1.0
-    steps = np.maximum(STIFFNESS.min_step, np.sqrt(np.diag(spread)))
+    steps = np.maximum(STIFFNESS_STEPS.min_step, np.sqrt(np.diag(spread)))
     slopes = np.array(
         [
             (run(_move_parameter(card, fit, i, h))[1] - run(_move_parameter(card, fit, i, -h))[1]) / (2.0 * h)
             for i, h in enumerate(steps)
         ]
     )
-    known = np.array([SHORT_RANGE.error_share, STIFFNESS.strain_error_share])
+    known = np.array([SHORT_RANGE.error_share, STIFFNESS_STEPS.strain_error_share])
     apart = np.array(
         [
             (run(replace(card, **{name: (1.0 + h) * x}))[1] - run(replace(card, **{name: (1.0 - h) * x}))[1])
@@ -136,7 +136,7 @@ def joint_stiffness(card: EmgEstimatorCard, fit: MuscleFit, trial: TorqueTrial) 
         dict(zip(STIFFNESS_KINDS, value, strict=True)),
         {kind: error(slopes[:, i], apart[:, i]) for i, kind in enumerate(STIFFNESS_KINDS)},
         mean(np.arange(len(own))),
-        tuple(mean(np.sort(part)) for part in np.array_split(order, STIFFNESS.posture_count)),
+        tuple(mean(np.sort(part)) for part in np.array_split(order, STIFFNESS_STEPS.posture_count)),
     )
 
 

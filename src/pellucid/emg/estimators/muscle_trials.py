@@ -1,4 +1,7 @@
-"""Convert trials into muscle samples: excitations, lengths, rates and moment arms about one or several joints."""
+"""Convert trials into muscle samples: excitations, lengths, rates and moment arms about one or several joints.
+
+Refuse trials that are unfit for muscles, with the trial, the channel, and what was found and expected.
+"""
 
 from __future__ import annotations
 

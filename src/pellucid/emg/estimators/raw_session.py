@@ -28,7 +28,7 @@ class RawThresholds:
     band_hz: tuple[float, float] = (20.0, 450.0)  # Frequency band of surface EMG [Hz]
     mains_hz: tuple[float, float] = (50.0, 60.0)  # Frequencies of mains electricity around the world [Hz]
     # A median frequency may change by at most this factor, up or down. Fatigue changes it by a factor of 1.3.
-    max_median_frequency_ratio: float = 1.4
+    max_median_ratio: float = 1.4
     max_hum_rise: float = 0.15  # The mains' share of the power may rise by at most this. Chosen by judgement.
     # A channel counts as saturated only if more than this share of its samples lies in runs at its extreme values.
     # Chosen by judgement.
@@ -45,7 +45,7 @@ class RawThresholds:
     min_recording_s: float = 4.0  # Shortest recording that can be compared [s]. Chosen by judgement.
 
 
-RAW = RawThresholds()
+RAW_LIMITS = RawThresholds()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,26 +78,23 @@ class RawChannels:
         made = []
         for k, muscle in enumerate(self.muscles):
             ratio = now.median[k] / self.median[k]
-            if (
-                np.isfinite(ratio)
-                and not 1.0 / RAW.max_median_frequency_ratio <= ratio <= RAW.max_median_frequency_ratio
-            ):
+            if np.isfinite(ratio) and not 1.0 / RAW_LIMITS.max_median_ratio <= ratio <= RAW_LIMITS.max_median_ratio:
                 found, expected = f"a median frequency of {now.median[k]:.0f} Hz", f"{self.median[k]:.0f} Hz, as fitted"
                 made.append(
                     ChannelChange(
-                        muscle, "spectrum", found, f"{expected}, within {RAW.max_median_frequency_ratio:g} times"
+                        muscle, "spectrum", found, f"{expected}, within {RAW_LIMITS.max_median_ratio:g} times"
                     )
                 )
-            if now.hum[k] - self.hum[k] > RAW.max_hum_rise:
+            if now.hum[k] - self.hum[k] > RAW_LIMITS.max_hum_rise:
                 found = f"{100.0 * now.hum[k]:.0f} % of the power at the mains' frequencies"
                 made.append(ChannelChange(muscle, "hum", found, f"about {100.0 * self.hum[k]:.0f} %, as fitted"))
-            if now.rails[k] > RAW.max_saturated_share and now.rails[k] > 5.0 * self.rails[k]:
+            if now.rails[k] > RAW_LIMITS.max_saturated_share and now.rails[k] > 5.0 * self.rails[k]:
                 found = f"{100.0 * now.rails[k]:.2g} % of the samples in runs at the largest value"
                 made.append(ChannelChange(muscle, "saturation", found, f"{100.0 * self.rails[k]:.2g} %, as fitted"))
             z, before = (np.arctanh(np.clip(np.abs(c.together[k]), 0.0, 0.9999)) for c in (now, self))
             close = (
-                (z > np.arctanh(RAW.min_shared_correlation))
-                & (z - before > RAW.min_shared_z_rise)
+                (z > np.arctanh(RAW_LIMITS.min_shared_correlation))
+                & (z - before > RAW_LIMITS.min_shared_z_rise)
                 & (np.arange(len(z)) != k)
             )
             if close.any():
@@ -112,20 +109,20 @@ class RawChannels:
 def _channel_properties(x: np.ndarray, fs: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return median frequencies, hum, saturation and correlations of channels `x`, shape (k, n) [V], at `fs` [Hz]."""
     k, n = x.shape
-    if n < RAW.min_recording_s * fs:
+    if n < RAW_LIMITS.min_recording_s * fs:
         raise IdentificationError(
-            f"raw channels: found {n / fs:.2g} s, expected at least {RAW.min_recording_s:g} s of each"
+            f"raw channels: found {n / fs:.2g} s, expected at least {RAW_LIMITS.min_recording_s:g} s of each"
         )
     x = x - x.mean(axis=1, keepdims=True)
     rails = np.array([_saturated_share(each) for each in x])
     size = min(n, round(fs))
     # Hum is that of the mains frequency with more power. Both frequencies are left out of spectra.
     f, own = signal.welch(x, fs, nperseg=size, axis=-1)
-    line = np.min([np.abs(f - m * h) for m in RAW.mains_hz for h in range(1, 10)], axis=0) <= 1.5
-    band = (f >= RAW.band_hz[0]) & (f <= min(RAW.band_hz[1], 0.45 * fs))
+    line = np.min([np.abs(f - m * h) for m in RAW_LIMITS.mains_hz for h in range(1, 10)], axis=0) <= 1.5
+    band = (f >= RAW_LIMITS.band_hz[0]) & (f <= min(RAW_LIMITS.band_hz[1], 0.45 * fs))
     total = own[:, band].sum(axis=1)
     hum = np.zeros(k)
-    for m in RAW.mains_hz:
+    for m in RAW_LIMITS.mains_hz:
         near = np.min([np.abs(f - m * h) for h in range(1, 6)], axis=0) <= 1.5
         # The muscle's own power at the mains' frequencies is taken to be its mean power elsewhere in the band.
         beside = own[:, band & ~line].mean(axis=1, keepdims=True)
@@ -147,14 +144,15 @@ def _median_frequency(x: np.ndarray, fs: float) -> float:
 
     It is NaN if the muscle is then hardly more active than in the rest.
     """
-    f, _, power = signal.spectrogram(x, fs, nperseg=round(RAW.spectrum_window_s * fs), detrend="constant")
+    f, _, power = signal.spectrogram(x, fs, nperseg=round(RAW_LIMITS.spectrum_window_s * fs), detrend="constant")
     line = (
-        np.min([np.abs(f - m * h) for m in RAW.mains_hz for h in range(1, 10)], axis=0) <= 0.75 / RAW.spectrum_window_s
+        np.min([np.abs(f - m * h) for m in RAW_LIMITS.mains_hz for h in range(1, 10)], axis=0)
+        <= 0.75 / RAW_LIMITS.spectrum_window_s
     )
-    kept = (f >= RAW.band_hz[0]) & (f <= min(RAW.band_hz[1], 0.45 * fs))
+    kept = (f >= RAW_LIMITS.band_hz[0]) & (f <= min(RAW_LIMITS.band_hz[1], 0.45 * fs))
     loud = power[kept & ~line].sum(axis=0)
     rest, work = np.quantile(loud, (0.25, 0.75))
-    if not work > RAW.min_active_power_ratio * rest:
+    if not work > RAW_LIMITS.min_active_power_ratio * rest:
         return np.nan
     mean = power[:, loud >= work].mean(axis=1)
     # The muscle's own power at the mains' frequencies is interpolated from the neighbouring ones.

@@ -19,24 +19,22 @@ muscles hardly determine the activation of a synergy, a ridge limits it: the var
    2007.
 .. [4] A. B. Owen, P. O. Perry, "Bi-cross-validation of the SVD and the nonnegative matrix factorization", Annals of
    Applied Statistics 3, 2009.
+
+Muscle synergies from arrays of envelopes.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
 from ..._tabular import data_frame, html_table, text_table
-from .adaptive_correction import AdaptiveCorrection, fit_adaptive_correction
 from .cross_validation import block_folds
-from .features import FeatureSet, compute_features
-from .hill import HillChoice, HillMap, fit_hill
-from .torque_trial import TorqueTrial
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ class SynergySettings:
     fold_gap_s: float = 0.2  # Gap between fitted and test samples [s]. Chosen by judgement.
 
 
-SYNERGY = SynergySettings()
+SYNERGY_FIT = SynergySettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +101,11 @@ class SynergyCount:
 
     @property
     def enough(self) -> int:
-        """Smallest number whose held-out VAF reaches `SYNERGY.min_vaf`, and each muscle's `SYNERGY.min_muscle_vaf`.
+        """Smallest number whose held-out VAF reaches `min_vaf` of `SYNERGY_FIT`, and each muscle's `min_muscle_vaf`.
 
         It is the largest number if none does.
         """
-        reached = np.flatnonzero((self.heldout >= SYNERGY.min_vaf) & (self.least >= SYNERGY.min_muscle_vaf))
+        reached = np.flatnonzero((self.heldout >= SYNERGY_FIT.min_vaf) & (self.least >= SYNERGY_FIT.min_muscle_vaf))
         return int(self.numbers[reached[0]] if reached.size else self.numbers[-1])
 
     @property
@@ -117,7 +115,7 @@ class SynergyCount:
 
 
 def find_synergies(
-    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = SYNERGY.min_muscles
+    envelopes: np.ndarray, muscles: Sequence[str], number: int, *, min_muscles: int = SYNERGY_FIT.min_muscles
 ) -> Synergies:
     """Factor envelopes, shape (n, m) [1], into a `number` of synergies."""
     from sklearn.decomposition import NMF
@@ -130,9 +128,9 @@ def find_synergies(
         number,
         init="nndsvda",
         solver="cd",
-        max_iter=SYNERGY.max_iterations,
+        max_iter=SYNERGY_FIT.max_iterations,
         tol=1e-4,
-        random_state=SYNERGY.seed,
+        random_state=SYNERGY_FIT.seed,
     )
     with warnings.catch_warnings():
         # The factors then hardly change any more. Their last digits do not matter.
@@ -154,7 +152,7 @@ def count_synergies(
     heldout: np.ndarray | None = None,
     most: int = 8,
     *,
-    min_muscles: int = SYNERGY.min_muscles,
+    min_muscles: int = SYNERGY_FIT.min_muscles,
 ) -> SynergyCount:
     """Return the variance that each number of synergies explains, up to `most`.
 
@@ -166,7 +164,8 @@ def count_synergies(
         parts = [(e, require_envelopes(heldout, muscles, min_muscles))]
     else:
         parts = [
-            (e[fitted], e[judged]) for fitted, judged in block_folds(time, SYNERGY.block_count, SYNERGY.fold_gap_s)
+            (e[fitted], e[judged])
+            for fitted, judged in block_folds(time, SYNERGY_FIT.block_count, SYNERGY_FIT.fold_gap_s)
         ]
     numbers = np.arange(1, min(most, len(muscles) - 1) + 1)
     rows = []
@@ -212,7 +211,7 @@ def similarity(one: Synergies, other: Synergies) -> tuple[float, np.ndarray]:
 
 def chance_similarity(one: Synergies, other: Synergies, draws: int = 200, level: float = 0.95) -> float:
     """Return the quantile at `level` of the similarity of `one` to `other` with its weights permuted at random."""
-    rng = np.random.default_rng(SYNERGY.seed)
+    rng = np.random.default_rng(SYNERGY_FIT.seed)
     found = []
     for _ in range(draws):
         mixed = np.array([rng.permutation(row) for row in other.weights])
@@ -257,7 +256,7 @@ def solve_non_negative(a: np.ndarray, b: np.ndarray, ridge: float = 0.0) -> np.n
 
 
 def require_envelopes(
-    envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = SYNERGY.min_muscles
+    envelopes: np.ndarray, muscles: Sequence[str], min_muscles: int = SYNERGY_FIT.min_muscles
 ) -> np.ndarray:
     """Return envelopes as an array, shape (n, m), or refuse those that cannot be factored."""
     e = np.asarray(envelopes, float)
@@ -418,78 +417,3 @@ def _envelope_table(envelopes, muscles: Sequence[str] | None) -> tuple[np.ndarra
     if len(names) != table.shape[1]:
         raise IdentificationError(f"synergies: found {len(names)} names for {table.shape[1]} columns, expected as many")
     return table, names
-
-
-CORRECTION_FEATURES = FeatureSet(velocities=True)
-"""Features of the correction: EMG, the joint's angle and its velocity."""
-
-WEAK_ANATOMY_WEIGHT = 1e-3
-"""Weight of the anatomical prior. The original has bounds alone; this weight suffices to make parameters unique."""
-
-
-@dataclass(frozen=True, eq=False)
-class CorrectedMap:
-    """An estimator whose errors are learnt online."""
-
-    name: str
-    base: HillMap
-    correction: AdaptiveCorrection = field(repr=False)
-    causal: bool = False
-
-    @property
-    def choice(self) -> HillChoice:
-        """Choice of the corrected estimator."""
-        return replace(self.base.choice, words=f"{self.base.choice.words}; errors learnt from the torque so far")
-
-    def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Predict the torque of a trial, shape (n,) [N m]. Each sample uses the torque measured before it."""
-        x = compute_features(trial, CORRECTION_FEATURES, causal=self.causal).x
-        return self.correction.correct(x, self.base.predict(trial), trial.torque, trial.fs)
-
-
-@dataclass(frozen=True, eq=False)
-class UncoupledMap:
-    """Muscles that do not see the angles of neighbouring joints."""
-
-    name: str
-    base: HillMap
-
-    @property
-    def choice(self) -> HillChoice:
-        """Choice of the muscles."""
-        return self.base.choice
-
-    def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Predict the torque of a trial, shape (n,) [N m]."""
-        return self.base.predict(uncouple_trial(trial))
-
-
-def uncouple_trial(trial: TorqueTrial) -> TorqueTrial:
-    """Return the trial with the joint's own angle alone, and with lengths and moment arms of the model."""
-    muscles = None if trial.muscles is None else replace(trial.muscles, recorded={})
-    return replace(trial, angles={trial.joint: trial.angles[trial.joint]}, muscles=muscles)
-
-
-def fit_nmco(trials: Sequence[TorqueTrial], name: str, causal: bool) -> HillMap:
-    """Fit NM-CO to `trials`, under `name`; `causal` filters use the past alone."""
-    return fit_hill(
-        trials, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="swarm", weighs_trials=False
-    )
-
-
-def fit_nmcoa(trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
-    """Fit NM-COA to `trials`, under `name`; `causal` filters use the past alone."""
-    base = fit_nmco(trials, name, causal)
-    parts = [(compute_features(t, CORRECTION_FEATURES, causal=causal).x, t.torque - base.predict(t)) for t in trials]
-    return CorrectedMap(name, base, fit_adaptive_correction(parts), causal)
-
-
-def fit_nmnc(trials: Sequence[TorqueTrial], name: str, causal: bool) -> UncoupledMap:
-    """Fit NM-NC to `trials`, under `name`; `causal` filters use the past alone."""
-    alone = [uncouple_trial(t) for t in trials]
-    return UncoupledMap(
-        name,
-        fit_hill(
-            alone, name=name, causal=causal, weights=(WEAK_ANATOMY_WEIGHT,), method="descent", weighs_trials=False
-        ),
-    )

@@ -36,7 +36,7 @@ class MapFitting:
     max_scored_samples: int = 6000
 
 
-FITTING = MapFitting()
+MAP_FITTING = MapFitting()
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,10 @@ def fit_torque_maps(
     share of all jobs that is done.
     """
     order = sorted(range(len(jobs)), key=lambda i: _job_order_key(jobs[i].name))
-    size = sum(min(sum(len(trial) for trial in job.trials), FITTING.max_choice_samples) for job in jobs)
+    size = sum(min(sum(len(trial) for trial in job.trials), MAP_FITTING.max_choice_samples) for job in jobs)
     made = results_with_helpers(
         [(_run_job, jobs[i]) for i in order],
-        1 if size < FITTING.min_parallel_samples else workers,
+        1 if size < MAP_FITTING.min_parallel_samples else workers,
         lambda i, share: begun(order[i], share),
     )
     return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
@@ -196,7 +196,7 @@ class _StackedTrials:
         self.neighbours = len(trials[0].angles) > 1
         self.thinned, self.tried = (
             np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most)))
-            for most in (FITTING.max_fitted_samples, FITTING.max_choice_samples)
+            for most in (MAP_FITTING.max_fitted_samples, MAP_FITTING.max_choice_samples)
         )
         self._made: dict[FeatureSet, Features] = {}
 
@@ -208,7 +208,7 @@ class _StackedTrials:
             return grouped_folds(groups)
         if len(self.trials) > 1:
             return grouped_folds(self.member)
-        return block_folds(self.trials[0].time, FITTING.block_count, FITTING.fold_gap_s)
+        return block_folds(self.trials[0].time, MAP_FITTING.block_count, MAP_FITTING.fold_gap_s)
 
     def features(self, chosen: FeatureSet) -> Features:
         """Return the features of all trials."""
@@ -254,7 +254,7 @@ def _cross_validate_settings(
     """Return the score of each of `settings` out of fold, over all samples, and its RMSE with trials weighed."""
     seen = stack.features(chosen)
     predicted = np.full((len(settings), len(stack.torque)), np.nan)
-    every = -(-len(stack.torque) // FITTING.max_scored_samples)
+    every = -(-len(stack.torque) // MAP_FITTING.max_scored_samples)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         rows = scored[::every]

@@ -1,4 +1,21 @@
-"""Scikit-learn estimator of torque from arrays of EMG and motion, by any of the methods."""
+r"""Scikit-learn estimator of torque from arrays of EMG and motion, by any of the methods.
+
+Standardised features: mean 0 and variance 1, and 0 everywhere for a feature that does not vary.
+
+Moving average of an estimator's output. Trees need it, since their output changes in steps.
+
+Weights of trials by a model of an estimator's errors, so that the trial with the largest torques does not decide.
+
+Strengths, moment arms and inverse dynamics err by a share of the torque. Marker noise and passive tissue add an error
+that is there at any torque. The variance of the error in trial i is therefore taken as
+
+.. math:: \sigma_i^2 \propto s_i^2 + (b \, \max_k s_k)^2 ,
+
+with :math:`s_i` the standard deviation of the trial's reference torque. A sample of trial i has the weight
+:math:`1/\sigma_i^2`, as in weighted least squares. Weights are scaled to a mean of 1 over all samples, so that a
+penalty or a prior means the same with and without them. Fitting and choosing by the weighted error is then close to the
+mean of the trials' own unexplained shares of variance. The floor keeps a trial in which nothing moves from deciding.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,16 @@
-"""One trial of a torque map: envelopes, joint angles and the reference torque on one clock."""
+"""One trial of a torque map: envelopes, joint angles and the reference torque on one clock.
+
+Torque that a wearer applies to an orthosis, from the orthosis's own torque and the inertia and weight of both.
+
+With limb and orthosis moving as one, the strap's torque cancels between them:
+
+    tau_k = (I_e + I_k) q'' + (b_e + b_k) q' + G_e sin(q - z_e) + G_k sin(q - z_k) - tau_e
+
+with z the angles at which they hang. Dry friction is left out, because in a hold it can take any value up to its level.
+The wearer counteracts: when holding still at q = 0, tau_k = -tau_e.
+
+Sources of the lengths, moment arms and constants of a trial's muscles, and the EMG that drives each muscle.
+"""
 
 from __future__ import annotations
 

@@ -1,10 +1,26 @@
-"""Fill in the activation of a muscle without an electrode, and score each filling method on recorded muscles.
+r"""Fill in the activation of a muscle without an electrode, and score each filling method on recorded muscles.
 
 For the score, a recorded electrode is removed from the test recordings. Each method then predicts the activation of its
 muscle, which is compared with the activation by the recorded EMG. Activations can be compared for methods that predict
 an envelope as well as for those that find an activation from a torque. Some methods see the measured torque of the test
 samples (marked "told" in tables). The others see EMG and angles alone; only for those is the resulting torque a
 meaningful test.
+
+Muscles across the joints that never had an electrode, excited by the synergies of the recorded muscles.
+
+Synergies of the recorded excitations are found in the fitted trials (`synergies`), as many as account for the required
+share of their variance. With H their activations, a muscle without an electrode is excited by
+:math:`u_m = \sum_k w_{mk} h_k`. The weights minimise the torque that calibrated muscles leave unexplained,
+
+.. math::
+   \min_{0 \le w \le 1} \sum_j \frac{1}{s_j^2}\sum_t \left(\tau_j - \hat\tau_j - \sum_m r_{jm} F_m(u_m)\right)^2
+
+[1]_, with constants from anatomy and the calibrated muscles' lags. Such muscles are added only if they improve the
+prediction of parts of the fitted trials that are left out in turn, by more than the standard error of the difference.
+On fitted samples any added muscle reduces the error.
+
+.. [1] M. Sartori, L. Gizzi, D. G. Lloyd, D. Farina, "A musculoskeletal model of human locomotion driven by a low
+   dimensional set of impulsive excitation primitives", Front. Comput. Neurosci. 7, 2013.
 """
 
 from __future__ import annotations
@@ -24,7 +40,7 @@ from .features import filter_and_differentiate
 from .hill import AssistedMuscles, HillMap, HillTogether, TrialByJoint, make_folds
 from .muscle_trials import count_warm_up_samples, make_muscle_samples_across
 from .neural_network import Ridge
-from .synergies import SYNERGY, Synergies, find_synergies, r_squared, vaf
+from .synergies import SYNERGY_FIT, Synergies, find_synergies, r_squared, vaf
 from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial
 
 FILLING_METHODS: Mapping[str, str] = {
@@ -60,7 +76,7 @@ class FillingSettings:
     weight_step: float = 0.1
 
 
-FILLING = FillingSettings()
+FILLING_FIT = FillingSettings()
 
 
 @dataclass(frozen=True)
@@ -159,9 +175,9 @@ def choose_trust(fitted: CalibratedMuscleSet, trials: Sequence[TrialByJoint]) ->
     """Choose the weights with which the activations of removed muscles are best predicted, on the fitted trials."""
     scale = torque_standard_deviations(trials)
     seen = [(trial, *make_assisted_muscles(fitted, trial, scale)) for trial in trials]
-    best = (np.inf, AssistanceWeights(FILLING.trusts[-1], FILLING.efforts[-1]))
-    for trust in FILLING.trusts:
-        for effort in FILLING.efforts:
+    best = (np.inf, AssistanceWeights(FILLING_FIT.trusts[-1], FILLING_FIT.efforts[-1]))
+    for trust in FILLING_FIT.trusts:
+        for effort in FILLING_FIT.efforts:
             missed = 0.0
             for trial, muscles, own in seen:
                 kept = count_warm_up_samples(_any_joint_trial(trial))
@@ -206,7 +222,7 @@ def score_filling_methods(
             for way in FILLING_METHODS:
                 torque, plain = None, way.removesuffix("_assisted")
                 if way in ("assisted", "static"):
-                    how = FILLING.fixed_trust if way == "static" else trust.trust
+                    how = FILLING_FIT.fixed_trust if way == "static" else trust.trust
                     predicted = muscles.find_activations(its_own, trust=how, effort=trust.effort)[at, own]
                 elif plain == "synergies" and not filling.grouped:
                     continue
@@ -245,7 +261,7 @@ class EnvelopeFiller:
     @property
     def grouped(self) -> bool:
         """Whether there are enough muscles for synergies without one of them."""
-        return len(self.channels) > SYNERGY.min_muscles
+        return len(self.channels) > SYNERGY_FIT.min_muscles
 
     def fill_in(self, trial: TrialByJoint, lost: Sequence[str], way: str = "synergies") -> dict[str, TorqueTrial]:
         """Return a recording with its `lost` channels filled in by the method `way`; their own EMG is not used."""
@@ -277,9 +293,9 @@ class EnvelopeFiller:
         x, y = self._known[:, seen], self._known[:, at]
         missed = [
             sum(_squared_error(Ridge(p).fit(x[f], y[f]).predict(x[g]), y[g]) for f, g in self._folds)
-            for p in FILLING.penalties
+            for p in FILLING_FIT.penalties
         ]
-        return Ridge(FILLING.penalties[int(np.argmin(missed))]).fit(x, y)
+        return Ridge(FILLING_FIT.penalties[int(np.argmin(missed))]).fit(x, y)
 
     def _choose_synergies(self, at: int, seen: tuple[int, ...]) -> Synergies:
         """Return the synergies whose number best predicts muscle `at` from those `seen`, by cross-validation."""
@@ -319,7 +335,7 @@ def _make_folds(trials: Sequence[TorqueTrial]) -> list[Fold]:
     """Return folds of whole trials, or of blocks of a single one."""
     if len(trials) > 1:
         return grouped_folds([name for i, t in enumerate(trials) for name in [str(i)] * len(t)])
-    return block_folds(trials[0].time, SYNERGY.block_count, SYNERGY.fold_gap_s)
+    return block_folds(trials[0].time, SYNERGY_FIT.block_count, SYNERGY_FIT.fold_gap_s)
 
 
 def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial) -> np.ndarray:
@@ -335,10 +351,12 @@ def _cycle_mean(channel: str, trials: Sequence[TorqueTrial], judged: TorqueTrial
         return np.arctan2(-rate / speed, (angle - middle) / size)
 
     known = np.concatenate([t.envelopes[channel] for t in trials])
-    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * FILLING.phase_bin_count).astype(int) % FILLING.phase_bin_count
-    count = np.bincount(place, minlength=FILLING.phase_bin_count)
-    mean = np.bincount(place, known, minlength=FILLING.phase_bin_count) / np.maximum(count, 1)
-    centre = -np.pi + (np.arange(FILLING.phase_bin_count) + 0.5) * 2.0 * np.pi / FILLING.phase_bin_count
+    place = ((phase(q, v) + np.pi) / (2.0 * np.pi) * FILLING_FIT.phase_bin_count).astype(
+        int
+    ) % FILLING_FIT.phase_bin_count
+    count = np.bincount(place, minlength=FILLING_FIT.phase_bin_count)
+    mean = np.bincount(place, known, minlength=FILLING_FIT.phase_bin_count) / np.maximum(count, 1)
+    centre = -np.pi + (np.arange(FILLING_FIT.phase_bin_count) + 0.5) * 2.0 * np.pi / FILLING_FIT.phase_bin_count
     met = count > 0
     return np.interp(phase(*moved[-1]), centre[met], mean[met], period=2.0 * np.pi)
 
@@ -407,9 +425,9 @@ class UnrecordedMuscles:
         columns = []
         for i in range(m * k):
             one = np.zeros(m * k)
-            one[i] = FILLING.weight_step
+            one[i] = FILLING_FIT.weight_step
             columns.append(
-                self._active_torque(activations, bare, one.reshape(m, k))[:, at].ravel() / FILLING.weight_step
+                self._active_torque(activations, bare, one.reshape(m, k))[:, at].ravel() / FILLING_FIT.weight_step
             )
         return lsq_linear(np.array(columns).T, left[:, at].ravel(), (0.0, 1.0)).x.reshape(m, k)
 
@@ -429,7 +447,7 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
     }
     samples = fit.fit.problem.samples
     excitation = np.maximum(samples.data.excitation, 0.0)
-    if not source or len(known) < SYNERGY.min_muscles:
+    if not source or len(known) < SYNERGY_FIT.min_muscles:
         return None
     # The activation dynamics of such a muscle are unknown. They are the mean of the calibrated muscles'.
     calibrated = fit.fit.muscles
@@ -444,7 +462,7 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
     relative = excitation.T / top
     for number in range(1, len(known)):
         synergies = find_synergies(relative, tuple(known), number)
-        if vaf(relative, synergies.reconstruct(relative)) >= SYNERGY.min_vaf:
+        if vaf(relative, synergies.reconstruct(relative)) >= SYNERGY_FIT.min_vaf:
             break
     made = UnrecordedMuscles(fit, unrecorded, synergies, top, np.zeros((len(source), len(synergies))))
     activations, (bare, own) = made._synergy_activations(samples), made._unexcited_samples(trials)

@@ -1,4 +1,9 @@
-"""The constants of each muscle that come from a model's file and not from a recording."""
+"""The constants of each muscle that come from a model's file and not from a recording.
+
+Read the constants of muscles from OpenSim models.
+
+Read CEINMS subjects: XML with the constants of each muscle, the joints that it moves and the EMG that excites it.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,10 @@
 
 The other program's format has no place for some of the numbers. The remark holds every number, so that the muscles are
 restored to the bit. If a number in the file's own elements was changed afterwards, the changed number counts.
+
+Write an OpenSim model with changed constants of some muscles, and every other byte unchanged.
+
+Write calibrated muscles as a CEINMS subject: their constants, the joints that they move and their excitations.
 """
 
 from __future__ import annotations

@@ -16,6 +16,18 @@ Envelopes are relative to a maximal contraction [1]_.
 
 .. [1] D. G. Lloyd, T. F. Besier, "An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
    in vivo", J. Biomech. 36, 2003.
+
+Quantities of muscles that a calibration may change: physiological bounds and the variation between people.
+
+EMG envelopes and a joint's torque do not determine every parameter of every muscle. Each parameter therefore has a
+prior: its anatomical value, with the standard deviation among people. A parameter that the recording determines moves
+freely within its bounds; any other stays near its anatomical value.
+
+Anatomical priors of muscles that are calibrated across several joints: correlated strengths and a common delay.
+
+The muscles of a functional group are strong or weak together, so their strengths are correlated among people. All
+muscles share one shape of activation, one delay and, unless cross-validation prefers more, one time constant. The time
+from an envelope to the force lies between 10 and 100 ms; it is the sum of a pure delay and two first-order lags.
 """
 
 from __future__ import annotations
@@ -137,7 +149,7 @@ class SearchSettings:
     anatomy_weight: float = 0.01  # Default of lambda, the weight of anatomy
 
 
-SEARCH = SearchSettings()
+FIT_SEARCH = SearchSettings()
 
 
 PASSIVE_TISSUE_PARAMETERS = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40.0, 10.0),
@@ -183,7 +195,7 @@ class MuscleProblem:
         *,
         quantities: Sequence[str] = DEFAULT_QUANTITIES,
         passive: bool = True,
-        weight: float = SEARCH.anatomy_weight,
+        weight: float = FIT_SEARCH.anatomy_weight,
         priors: Sequence[Prior] | None = None,
         hold: np.ndarray | None = None,
     ):
@@ -340,8 +352,8 @@ class MuscleFit:
     @property
     def at_bound(self) -> np.ndarray:
         """Whether each parameter ended on a bound, or too close to it to be distinguished from it, shape (p,)."""
-        return (self.z <= self.problem.lower + SEARCH.at_bound_distance) | (
-            self.z >= self.problem.upper - SEARCH.at_bound_distance
+        return (self.z <= self.problem.lower + FIT_SEARCH.at_bound_distance) | (
+            self.z >= self.problem.upper - FIT_SEARCH.at_bound_distance
         )
 
     def predict(self, samples: MuscleSamples) -> np.ndarray:
@@ -353,7 +365,7 @@ def solve_calibration(
     problem: MuscleProblem,
     *,
     method: str = "least_squares",
-    starts: int = SEARCH.start_count,
+    starts: int = FIT_SEARCH.start_count,
     iterations: int | None = None,
     near: np.ndarray | None = None,
 ) -> MuscleFit:
@@ -365,13 +377,13 @@ def solve_calibration(
         raise IdentificationError(
             f"calibration: found the method {method!r}, expected one of {', '.join(CALIBRATION_METHODS)}"
         )
-    began, rng = time.perf_counter(), np.random.default_rng(SEARCH.seed)
+    began, rng = time.perf_counter(), np.random.default_rng(FIT_SEARCH.seed)
     low, high = problem.lower, problem.upper
     first = np.clip(np.zeros(len(low)) if near is None else near, low, high)
     if method == "least_squares":
         begin = [first, *(np.clip(rng.normal(0.0, 0.7, len(low)), low, high) for _ in range(starts - 1))]
         most = iterations or 60
-        found = [_descend(problem, z, SEARCH.screening_evaluations if starts > 1 else most) for z in begin]
+        found = [_descend(problem, z, FIT_SEARCH.screening_evaluations if starts > 1 else most) for z in begin]
         evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
         end = found[int(np.argmin(costs))]
         if starts > 1 and not end.converged:
@@ -393,7 +405,12 @@ def solve_calibration(
 def _descend(problem: MuscleProblem, start: np.ndarray, iterations: int) -> Descent:
     """Run bounded least squares from one start."""
     return bounded_least_squares(
-        problem.equations, start, problem.lower, problem.upper, iterations=iterations, tolerance=SEARCH.cost_tolerance
+        problem.equations,
+        start,
+        problem.lower,
+        problem.upper,
+        iterations=iterations,
+        tolerance=FIT_SEARCH.cost_tolerance,
     )
 
 
@@ -422,7 +439,7 @@ class DelayBounds:
     offset_spread_s: float = 0.1  # Prior standard deviation of that offset around 0
 
 
-DELAYS = DelayBounds()
+DELAY_BOUNDS = DelayBounds()
 
 
 @dataclass(frozen=True)
@@ -436,12 +453,12 @@ class Timing:
     def pure(self, period: float) -> float:
         """Return the longest pure delay [s] for a sampling `period` [s], so that delay and lags stay below 100 ms."""
         pole = np.exp(-period / self.longest_lag)
-        return DELAYS.max_total_s - 2.0 * period * float(pole / (1.0 - pole)) - DELAYS.rounding_s
+        return DELAY_BOUNDS.max_total_s - 2.0 * period * float(pole / (1.0 - pole)) - DELAY_BOUNDS.rounding_s
 
     @property
     def ahead(self) -> float:
         """Time by which envelopes are advanced before they are delayed, so that a late stream has a short delay [s]."""
-        return -DELAYS.offset_bounds_s[0] if self.offset else 0.0
+        return -DELAY_BOUNDS.offset_bounds_s[0] if self.offset else 0.0
 
     @property
     def words(self) -> str:
@@ -479,15 +496,15 @@ def _timing_priors(names: tuple[str, ...], timing: Timing, period: float) -> lis
     of = [(f"time_constant.{name}", (name,)) for name in names] if timing.own else [("time_constant", names)]
     lags = [
         Prior(
-            FreeParameter(name, "time_constant", driven, DELAYS.min_lag_s, most),
-            0.5 * (DELAYS.min_lag_s + most),
+            FreeParameter(name, "time_constant", driven, DELAY_BOUNDS.min_lag_s, most),
+            0.5 * (DELAY_BOUNDS.min_lag_s + most),
             spread,
         )
         for name, driven in of
     ]
-    first, last = DELAYS.min_total_s, timing.pure(period)
+    first, last = DELAY_BOUNDS.min_total_s, timing.pure(period)
     middle, spread = 0.5 * (first + last), QUANTITY_FREEDOMS["delay"].spread
     if timing.offset:
-        first, last, middle = 0.0, last + timing.ahead + DELAYS.offset_bounds_s[1], middle + timing.ahead
-        spread = DELAYS.offset_spread_s
+        first, last, middle = 0.0, last + timing.ahead + DELAY_BOUNDS.offset_bounds_s[1], middle + timing.ahead
+        spread = DELAY_BOUNDS.offset_spread_s
     return [*lags, Prior(FreeParameter("delay", "delay", names, first, last), middle, spread)]

@@ -1,8 +1,38 @@
-"""Posterior of an isolated muscle's length offset, while the constants of the muscle model may be wrong.
+r"""Posterior of an isolated muscle's length offset, while the constants of the muscle model may be wrong.
 
 The force along a recording is computed on a grid of length offsets, with its derivative with respect to the logarithm
 of each constant. The effect of a wrong constant enters as neglected physics (``marginal_likelihood``). A muscle has the
 same force on both sides of its optimal length, so walkers start at every offset that the grid finds probable.
+
+Information that a recording contains on calibrated muscles: covariance, cost profiles and verdicts.
+
+With J the Jacobian of the errors in the cost, S the long-run covariance of the scores (errors are coloured) and
+:math:`\lambda` the weight of anatomy, the covariance of an estimate is the sum of the effects of noise and of the
+prior:
+
+.. math::
+   C = H^{-1} (S + \lambda^4 I) H^{-1}, \qquad H = J^T J + \lambda^2 I
+
+in squared standard deviations among people, so that 1 is the variance without any recording. For coupled priors the
+inverse of their correlation matrix replaces I.
+
+Posterior of calibrated muscles: the anatomical prior combined with one person's recordings.
+
+The parameters z are standard deviations from anatomy, within bounds and coupled by `coupled_priors`. The rows are those
+of the calibration: each joint's error divided by the standard deviation of its reference. Their variance is enlarged
+for autocorrelation by :math:`\hat v = \operatorname{median}_i S_{ii}/(J^T J)_{ii}`, with S the scores' covariance. A
+calibration chooses the weight of anatomy by cross-validation; here anatomy has its own weight, the variation between
+people. The quantities that all muscles share (`SHARED_QUANTITIES`), which a calibration keeps fixed, are free too.
+
+A recording hardly determines most parameters, and many would end on a bound. Therefore the sampler draws u, and z is
+the quantile of the bounded normal distribution that corresponds to u:
+
+.. math::
+   z = \Phi^{-1}\left(\Phi(a) + (\Phi(b) - \Phi(a))\,\Phi(u)\right)
+
+The prior of each u is then a standard normal distribution without bounds, and the posterior is nearly normal around its
+mode. The number :math:`q` of ``marginal_likelihood`` counts only the parameters that the recording determines: those
+that anatomy determines use up no degrees of freedom.
 """
 
 from __future__ import annotations
@@ -248,7 +278,7 @@ class PosteriorSettings:
     max_normal_deviation: float = 6.0
 
 
-POSTERIOR = PosteriorSettings()
+POSTERIOR_DRAWS = PosteriorSettings()
 
 
 class _Anatomy(Prior):
@@ -282,7 +312,7 @@ class CalibrationPosterior(Posterior):
 
     def torques(self, samples: MuscleSamples) -> np.ndarray:
         """Predict the torque of some draws, shape (k, n) or (k, j, n) [N m]; the samples' own torque is not used."""
-        some = self.draws[:: max(1, len(self.draws) // POSTERIOR.predicted_draw_count)]
+        some = self.draws[:: max(1, len(self.draws) // POSTERIOR_DRAWS.predicted_draw_count)]
         return np.array([self.problem.torque(z, samples) for z in map(self.problem.deviations, some)])
 
 
@@ -306,8 +336,8 @@ class _Bounded:
         low, wide = self._ends
         return np.clip(
             ndtri(np.clip((ndtr(z) - low) / wide, 0.0, 1.0)),
-            -POSTERIOR.max_normal_deviation,
-            POSTERIOR.max_normal_deviation,
+            -POSTERIOR_DRAWS.max_normal_deviation,
+            POSTERIOR_DRAWS.max_normal_deviation,
         )
 
     def log_slope(self, u: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -362,7 +392,7 @@ class _Density:
             cost = 0.5 * float(error @ error) / noise.variance + 0.5 * float(u @ u + at @ coupled @ at)
             return cost, rows @ error / noise.variance + u + gain * (coupled @ at), normal
 
-        far = np.full(p, POSTERIOR.max_normal_deviation)
+        far = np.full(p, POSTERIOR_DRAWS.max_normal_deviation)
         end = bounded_least_squares(equations, np.clip(bounded.u(z), -2.0, 2.0), -far, far)
         covariance = np.zeros((p + 1, p + 1))
         covariance[:p, :p] = np.linalg.inv(end.normal)
@@ -379,7 +409,7 @@ def calibration_posterior(fit: MuscleFit, *, level: float = 0.95, title: str = "
     """Return the posterior of calibrated muscles, in their units; `sampling` is passed to `drawn_by_gradients`."""
     problem, z = _with_common(fit)
     # R is the smallest residual over all parameters; the full weight of anatomy would prevent the fit from reaching it.
-    least = solve_calibration(problem.held_by(POSTERIOR.weak_anatomy_weight), starts=1, near=z).z
+    least = solve_calibration(problem.held_by(POSTERIOR_DRAWS.weak_anatomy_weight), starts=1, near=z).z
     data, scores, freedom = recording_information(fit)
     told = np.diag(data) > 0.0
     variance = float(np.median(np.diag(scores)[told] / np.diag(data)[told]))

@@ -2,6 +2,10 @@
 
 The core steps it (``include/pellucid/emg_estimator.hpp``): live from Python, in batches and off the PC, always the same
 code.
+
+Catalogue of the faults that a live estimator of torque reports: words, and whether the estimate is still good.
+
+The core's ``emg_estimator.hpp`` has their names and their order, from the least to the gravest.
 """
 
 from __future__ import annotations

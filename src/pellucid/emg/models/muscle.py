@@ -6,6 +6,13 @@ r"""One muscle over arrays: force from activation, length and velocity, on a rig
 
 The physics is the core's (``include/pellucid/muscle.hpp``, ``elastic_muscle.hpp``, ``activation.hpp``); muscles of a
 joint whose numbers are identified are `hill.HillMuscle`.
+
+Calibrated muscles as a card's settings: all their numbers in SI, what drives each, the joints that they move.
+
+A card's parameters are what was fitted, as factors of an anatomical model; who exports or simulates needs the muscles
+themselves. Keys of ``settings``: ``joints`` and ``muscles`` (names between commas), ``muscle.<muscle>.<quantity>`` for
+every quantity of the core, ``driven.<muscle>`` (EMG channels whose mean drives it), ``tissue.<joint>.<number>`` for the
+joint's own offset, stiffness and damping, and ``effort``, what an envelope of 1 is of a maximal contraction.
 """
 
 from __future__ import annotations

@@ -9,6 +9,24 @@ Length is a tensor product of cubic splines, the rest its derivatives, so that m
 Beyond a table's angles length goes on straight. Tables ship with the package (``data/``), each with its source and
 licence; ``examples/muscle_geometry_tables.py`` makes them again. Angles have the model's own signs: in gait2392 hip
 flexion, knee *extension* (0 straight) and ankle dorsiflexion are positive.
+
+Functions of a model's coordinates, with their slopes: where a joint moves, what a coupled coordinate does.
+
+Length of a muscle with its tendon as a polynomial of the angles of the joints that it crosses.
+
+.. math::
+   l = \sum_t c_t \prod_k x_k^{p_{tk}}, \qquad x_k = (\theta_k - m_k) / h_k, \qquad
+   r_k = -\frac{\partial l}{\partial \theta_k}
+
+Lengths and moment arms are fitted together, so that muscle work and joint work agree, and the error is that of poses
+that were not fitted. The degree is the lowest that keeps it small. A via point that begins to act makes a model's own
+arm jump; a polynomial goes through.
+
+Length of a muscle with its tendon over one or two angles, in the form that a robot steps.
+
+Cubic splines on an even grid, :math:`l = \sum_{ij} c_{ij} B(u_1 - i) B(u_2 - j)`, straight beyond it
+(``include/pellucid/muscle_path.hpp``). A `MuscleGeometry` with even knots becomes the same function exactly; lengths
+that were recorded with angles are fitted.
 """
 
 from __future__ import annotations
@@ -254,7 +272,7 @@ class PolynomialFit:
     pose_counts: tuple[int, ...] = (0, 300, 1200, 2400)
 
 
-POLYNOMIAL = PolynomialFit()
+POLYNOMIAL_FIT = PolynomialFit()
 
 
 POLYNOMIAL_DEGREES = range(2, 13)
@@ -302,7 +320,7 @@ def fit_muscle_polynomial(
     names = tuple(ranges)
     low, high = np.array(list(ranges.values()), float).T
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    count = POLYNOMIAL.pose_counts[min(len(names), len(POLYNOMIAL.pose_counts) - 1)]
+    count = POLYNOMIAL_FIT.pose_counts[min(len(names), len(POLYNOMIAL_FIT.pose_counts) - 1)]
     # A little beyond the ends, and back onto them: errors are largest there.
     x = np.clip(1.04 * (2.0 * _halton_points(count, len(names)) - 1.0), -1.0, 1.0)
     length, arms = path(dict(zip(names, (middle + half * x).T, strict=True)))
@@ -310,16 +328,16 @@ def fit_muscle_polynomial(
     best = None
     for degree in POLYNOMIAL_DEGREES:
         powers = np.array([p for p in product(range(degree + 1), repeat=len(names)) if sum(p) <= degree])
-        if len(powers) > POLYNOMIAL.max_terms:
+        if len(powers) > POLYNOMIAL_FIT.max_terms:
             break
         rows = [_monomials(x, powers, half)] + [-_monomials(x, powers, half, (k,)) for k in range(len(names))]
-        told, scales = [length, *arms], [POLYNOMIAL.length_error_m] + [POLYNOMIAL.arm_error_m] * len(names)
+        told, scales = [length, *arms], [POLYNOMIAL_FIT.length_error_m] + [POLYNOMIAL_FIT.arm_error_m] * len(names)
         matrix = np.concatenate([r[~judged] / s for r, s in zip(rows, scales, strict=True)])
         right = np.concatenate([t[~judged] / s for t, s in zip(told, scales, strict=True)])
         coefficients = np.linalg.lstsq(matrix, right, rcond=None)[0]
         missed = [r[judged] @ coefficients - t[judged] for r, t in zip(rows, told, strict=True)]
         error = _polynomial_error(missed)
-        worst = max(error.length / POLYNOMIAL.length_error_m, error.arm / POLYNOMIAL.arm_error_m)
+        worst = max(error.length / POLYNOMIAL_FIT.length_error_m, error.arm / POLYNOMIAL_FIT.arm_error_m)
         # More terms have to be worth it.
         if best is None or worst < 0.9 * best[0]:
             found = MusclePolynomial(
@@ -373,7 +391,7 @@ class SurfaceFit:
     roughness_weight: float = 1e-6  # Weight of a fitted surface's bending: what angles seen leave open is straight
 
 
-SURFACE = SurfaceFit()
+SURFACE_FIT = SurfaceFit()
 
 
 @dataclass(frozen=True)
@@ -439,12 +457,12 @@ def sampled_surface(path: LengthOverAngles, moved: Sequence[str], held: Mapping[
     axes, at = [], []
     for angle in moved:
         low, high = path.range(angle)
-        step = (high - low) / SURFACE.sampled_cell_count
-        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SURFACE.sampled_cell_count))
+        step = (high - low) / SURFACE_FIT.sampled_cell_count
+        axes.append(SurfaceAxis(angle, 1.0, 0.0, low, step, SURFACE_FIT.sampled_cell_count))
         at.append(
             np.sort(
                 np.concatenate(
-                    (np.linspace(low, high, SURFACE.sampled_cell_count + 1), [low + 0.5 * step, high - 0.5 * step])
+                    (np.linspace(low, high, SURFACE_FIT.sampled_cell_count + 1), [low + 0.5 * step, high - 0.5 * step])
                 )
             )
         )
@@ -483,11 +501,11 @@ def _fit_surface(
     axes = []
     for (name, q), cells in zip(
         angles.items(),
-        SURFACE.fitted_cell_counts if len(arms) == 1 else SURFACE.fitted_cell_counts[:1] * 2,
+        SURFACE_FIT.fitted_cell_counts if len(arms) == 1 else SURFACE_FIT.fitted_cell_counts[:1] * 2,
         strict=False,
     ):
         low, high = float(q.min()), float(q.max())
-        more = SURFACE.range_margin_share * max(high - low, 0.1)
+        more = SURFACE_FIT.range_margin_share * max(high - low, 0.1)
         axes.append(SurfaceAxis(name, 1.0, 0.0, low - more, (high - low + 2.0 * more) / cells, cells))
     bases = [_basis(a, angles[a.angle]) for a in axes]
 
@@ -505,7 +523,7 @@ def _fit_surface(
     if len(axes) == 2:
         first, second = (np.eye(a.cells + 3) for a in axes)
         smooth = [np.kron(smooth[0], second), np.kron(first, smooth[1])]
-    weight = np.sqrt(SURFACE.roughness_weight * len(length))
+    weight = np.sqrt(SURFACE_FIT.roughness_weight * len(length))
     a = np.vstack([*rows, *(weight * s for s in smooth)])
     b = np.concatenate([*told, np.zeros(sum(len(s) for s in smooth))])
     coefficients = np.linalg.lstsq(a, b, rcond=None)[0]

@@ -5,6 +5,17 @@ r"""Where a muscle runs: through points on bodies, some of which move or come an
    r_k = -\frac{dl}{dq_k} = -\sum_i \frac{x_{i+1} - x_i}{|x_{i+1} - x_i|} \cdot \frac{d(x_{i+1} - x_i)}{dq_k}
 
 Where a muscle wraps, its tangent points are carried by the surface's body: along a shortest way that is exact.
+
+Bodies joined to each other, and where they are at given coordinates, with the exact derivatives.
+
+A joint turns its child about three axes in turn and shifts it along three, each by a function of coordinates:
+
+.. math::
+   T_{child} = T_{parent}\,F_p\,\begin{pmatrix} R(a_1, \theta_1) R(a_2, \theta_2) R(a_3, \theta_3) & \sum_i d_i b_i \\
+   0 & 1 \end{pmatrix} F_c^{-1}
+
+Pins, sliders, balls and welds are cases of it. A coordinate that a constraint couples to others follows them, in value
+and in derivative: a moment arm about the knee honours a patella that moves with it.
 """
 
 from __future__ import annotations

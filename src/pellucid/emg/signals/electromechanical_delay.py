@@ -27,7 +27,7 @@ class DelaySearch:
     min_block_s: float = 1.0  # Smallest length of such a block
 
 
-DELAY = DelaySearch()
+DELAY_SEARCH = DelaySearch()
 
 
 @dataclass(frozen=True)
@@ -89,22 +89,22 @@ def electromechanical_delay(
                 f"electromechanical_delay: found {missing.size} missing samples (NaN) in the {name}, the first at "
                 f"{missing[0] / fs:.6g} s, expected none"
             )
-    reach = round(DELAY.max_s * fs)
-    if len(x) < DELAY.block_count * DELAY.min_block_s * fs:
+    reach = round(DELAY_SEARCH.max_s * fs)
+    if len(x) < DELAY_SEARCH.block_count * DELAY_SEARCH.min_block_s * fs:
         raise RecordingError(
             f"electromechanical_delay: found {len(x) / fs:.3g} s, expected at least "
-            f"{DELAY.block_count * DELAY.min_block_s:g} s"
+            f"{DELAY_SEARCH.block_count * DELAY_SEARCH.min_block_s:g} s"
         )
     sums = _block_sums(x, y, reach)
     correlation = _correlations(sums.sum(axis=0))
     best = int(np.argmax(np.abs(correlation)))
     largest = float(abs(correlation[best]))
-    if largest < DELAY.min_correlation or best in (0, 2 * reach):
+    if largest < DELAY_SEARCH.min_correlation or best in (0, 2 * reach):
         where = ", at the end of the search" if best in (0, 2 * reach) else ""
         raise RecordingError(
             f"electromechanical_delay: found a largest correlation of {largest:.2g} at {(best - reach) / fs:.3g} s"
-            f"{where}, expected one of at least {DELAY.min_correlation:g} within {DELAY.max_s:g} s: no delay "
-            "can be told"
+            f"{where}, expected one of at least {DELAY_SEARCH.min_correlation:g} within {DELAY_SEARCH.max_s:g} s: "
+            "no delay can be told"
         )
     sign = np.sign(correlation[best])
     value = _peak(sign * correlation, reach, fs)
@@ -118,8 +118,8 @@ def _block_sums(x: np.ndarray, y: np.ndarray, reach: int) -> np.ndarray:
     """Return sums of 1, x, y, x^2, y^2 and xy at every lag of each block, shape (blocks, 6, lags)."""
     x, y = x - x.mean(), y - y.mean()
     middle = np.arange(reach, len(x) - reach)
-    made = np.empty((DELAY.block_count, 6, 2 * reach + 1))
-    for i, at in enumerate(np.array_split(middle, DELAY.block_count)):
+    made = np.empty((DELAY_SEARCH.block_count, 6, 2 * reach + 1))
+    for i, at in enumerate(np.array_split(middle, DELAY_SEARCH.block_count)):
         for j, lag in enumerate(range(-reach, reach + 1)):
             a, b = x[at], y[at + lag]
             made[i, :, j] = len(at), a.sum(), b.sum(), a @ a, b @ b, a @ b
@@ -139,7 +139,7 @@ def _peak(correlation: np.ndarray, reach: int, fs: float) -> float:
     A parabola through three samples alone follows their noise.
     """
     top = int(np.clip(np.argmax(correlation), 1, len(correlation) - 2))
-    below = np.flatnonzero(correlation < DELAY.peak_share * correlation[top])
+    below = np.flatnonzero(correlation < DELAY_SEARCH.peak_share * correlation[top])
     first = int(max(below[below < top].max(initial=-1) + 1, 0))
     last = int(min(below[below > top].min(initial=len(correlation)) - 1, len(correlation) - 1))
     half = max(min(top - first, last - top), 1)

@@ -10,6 +10,8 @@ What a chain guarantees:
   remember, and cut out afterwards: its ends are as good as its middle.
 - Where a file begins or ends, filters that run both ways see the samples mirrored there, for as long as they take to
   settle. Rectified samples are mirrored as they are, which keeps their level; raw ones about the last sample.
+
+Delay of a causal EMG chain, computed from its filters' coefficients.
 """
 
 from __future__ import annotations

@@ -29,6 +29,8 @@ The end of a burst is the onset of the same samples backwards.
 .. [2] J. F. Kaiser, "On a simple algorithm to calculate the energy of a signal", ICASSP, 1990.
 .. [3] P. Bonato, T. D'Alessio, M. Knaflitz, "A statistical method for the measurement of muscle activation intervals
    from surface myoelectric signal during gait", IEEE Transactions on Biomedical Engineering 45, 1998.
+
+Onsets of muscles from arrays of raw EMG.
 """
 
 from __future__ import annotations
@@ -75,7 +77,7 @@ class OnsetSettings:
     min_dispersion_blocks: int = 6  # With fewer blocks in a burst their energies say nothing
 
 
-ONSET = OnsetSettings()
+ONSET_SEARCH = OnsetSettings()
 
 
 RISE_TIMES_S = (0.0, *(float(rise) for rise in np.geomspace(0.02, 0.8, 15)))
@@ -131,9 +133,9 @@ def activations(
     samples: np.ndarray,
     *,
     rest: tuple[float, float] | None = None,
-    height: float = ONSET.height,
-    shortest: float = ONSET.min_burst_s,
-    pause: float = ONSET.min_pause_s,
+    height: float = ONSET_SEARCH.height,
+    shortest: float = ONSET_SEARCH.min_burst_s,
+    pause: float = ONSET_SEARCH.min_pause_s,
     level: float = 0.95,
     inside: slice | None = None,
 ) -> Activations:
@@ -157,7 +159,7 @@ def require_activity(
     samples: np.ndarray,
     *,
     rest: tuple[float, float] | None = None,
-    height: float = ONSET.height,
+    height: float = ONSET_SEARCH.height,
     inside: slice | None = None,
 ) -> None:
     """Raise the errors of `activations` without searching any onset, which takes most of its time."""
@@ -188,8 +190,8 @@ def _energy(
     part = time[inside]
     fs = (len(part) - 1) / (part[-1] - part[0])
     _require(part, samples[inside], fs)
-    band = signal.butter(3, ONSET.bandpass_hz, "bandpass", fs=fs, output="sos")
-    smoothing = signal.butter(2, ONSET.energy_lowpass_hz, fs=fs, output="sos")
+    band = signal.butter(3, ONSET_SEARCH.bandpass_hz, "bandpass", fs=fs, output="sos")
+    smoothing = signal.butter(2, ONSET_SEARCH.energy_lowpass_hz, fs=fs, output="sos")
     around = with_surroundings(samples, inside, settling_samples(band) + settling_samples(smoothing))
     own = slice(inside.start - around.start, inside.stop - around.start)
     raw, time = samples[around] - samples[inside].mean(), part
@@ -203,11 +205,11 @@ def _energy(
     busy = float(np.sqrt(np.quantile(_mean_square(passed, fs), 0.95)))
     if not rest_rms > 0.0 or np.ptp(samples[still]) == 0.0:
         raise RecordingError("found a rest without any signal, expected an amplifier's own noise there at least")
-    if busy < ONSET.min_contrast * rest_rms:
+    if busy < ONSET_SEARCH.min_contrast * rest_rms:
         raise RecordingError(
             f"found activity of {busy / rest_rms:.3g} times the RMS of rest ({time[still][0]:.4g} to "
-            f"{time[still][-1]:.4g} s), expected at least {ONSET.min_contrast:g} times: a recording with rest and "
-            "with activity"
+            f"{time[still][-1]:.4g} s), expected at least {ONSET_SEARCH.min_contrast:g} times: a recording with "
+            "rest and with activity"
         )
     return _Energy(fs, time, raw, own, passed, energy, still, rest_rms, passes)
 
@@ -227,13 +229,14 @@ def _require(time: np.ndarray, samples: np.ndarray, fs: float) -> None:
             f"found {missing.size} missing samples (NaN), the first at {time[missing[0]]:.6g} s, expected a number in "
             "every sample"
         )
-    if not fs > 2.0 * ONSET.bandpass_hz[1]:
+    low, high = ONSET_SEARCH.bandpass_hz
+    if not fs > 2.0 * high:
         raise RecordingError(
-            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * ONSET.bandpass_hz[1]:g} Hz: onset is "
-            f"found between {ONSET.bandpass_hz[0]:g} and {ONSET.bandpass_hz[1]:g} Hz"
+            f"found a rate of {fs:.4g} Hz, expected raw EMG at more than {2.0 * high:g} Hz: onset is found between "
+            f"{low:g} and {high:g} Hz"
         )
-    if time[-1] - time[0] < 2.0 * ONSET.rest_s:
-        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * ONSET.rest_s:g} s")
+    if time[-1] - time[0] < 2.0 * ONSET_SEARCH.rest_s:
+        raise RecordingError(f"found {time[-1] - time[0]:.3g} s, expected at least {2.0 * ONSET_SEARCH.rest_s:g} s")
     if np.min(samples) >= 0.0:
         raise RecordingError("found no sample below 0, as in an envelope, expected raw EMG")
 
@@ -249,10 +252,10 @@ def _stretch(time: np.ndarray, rest: tuple[float, float]) -> slice:
 
 
 def _quietest(energy: np.ndarray, fs: float) -> slice:
-    """Where the largest energy within `ONSET.rest_s` is least: a mean would forgive a twitch."""
+    """Where the largest energy within `ONSET_SEARCH.rest_s` is least: a mean would forgive a twitch."""
     from scipy.ndimage import maximum_filter1d
 
-    n = round(ONSET.rest_s * fs)
+    n = round(ONSET_SEARCH.rest_s * fs)
     most = maximum_filter1d(energy, n)[n // 2 : len(energy) - n + n // 2 + 1]
     first = int(np.argmin(most))
     return slice(first, first + n)
@@ -283,7 +286,7 @@ def _both_ways(sections: np.ndarray, samples: np.ndarray, padtype: str) -> np.nd
 def _one_way(samples: np.ndarray, fs: float, own: slice, still: slice) -> tuple[np.ndarray, np.ndarray]:
     """The `own` samples over the RMS of rest, passed forwards, and the same backwards from the end: a filter that runs
     both ways would bring a beginning forward, by its ringing."""
-    sos = signal.butter(1, ONSET.bandpass_hz, "bandpass", fs=fs, output="sos")
+    sos = signal.butter(1, ONSET_SEARCH.bandpass_hz, "bandpass", fs=fs, output="sos")
     made = signal.sosfilt(sos, samples)[own], signal.sosfilt(sos, samples[::-1])[::-1][own]
     forward, backward = (x / np.sqrt(np.mean(x[still] ** 2)) for x in made)
     return forward, backward[::-1]
@@ -308,7 +311,7 @@ def _burst(
         ChangePoint(float(ends[1]), float(ends[2]), float(ends[0])),
         float(time[first]),
         rms,
-        bool(first > ONSET.min_first_onset_s * fs),
+        bool(first > ONSET_SEARCH.min_first_onset_s * fs),
     )
 
 
@@ -317,22 +320,24 @@ def _change(x: np.ndarray, before: int, first: int, last: int, fs: float, level:
 
     The search lies around `first`, the sample that crossed the threshold, and not ahead of `before`.
     """
-    low = max(before, first - round(ONSET.search_before_s * fs))
-    after = first + round(ONSET.fitted_s * fs)
-    end = min(len(x), max(min(last + 1, after), first + round(ONSET.min_burst_s * fs)))
-    block = max(1, round(ONSET.max_block_s * fs))
+    low = max(before, first - round(ONSET_SEARCH.search_before_s * fs))
+    after = first + round(ONSET_SEARCH.fitted_s * fs)
+    end = min(len(x), max(min(last + 1, after), first + round(ONSET_SEARCH.min_burst_s * fs)))
+    block = max(1, round(ONSET_SEARCH.max_block_s * fs))
     count = (end - low) // block
     squares = (x[low : low + count * block] ** 2).reshape(count, block).sum(axis=1)
-    places = np.arange(min((first - low + round(ONSET.search_after_s * fs)) // block, count - 1))
+    places = np.arange(min((first - low + round(ONSET_SEARCH.search_after_s * fs)) // block, count - 1))
     burst = float(np.sqrt(np.mean(x[first:end] ** 2)))
-    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), ONSET.floor_count)
+    floors = np.geomspace(1.0, max(0.5 * burst, 1.0), ONSET_SEARCH.floor_count)
     size = next_fast_len(2 * count, real=True)
     spectrum = rfft(squares, size)
     since = (np.arange(count) + 0.5) * block / fs  # Time since the onset at the middle of each block [s]
     profile, likeliest = np.full(len(places), -np.inf), np.full(count, burst)
     for rise in RISE_TIMES_S:
         ramp = np.clip(since / max(rise, 0.5 * block / fs), 0.0, 1.0)
-        for floor, shape in product(floors, ONSET.rise_exponents if rise > 0.0 else ONSET.rise_exponents[:1]):
+        for floor, shape in product(
+            floors, ONSET_SEARCH.rise_exponents if rise > 0.0 else ONSET_SEARCH.rise_exponents[:1]
+        ):
             plateaus = np.maximum(PLATEAU_FACTORS * burst, floor)[:, None]
             sigma = np.sqrt(floor**2 + (plateaus**2 - floor**2) * ramp**shape)
             # Less what the floor would have said of the same samples: of all places at once.
@@ -369,11 +374,11 @@ def _energy_dispersion(x: np.ndarray, fs: float) -> float:
     """Return how many samples count as one by how much the energy of a burst varies from block to block.
 
     Independent Gaussian samples vary by their number alone. Motor units that fire a few times in a block vary more.
-    Fewer than `ONSET.min_dispersion_blocks` blocks tell nothing: 1.
+    Fewer than `ONSET_SEARCH.min_dispersion_blocks` blocks tell nothing: 1.
     """
-    length = round(ONSET.dispersion_block_s * fs)
+    length = round(ONSET_SEARCH.dispersion_block_s * fs)
     count = len(x) // length
-    if count < ONSET.min_dispersion_blocks:
+    if count < ONSET_SEARCH.min_dispersion_blocks:
         return 1.0
     energy = (x[: count * length] ** 2).reshape(count, length).mean(axis=1)
     return float(0.25 * length * np.mean(np.diff(np.log(np.maximum(energy, 1e-12))) ** 2))
@@ -385,9 +390,9 @@ def _fit_dispersion(squares: np.ndarray, expected: np.ndarray, block: int, fs: f
     A rise that no tried shape follows leaves larger differences than Gaussian samples do, so that the interval widens.
     `squares`, (n,), are sums over blocks of `block` samples; `expected`, (n,), is what the rise says of them.
     """
-    length = max(1, round(ONSET.dispersion_block_s * fs / block))
+    length = max(1, round(ONSET_SEARCH.dispersion_block_s * fs / block))
     count = len(squares) // length
-    if count < ONSET.min_dispersion_blocks:
+    if count < ONSET_SEARCH.min_dispersion_blocks:
         return 1.0
     found, said = (each[: count * length].reshape(count, length).sum(axis=1) for each in (squares, expected))
     return float(0.5 * length * block * np.mean((found / said - 1.0) ** 2))

@@ -41,27 +41,27 @@ class QualityThresholds:
     max_relaxed_share: float = 0.05
 
 
-QUALITY = QualityThresholds()
+EMG_LIMITS = QualityThresholds()
 
 
 def find_mains(recording: Recording) -> float:
     """Return the frequency of the mains [Hz] that a recording's raw EMG shows more of, with its harmonics."""
     shares = _hum_shares([recording])
-    return max(QUALITY.mains_hz, key=lambda f: shares[f])
+    return max(EMG_LIMITS.mains_hz, key=lambda f: shares[f])
 
 
 def find_hum(recordings: Sequence[Recording]) -> float | None:
     """Return the frequency of the mains [Hz] whose hum the raw EMG of some recordings has; None without clear hum."""
     shares = _hum_shares(recordings)
-    most, least = max(QUALITY.mains_hz, key=lambda f: shares[f]), min(shares.values())
-    return most if shares[most] > QUALITY.min_hum_ratio * least else None
+    most, least = max(EMG_LIMITS.mains_hz, key=lambda f: shares[f]), min(shares.values())
+    return most if shares[most] > EMG_LIMITS.min_hum_ratio * least else None
 
 
 def _hum_shares(recordings: Sequence[Recording]) -> dict[float, float]:
     """Return the largest share of the power that any channel of raw EMG has at each frequency of the mains."""
-    found = dict.fromkeys(QUALITY.mains_hz, 0.0)
+    found = dict.fromkeys(EMG_LIMITS.mains_hz, 0.0)
     for recording in recordings:
-        part = slice(0, round(QUALITY.mains_search_s * recording.fs))
+        part = slice(0, round(EMG_LIMITS.mains_search_s * recording.fs))
         raw = [c.samples[part] for n, c in recording.channels.items() if n.startswith("emg.") and c.unit == "V"]
         for x in (x for x in raw if np.isfinite(x).all()):
             found = {f: max(share, hum_share(x, recording.fs, f)) for f, share in found.items()}
@@ -102,12 +102,12 @@ def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -
     for muscle, envelope in envelopes.items():
         rest, active = np.quantile(envelope, (0.05, 0.95))
         ratio = active / rest if rest > 0.0 else np.inf
-        if ratio < QUALITY.min_work_contrast:
+        if ratio < EMG_LIMITS.min_work_contrast:
             found.append(
                 _fault(
                     "note", "low_contrast", recording, f"emg.{muscle}",
                     f"an envelope at work {ratio:.3g} times that at rest",
-                    f"at least {QUALITY.min_work_contrast:g} times",
+                    f"at least {EMG_LIMITS.min_work_contrast:g} times",
                 )
             )  # fmt: skip
     return found
@@ -123,7 +123,7 @@ def relaxed_faults(
     found = []
     for muscle, envelope in envelopes.items():
         span = maximum[muscle] - rest[muscle]
-        limit = rest[muscle] + QUALITY.max_relaxed_share * span
+        limit = rest[muscle] + EMG_LIMITS.max_relaxed_share * span
         active = envelope > limit
         # A twitch that the envelope spreads over a second is no contraction.
         if span > 0.0 and np.mean(active) > 0.05:
@@ -133,7 +133,7 @@ def relaxed_faults(
                     "refuse", "not_relaxed", recording, f"emg.{muscle}",
                     f"activity of {top:.3g} % of a maximal contraction, during {100.0 * np.mean(active):.3g} % of the "
                     "trial",
-                    f"a relaxed muscle: below {100.0 * QUALITY.max_relaxed_share:g} %",
+                    f"a relaxed muscle: below {100.0 * EMG_LIMITS.max_relaxed_share:g} %",
                 )
             )  # fmt: skip
     return found
@@ -168,25 +168,25 @@ def _raw_faults(
 ) -> list[Fault]:
     x = x - x.mean()
     rms = float(np.sqrt(np.mean(x**2)))
-    if rms < QUALITY.min_rms_v:
+    if rms < EMG_LIMITS.min_rms_v:
         found = f"{1e6 * rms:.2g} µV rms"
-        expected = f"at least an amplifier's noise, {1e6 * QUALITY.min_rms_v:g} µV"
+        expected = f"at least an amplifier's noise, {1e6 * EMG_LIMITS.min_rms_v:g} µV"
         return [_fault("refuse", "detached_electrode", recording, name, found, expected)]
     faults = []
     ends = runs((x == x.max()) | (x == x.min()))
-    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= QUALITY.min_clipped_run)
-    if clipped > QUALITY.max_clipped_share * len(x):
+    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= EMG_LIMITS.min_clipped_run)
+    if clipped > EMG_LIMITS.max_clipped_share * len(x):
         found = f"{clipped} samples ({100.0 * clipped / len(x):.2g} %) in runs at the largest value"
         faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
     share = hum_share(x, recording.fs, mains)
     hum = np.sqrt(share) * rms
-    if share > QUALITY.max_mains_share and hum > QUALITY.max_attached_mains_v:
+    if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
         faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > QUALITY.max_hum_share and hum > QUALITY.min_reported_mains_v and mains not in (notches or ()):
+    elif share > EMG_LIMITS.max_hum_share and hum > EMG_LIMITS.min_reported_mains_v and mains not in (notches or ()):
         found, expected = (
             f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz",
-            f"{100 * QUALITY.max_hum_share:g} %",
+            f"{100 * EMG_LIMITS.max_hum_share:g} %",
         )
         notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
         remedy = "look at electrodes and cables" if notches is None else notch
@@ -208,10 +208,10 @@ def hum_share(samples: np.ndarray, fs: float, mains: float = 50.0) -> float:
 
 def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fault]:
     top = float(np.max(x))
-    if top > QUALITY.max_envelope:
+    if top > EMG_LIMITS.max_envelope:
         found, expected = (
             f"{top:.3g} times the maximal contraction",
-            f"at most {QUALITY.max_envelope:g}; normalise again",
+            f"at most {EMG_LIMITS.max_envelope:g}; normalise again",
         )
         # A held-out recording reaches no scale, so what it holds is told and judged as it is.
         severity = "refuse" if recording.use == "fit" else "warn"
@@ -220,9 +220,9 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
         return [
             _fault("refuse", "detached_electrode", recording, name, f"the one value {top:g}", "a muscle's envelope")
         ]
-    if top < QUALITY.min_envelope_peak:
+    if top < EMG_LIMITS.min_envelope_peak:
         found = f"at most {100.0 * top:.2g} % of the maximal contraction"
-        expected = f"more than {100 * QUALITY.min_envelope_peak:g} % somewhere, or a maximum that is the muscle's"
+        expected = f"more than {100 * EMG_LIMITS.min_envelope_peak:g} % somewhere, or a maximum that is the muscle's"
         return [_fault("note", "normalisation", recording, name, found, expected)]
     return []
 

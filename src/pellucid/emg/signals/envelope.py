@@ -1,4 +1,7 @@
-"""EMG over an array to envelopes, by one of the published chains."""
+"""EMG over an array to envelopes, by one of the published chains.
+
+Scale of envelopes from raw EMG of maximal contractions.
+"""
 
 from __future__ import annotations
 

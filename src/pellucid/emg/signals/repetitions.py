@@ -1,4 +1,7 @@
-"""Repetitions of a movement that leaves a rest and comes back, found from an angle: what is left out together."""
+"""Repetitions of a movement that leaves a rest and comes back, found from an angle: what is left out together.
+
+Ensemble of strides: samples between events, brought to one phase from 0 to 100 %.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ class RepetitionSearch:
     max_rest_speed: float = np.radians(8.0)  # Speeds below this count as rest [rad/s]
 
 
-REPETITION = RepetitionSearch()
+REPETITION_SEARCH = RepetitionSearch()
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def find_repetitions(
             f"{where}: found {len(missing)} missing samples (NaN), the first at index {missing[0]}, expected a number "
             "in every sample; choose a window without them"
         )
-    smooth = zero_phase_lowpass(angle, REPETITION.lowpass_hz, 2, fs)
+    smooth = zero_phase_lowpass(angle, REPETITION_SEARCH.lowpass_hz, 2, fs)
     low, high = np.percentile(smooth, [2.0, 98.0])
     if high - low < smallest:
         raise RecordingError(
@@ -98,10 +101,12 @@ def find_repetitions(
     if not trips:
         raise RecordingError(
             f"{where}: found no movement that leaves {np.degrees(base):.3g} deg by "
-            f"{np.degrees(abs(way)) * REPETITION.min_away_share:.3g} "
+            f"{np.degrees(abs(way)) * REPETITION_SEARCH.min_away_share:.3g} "
             "deg and comes back, expected at least one"
         )
-    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < REPETITION.max_rest_speed) & (share < REPETITION.max_back_share)
+    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < REPETITION_SEARCH.max_rest_speed) & (
+        share < REPETITION_SEARCH.max_back_share
+    )
     at_rest = float(np.median(angle[settled])) if np.any(settled) else float(base)
     ends = [trip.stop for trip in trips]
     starts = [trip.start for trip in trips[1:]] + ([unfinished.start] if unfinished else [])
@@ -117,7 +122,11 @@ def find_repetitions(
 
 def _trips(share: np.ndarray) -> tuple[list[slice], slice | None]:
     """Stretches away from rest that go far enough and come back, and a last one that does not come back."""
-    found = [run for run in runs(share > REPETITION.max_back_share) if share[run].max() > REPETITION.min_away_share]
+    found = [
+        run
+        for run in runs(share > REPETITION_SEARCH.max_back_share)
+        if share[run].max() > REPETITION_SEARCH.min_away_share
+    ]
     # One that is away at the very beginning did not begin here.
     found = [run for run in found if run.start > 0]
     if found and found[-1].stop == len(share):

@@ -1,4 +1,7 @@
-"""EMG of a study by muscle: raw as it was recorded, or envelopes that can be compared with each other."""
+"""EMG of a study by muscle: raw as it was recorded, or envelopes that can be compared with each other.
+
+The filter chain that a study's table asks for, with the mains that its fitted recordings show.
+"""
 
 from __future__ import annotations
 

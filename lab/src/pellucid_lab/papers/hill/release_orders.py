@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from pellucid.emg.fit.muscle_calibration import SEARCH, MuscleProblem, MuscleSamples, solve_calibration
+from pellucid.emg.fit.muscle_calibration import FIT_SEARCH, MuscleProblem, MuscleSamples, solve_calibration
 from pellucid.emg.models.hill import HillMuscle
 from pellucid.numerics.searches.adam import adam
 
@@ -110,14 +110,16 @@ class PersonalMuscles:
 
     def problem(self, quantities: Sequence[str] = tuple(TRAINED_QUANTITIES)) -> MuscleProblem:
         """Return the calibration to the whole swing."""
-        return MuscleProblem(self.muscles, self.samples, quantities=quantities, weight=SEARCH.anatomy_weight)
+        return MuscleProblem(self.muscles, self.samples, quantities=quantities, weight=FIT_SEARCH.anatomy_weight)
 
     def half(self, which: int) -> MuscleProblem:
         """Return the calibration to the first (0) or second (1) half of the swing alone."""
         n = len(self.samples.torque)
         counted = np.arange(n // 2) if which == 0 else np.arange(n // 2, n)
         samples = self.samples.only(counted)
-        return MuscleProblem(self.muscles, samples, quantities=tuple(TRAINED_QUANTITIES), weight=SEARCH.anatomy_weight)
+        return MuscleProblem(
+            self.muscles, samples, quantities=tuple(TRAINED_QUANTITIES), weight=FIT_SEARCH.anatomy_weight
+        )
 
 
 def torque_error(problem: MuscleProblem, z: np.ndarray, swing: ActiveSwing) -> float:

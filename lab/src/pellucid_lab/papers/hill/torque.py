@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pellucid.emg.estimators.adaptive_correction import fit_adaptive_correction
+from pellucid.emg.estimators.adaptive_correction import CORRECTION_FEATURES, CorrectedMap, fit_adaptive_correction
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.features import compute_features
 from pellucid.emg.estimators.hill import HillMap, fit_hill
-from pellucid.emg.estimators.synergies import CORRECTION_FEATURES, CorrectedMap
 from pellucid.emg.estimators.torque_map import fit_torque_map
 from pellucid.orthosis.study.loaded_swing.seated_swings import FLEXOR_MUSCLE
 from pellucid.orthosis.swing.loaded_swing import bare_leg_torque

@@ -19,7 +19,7 @@ def _make_reconstruction_fit(fit: str) -> Callable[[Any, str, bool], Any]:
     """Return a function that fits trials by the function called `fit` in `reconstructions`."""
 
     def whole(trials: Any, name: str, causal: bool) -> Any:
-        from .. import synergies as reconstructions
+        from .. import adaptive_correction as reconstructions
 
         return getattr(reconstructions, fit)(trials, name, causal)
 

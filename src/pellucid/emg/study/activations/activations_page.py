@@ -1,4 +1,7 @@
-"""The report of activations: first the scores of removed electrodes, then torques and activations."""
+"""The report of activations: first the scores of removed electrodes, then torques and activations.
+
+Figures of activations: by EMG, by the measured torque, and of removed electrodes.
+"""
 
 from __future__ import annotations
 

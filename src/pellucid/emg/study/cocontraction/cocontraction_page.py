@@ -1,4 +1,7 @@
-"""The report of co-contraction: indices with intervals, and envelopes of each pair."""
+"""The report of co-contraction: indices with intervals, and envelopes of each pair.
+
+Figures of co-contraction: envelopes of antagonists, and indices.
+"""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from ....models.estimates import Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
-from ...estimators.condition_choice import BAND, ConditionTestErrors
+from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
 from ...estimators.cross_validation import apply_useful_repairs, score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
@@ -285,7 +285,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
             )  # fmt: skip
             if not causal:
                 time = _together(t.time for t in pieces)
-                empty = TorqueTrace(joint, recording, time, torque, {}, {}, BAND.share)
+                empty = TorqueTrace(joint, recording, time, torque, {}, {}, ERROR_BAND.share)
                 trace = traces.setdefault((joint, recording), empty)
                 trace.predicted[name] = made
                 if away is not None and found.sessions[recording].is_valid:
@@ -414,7 +414,7 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[s
     """
     made = []
     for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
-        heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * BAND.share:g} % band")
+        heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND.share:g} % band")
         rows = tuple(
             (
                 f"{each.what}, {one.name.replace('_', ' ')}",
@@ -490,12 +490,14 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     if changed:
         sentences.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
     few = [
-        f"{each.what}, {each.conditions}" for each in found.chosen.values() if 1 < each.conditions < BAND.min_conditions
+        f"{each.what}, {each.conditions}"
+        for each in found.chosen.values()
+        if 1 < each.conditions < ERROR_BAND.min_conditions
     ]
     if few:
         sentences.append(
             f"The error band rests on too few trials to be known to hold: {', '.join(few)}. Fit "
-            f"{BAND.min_conditions} or more."
+            f"{ERROR_BAND.min_conditions} or more."
         )
     narrow = [
         f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"
@@ -504,7 +506,7 @@ def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
     ]
     if narrow:
         sentences.append(
-            f"Bands for {100 * BAND.share:g} % hold less of fitted trials left out in turn: {', '.join(narrow)}."
+            f"Bands for {100 * ERROR_BAND.share:g} % hold less of fitted trials left out in turn: {', '.join(narrow)}."
         )
     return sentences
 

@@ -1,4 +1,11 @@
-"""The report of torque maps: each estimator's error on held-out recordings, and the features that it chose."""
+"""The report of torque maps: each estimator's error on held-out recordings, and the features that it chose.
+
+Figures of torque maps: predicted torque over time, and the error of each estimator.
+
+Figures of calibrated muscles: departures of parameters from anatomy, activations and torques.
+
+Figure of a joint's stiffness along a movement.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +27,7 @@ from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.result import ParameterTable
 from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
-from ...estimators.condition_choice import BAND
+from ...estimators.condition_choice import ERROR_BAND
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness
 from ...signals.emg_chain import emg_chain
@@ -505,7 +512,7 @@ def _together_section(findings: CalibrationResult) -> Section | None:
             joints_together, traces, FIT_WORDS, "joints_together",
             caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
             "every envelope to its force (and its "
-            f"{100.0 * BAND.share:g} % band), and with the offset of the EMG's stream found too.",
+            f"{100.0 * ERROR_BAND.share:g} % band), and with the offset of the EMG's stream found too.",
         ),
         draw(
             departures, summary, "muscles_together",

@@ -1,4 +1,7 @@
-"""Cards of estimators that run sample by sample: causal maps made of muscles or by ridge regression."""
+"""Cards of estimators that run sample by sample: causal maps made of muscles or by ridge regression.
+
+The card of a torque map that a robot can run: an offset, and a coefficient for every feature or product of two.
+"""
 
 from __future__ import annotations
 

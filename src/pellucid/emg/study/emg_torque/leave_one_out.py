@@ -9,7 +9,7 @@ import numpy as np
 from ...._errors import IdentificationError
 from ....models.estimates import Verdict
 from ....study.study import Study
-from ...estimators.condition_choice import BAND
+from ...estimators.condition_choice import ERROR_BAND
 from ...estimators.cross_validation import Score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.torque_map import cross_validate_torque_maps, fit_torque_map
@@ -104,7 +104,7 @@ def _evaluate_trials(
     worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
     band = {chosen.by[worst.name]: np.full(len(worst), chosen.half_width[worst.name])}
-    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, BAND.share))
+    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, ERROR_BAND.share))
     found.trials.extend(trials)
     if any(ESTIMATOR_FAMILIES[name].fit_trials is not None for name in names):
         found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst

@@ -1,4 +1,7 @@
-"""Envelopes on a recording's clock, relative to maximal contractions or to the largest effort seen."""
+"""Envelopes on a recording's clock, relative to maximal contractions or to the largest effort seen.
+
+Find faults in a study's EMG recordings: in each file, against its trial, and against the movement.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
-from ...signals.emg_quality import QUALITY, contrast_faults, inspect_emg, swapped_faults
+from ...signals.emg_quality import EMG_LIMITS, contrast_faults, inspect_emg, swapped_faults
 from ..muscle_channels import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .study_muscles import find_used_muscles, ignored_channels
@@ -60,7 +63,7 @@ def emg_faults(study: Study) -> list[Fault]:
             )
     usual = float(np.median(list(rates.values()))) if rates else 0.0
     for where, fs in rates.items():
-        if abs(fs - usual) > QUALITY.rate_tolerance * usual:
+        if abs(fs - usual) > EMG_LIMITS.rate_tolerance * usual:
             text, wanted = f"{fs:.4g} Hz", f"{usual:.4g} Hz as in the study's other files"
             message = f"{where}, channel time: found {text}, expected {wanted}"
             found.append(Fault("note", "rate", where.split(" (")[0], "time", text, wanted, message))
@@ -90,7 +93,7 @@ def _mean_rate(stream: Recording) -> float:
 def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
     """Return a fault if EMG does not end with its trial: it was then sampled at another rate than its times say."""
     trial, emg = (float(r.time[-1] - r.time[0]) for r in (recording, stream))
-    beside = max(2.0 / recording.fs, 2.0 / stream.fs, QUALITY.rate_tolerance * trial)
+    beside = max(2.0 / recording.fs, 2.0 / stream.fs, EMG_LIMITS.rate_tolerance * trial)
     if abs(float(stream.time[-1] - recording.time[-1])) <= beside:
         return []
     text = f"{emg:.4g} s of EMG at {_mean_rate(stream):.4g} Hz, until {stream.time[-1]:.4g} s"

@@ -1,4 +1,11 @@
-"""Compare test recordings with the fitted ones: changed channels, and whether estimates are valid at all."""
+"""Compare test recordings with the fitted ones: changed channels, and whether estimates are valid at all.
+
+Run the watch of a calibrated estimator over recordings that were not fitted, as a robot would run it.
+
+`emg_session` compares floors, ranges and patterns. A change of gain by 2 lies within what those vary by, yet may cost
+half of the explained torque. The watch of `channel_watch` asks what a change costs in torque; here it reads a recording
+from beginning to end, with the thresholds that a running estimator and exported C use.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +22,7 @@ from ....study.procedures.result import FigureTable
 from ....study.study import Study
 from ...estimators.emg_session import ChannelChange, ChannelComparison, FittedSession, add_channel_watch
 from ...estimators.live_torque import LiveTorque
-from ...estimators.raw_session import RAW, RawChannels
+from ...estimators.raw_session import RAW_LIMITS, RawChannels
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial, join_pieces
 from ...models.emg_estimator import EmgEstimatorCard
@@ -143,7 +150,9 @@ def find_raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
     found: dict[str, tuple[ChannelChange, ...]] = {}
     read = [(r, r.stream_or_self(study.table(EmgTorqueTable).emg)) for r in study.recordings()]
     wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
-    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= RAW.min_recording_s]  # pieces of a trial one by one
+    long = [
+        (r, s) for r, s in wired if r.time[-1] - r.time[0] >= RAW_LIMITS.min_recording_s
+    ]  # pieces of a trial one by one
     for person in dict.fromkeys(r.participant for r, _ in long):
         own = [(r, s) for r, s in long if r.participant == person]
         fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL_PROTOCOL]

@@ -1,4 +1,7 @@
-"""Read a study's muscles from the model file that it names: constants, and lengths over its joints."""
+"""Read a study's muscles from the model file that it names: constants, and lengths over its joints.
+
+The EMG channels of a study that are used: those that the study names, or that all fitted recordings have.
+"""
 
 from __future__ import annotations
 

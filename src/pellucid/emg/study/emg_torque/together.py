@@ -2,6 +2,8 @@
 
 There are two fits. In both, every muscle's force follows its envelope by 10 to 100 ms. The second also estimates an
 offset of the recording's EMG stream.
+
+Findings on muscles calibrated over all joints: tables, verdicts, rows, cards, and the data for figures.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from ....study.procedures.posterior_beside import (
 from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
 from ....study.study import Study
-from ...estimators.condition_choice import BAND
+from ...estimators.condition_choice import ERROR_BAND
 from ...estimators.cross_validation import Score, score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillTogether, fit_together
@@ -74,7 +76,7 @@ class TogetherScore:
     joint: str
     recording: str  # Test recording; ``""`` for all trials, each left out in turn
     score: Score
-    coverage: float  # Share of samples within the band at the level `BAND.share`
+    coverage: float  # Share of samples within the band at the level `ERROR_BAND.share`
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +154,12 @@ def _evaluate_fits(
         each = []
         for name, (by, pieces) in made.items():
             torque = _over_pieces([by.predict(trial) for trial in pieces])
-            half = _over_pieces([by.half_width(trial, BAND.share) for trial in pieces])
+            half = _over_pieces([by.half_width(trial, ERROR_BAND.share) for trial in pieces])
             for joint in fit.joints:
                 reference = np.concatenate([trial[joint].torque for trial in pieces])
                 each.append(_score_joint(how, joint, name, reference, torque, half))
                 time = np.concatenate([trial[joint].time for trial in pieces])
-                trace = TorqueTrace(joint, name, time, reference, {}, {}, BAND.share)
+                trace = TorqueTrace(joint, name, time, reference, {}, {}, ERROR_BAND.share)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean_score(how, joint, each) for joint in fit.joints]
@@ -175,7 +177,7 @@ def _add_unrecorded_muscles(
     for name in [] if never is None else group_pieces(next(iter(held.values()))):
         pieces = _pieces_by_joint(held, name)
         torque = _over_pieces([never.predict(trial) for trial in pieces])
-        half = _over_pieces([fit.half_width(trial, BAND.share) for trial in pieces])
+        half = _over_pieces([fit.half_width(trial, ERROR_BAND.share) for trial in pieces])
         for joint in fit.joints:
             reference = np.concatenate([trial[joint].torque for trial in pieces])
             scores.append(_score_joint(UNRECORDED_VARIANT, joint, name, reference, torque, half))
@@ -201,7 +203,7 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
     held = [t for t in next(iter(across.values())) if t.heldout]
     for name in () if posterior.unsettled else group_pieces(held):
         pieces = _pieces_by_joint(across, name)
-        made = [fit.predict_with_posterior(posterior, trial, BAND.share) for trial in pieces]
+        made = [fit.predict_with_posterior(posterior, trial, ERROR_BAND.share) for trial in pieces]
         torque, half = (_over_pieces([each[i] for each in made]) for i in (0, 1))
         for joint in fit.joints:
             reference = np.concatenate([trial[joint].torque for trial in pieces])
@@ -251,7 +253,7 @@ class TogetherFigureData:
 
 
 VALID_COVERAGE_BOUNDS = (0.8, 0.97)
-"""A band at the level `BAND.share` is said to hold if its share of held-out torque is between these two.
+"""A band at the level `ERROR_BAND.share` is said to hold if its share of held-out torque is between these two.
 
 Chosen by judgement; no measurement is recorded.
 """
@@ -286,7 +288,7 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
         "Calibrated",
         "RMSE (N*m)",
         "R²",
-        f"Within the {100.0 * BAND.share:g} % band (%)",
+        f"Within the {100.0 * ERROR_BAND.share:g} % band (%)",
     )
     return (
         FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows), 0),
@@ -360,7 +362,7 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         held = all(VALID_COVERAGE_BOUNDS[0] <= s.coverage <= VALID_COVERAGE_BOUNDS[1] for s in own)
         yield Verdict(
             "good" if held else "warning",
-            f"{who}, mean of the posterior's draws and their {100.0 * BAND.share:g} % band on "
+            f"{who}, mean of the posterior's draws and their {100.0 * ERROR_BAND.share:g} % band on "
             f"{name.replace('_', ' ')}: "
             f"{words}.",
         )
@@ -390,7 +392,7 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
             Verdict(
                 "good" if held else "warning",
                 f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
-                f"{100.0 * BAND.share:g} % band that was stated beforehand{where * (not held)}.",
+                f"{100.0 * ERROR_BAND.share:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
     return (*verdicts, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
@@ -478,7 +480,7 @@ def together_rows(
             choice = found.fits[s.how].choice
             note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
         at = {"split": "heldout", "recording": s.recording}
-        within = f"share of samples within the {100.0 * BAND.share:g} % band"
+        within = f"share of samples within the {100.0 * ERROR_BAND.share:g} % band"
         add(f"{s.joint}.{s.how}.r2{tail}", s.score.r2, "1", note, **at)
         add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
         add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", within, **at)

@@ -1,4 +1,17 @@
-"""Findings of a calibration while it runs: evaluations, traces, trials, cards and verdicts."""
+"""Findings of a calibration while it runs: evaluations, traces, trials, cards and verdicts.
+
+Results of one estimator in a calibration: scores on held-out recordings, and a stretch of its torque.
+
+Recommend an estimator by the fitted recordings alone, and report its errors on every test recording.
+
+Findings on calibrated muscles: parameters with intervals, cards, verdicts, and errors in parts of a torque.
+
+Findings on joint stiffness: tables by posture with intervals, rows, cards, and verdicts on its limits.
+
+Say for each joint and recording whether EMG is worth it over joint angles alone.
+
+Result rows of a calibration by their ids.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +32,13 @@ from ....study.study import Study
 from ...estimators.condition_choice import ConditionTestErrors, choose_estimator, is_candidate, run_condition_tests
 from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
-from ...estimators.emg_worth import WORTH, EmgWorth, worth_on_recording, worth_over_trials
+from ...estimators.emg_worth import WORTH_BLOCKS, EmgWorth, worth_on_recording, worth_over_trials
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
 from ...estimators.torque_map import CrossValidated
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscle_calibration import DELAYS
+from ...fit.muscle_calibration import DELAY_BOUNDS
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.muscle import CARD_KIND, CalibratedMuscles
@@ -358,12 +371,12 @@ def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
         f"{what}, muscles: the electromechanical delay, from envelope to activation with all lags, is "
         f"{1e3 * delays.min():.0f} to {1e3 * delays.max():.0f} ms"
     )
-    if delays.max() <= DELAYS.max_total_s + DELAY_TOLERANCE_S:
+    if delays.max() <= DELAY_BOUNDS.max_total_s + DELAY_TOLERANCE_S:
         return Verdict("note", f"{found}; run causally, the angles' rates come 19 ms late on top.")
     return Verdict(
         "warning",
-        f"{found}, more than the {1e3 * DELAYS.min_total_s:.0f} to {1e3 * DELAYS.max_total_s:.0f} ms of people: the "
-        "EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
+        f"{found}, more than the {1e3 * DELAY_BOUNDS.min_total_s:.0f} to {1e3 * DELAY_BOUNDS.max_total_s:.0f} ms of "
+        "people: the EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
         "Look for a torque that was filtered one way, and for clocks that were joined. Several joints in "
         "[emg_torque] give muscles whose delay is a person's, and the offset beside it.",
     )
@@ -527,7 +540,7 @@ MAX_BRIEF_WORTH_ROWS = 6
 """Largest number of joints and recordings in the table on a terminal without ``-v``."""
 
 TOO_FEW_TRIALS_SENTENCE = (
-    f"Fewer than {WORTH.min_trials} trials are left to fit: too few to say whether EMG is worth it. "
+    f"Fewer than {WORTH_BLOCKS.min_trials} trials are left to fit: too few to say whether EMG is worth it. "
 )
 """Sentence before the figures of maps that were fitted to too few of the study's trials."""
 
@@ -589,7 +602,7 @@ def is_answer_founded(fitted: int, lost: int) -> bool:
     A study whose trials are all used answers for the trials that it planned. Where some were lost, the ones that are
     left must be as many as an interval over trials requires.
     """
-    return not lost or fitted >= WORTH.min_trials
+    return not lost or fitted >= WORTH_BLOCKS.min_trials
 
 
 def _signed(value: float) -> str:

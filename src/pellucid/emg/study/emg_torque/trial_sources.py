@@ -1,4 +1,19 @@
-"""Trials of a torque map from a study's recordings: with recorded moments, or of a wearer against an orthosis."""
+r"""Trials of a torque map from a study's recordings: with recorded moments, or of a wearer against an orthosis.
+
+Constants and geometry of a study's muscles: recorded lengths and moment arms, or those of a model.
+
+Repetitions of a leg extended from sitting without a recorded torque. The reference is computed from the motion.
+
+A shank that hangs at rest and is extended by :math:`\alpha` needs the torque (eq. 12 of the paper `hill`, with the
+angle at rest taken for the hanging angle)
+
+.. math::  \frac{\tau}{m g l} = \frac{I}{m g l}\,\ddot\alpha + \sin\alpha
+
+where :math:`I/(m g l)` follows from the shank's length alone by anthropometric shares. The mass is unknown, so the
+torque is relative.
+
+What other domains offer to `calibrate`: bodies on which a wearer acts, and evaluations of their own protocols.
+"""
 
 from __future__ import annotations
 
@@ -182,7 +197,7 @@ class TrialClock:
     emg_lead_s: float = 0.3
 
 
-CLOCK = TrialClock()
+TRIAL_CLOCK = TrialClock()
 
 
 def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:
@@ -243,15 +258,15 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
 
 
 def _at_trial_rate(recording: Recording) -> Recording:
-    """Return a recording whose own clock is even and at least `CLOCK.min_rate_hz`, interpolated if it is not.
+    """Return a recording whose own clock is even and at least `TRIAL_CLOCK.min_rate_hz`, interpolated if it is not.
 
     Short gaps were left in it, over which angles and moments are interpolated. Interpolation keeps the shape of an
     angle between its samples: it never overshoots.
     """
-    if recording.fs >= CLOCK.min_rate_hz and recording.steps_within(recording.longest_step):
+    if recording.fs >= TRIAL_CLOCK.min_rate_hz and recording.steps_within(recording.longest_step):
         return recording
     old = recording.time
-    rate = max(recording.fs, CLOCK.kept_rate_hz)
+    rate = max(recording.fs, TRIAL_CLOCK.kept_rate_hz)
     time = old[0] + np.arange(int((old[-1] - old[0]) * rate) + 1) / rate
     channels = {
         name: replace(each, samples=time if name == "time" else PchipInterpolator(old, each.samples)(time))
@@ -261,8 +276,8 @@ def _at_trial_rate(recording: Recording) -> Recording:
 
 
 def _thin_trial(trial: TorqueTrial) -> TorqueTrial:
-    """Thin a trial at the rate of raw EMG to about `CLOCK.kept_rate_hz`, with a low-pass against aliasing."""
-    every = round(trial.fs / CLOCK.kept_rate_hz)
+    """Thin a trial at the rate of raw EMG to about `TRIAL_CLOCK.kept_rate_hz`, with a low-pass against aliasing."""
+    every = round(trial.fs / TRIAL_CLOCK.kept_rate_hz)
     if every < 2:
         return trial
 
@@ -305,7 +320,7 @@ def step_trials(
     for recording in found:
         torque = body.wearer_torque(recording, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
-        every = slice(None, None, max(1, round(recording.fs / CLOCK.kept_rate_hz)))
+        every = slice(None, None, max(1, round(recording.fs / TRIAL_CLOCK.kept_rate_hz)))
         trials.append(
             TorqueTrial(
                 name=recording.name,
@@ -330,7 +345,9 @@ def number_repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     made: dict[str, int] = {}
     for recording in recordings:
         angle = float(np.nanmedian(recording["position"]))
-        earlier = sum(abs(angle - a) < CLOCK.angle_tolerance_rad for t, a in angles.items() if t != recording.trial)
+        earlier = sum(
+            abs(angle - a) < TRIAL_CLOCK.angle_tolerance_rad for t, a in angles.items() if t != recording.trial
+        )
         made[recording.name] = recording.repetition or earlier + 1
         angles.setdefault(recording.trial, angle)
     return made
@@ -417,8 +434,8 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
         torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))
         flexion = sign * (0.5 * np.pi - extension)
         envelopes = relative_envelopes(study, recording, top, causal=False)
-        every = max(1, round(recording.fs / CLOCK.kept_rate_hz))
-        reach = round(CLOCK.emg_lead_s * recording.fs)
+        every = max(1, round(recording.fs / TRIAL_CLOCK.kept_rate_hz))
+        reach = round(TRIAL_CLOCK.emg_lead_s * recording.fs)
         for i, repetition in enumerate(repetitions.each, start=1):
             kept = slice(repetition.start, repetition.end, every)
             ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]

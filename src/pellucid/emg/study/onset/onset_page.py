@@ -1,4 +1,7 @@
-"""The report of onsets: raw EMG with its bursts, and a table of them."""
+"""The report of onsets: raw EMG with its bursts, and a table of them.
+
+Figure of raw EMG with its bursts, by muscle.
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
 from ...estimators.synergies import (
-    SYNERGY,
+    SYNERGY_FIT,
     Synergies,
     SynergyCount,
     chance_similarity,
@@ -219,8 +219,8 @@ def _similarity_table(alike: tuple[GroupSimilarity, ...]) -> tuple[FigureTable, 
 def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdict]:
     """Yield verdicts on the number of synergies of each group; `asked` is the number that the study states."""
     for g in groups:
-        name, c, threshold = f"{g.name}: " if g.name else "", g.count, 100 * SYNERGY.min_vaf
-        if c.heldout.max() < SYNERGY.min_vaf:
+        name, c, threshold = f"{g.name}: " if g.name else "", g.count, 100 * SYNERGY_FIT.min_vaf
+        if c.heldout.max() < SYNERGY_FIT.min_vaf:
             yield Verdict(
                 "warning",
                 f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of the held-out "
@@ -228,7 +228,7 @@ def _verdicts(groups: list[GroupSynergies], asked: int | None) -> Iterator[Verdi
                 "most in [synergies] is too small.",
             )
         chance = float(c.shuffled[list(c.numbers).index(c.enough)])
-        if chance > SYNERGY.min_vaf - 0.05 and c.heldout.max() >= SYNERGY.min_vaf:
+        if chance > SYNERGY_FIT.min_vaf - 0.05 and c.heldout.max() >= SYNERGY_FIT.min_vaf:
             yield Verdict(
                 "warning",
                 f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
@@ -263,8 +263,8 @@ def _rows(
         base = f"{study}.{part(g.name)}.synergies" if g.name else f"{study}.synergies"
         c = g.count
         words = (
-            f"fewest with a VAF of {SYNERGY.min_vaf:g}, of each muscle {SYNERGY.min_muscle_vaf:g}, on blocks of the "
-            "fitted recordings left out in turn"
+            f"fewest with a VAF of {SYNERGY_FIT.min_vaf:g}, of each muscle {SYNERGY_FIT.min_muscle_vaf:g}, on blocks of "
+            "the fitted recordings left out in turn"
         )
         yield row(f"{base}.number", g.within.enough, "fitted", words)
         yield row(f"{base}.predicting", c.predicting, "heldout", "number that tells a muscle left out best")

@@ -1,4 +1,7 @@
-"""The report of synergies: their number, weights, activations and similarity."""
+"""The report of synergies: their number, weights, activations and similarity.
+
+Figures of synergies: their number, their weights and their activations.
+"""
 
 from __future__ import annotations
 

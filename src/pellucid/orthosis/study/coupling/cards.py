@@ -14,7 +14,7 @@ from math import nan
 import numpy as np
 
 from ...._errors import IdentificationError
-from ....emg.estimators.causal_map import CAUSAL, EmgSettings, EmgTrial, fit_causal_map
+from ....emg.estimators.causal_map import CAUSAL_FIT, EmgSettings, EmgTrial, fit_causal_map
 from ....emg.study.emg_torque.trial_sources import STEP_PROTOCOL, body_of_card, number_repetitions
 from ....files.recording import Recording
 from ....joint.fit.drive_delay import actuator_residual
@@ -47,7 +47,7 @@ def strapped_emg_trial(
     `strap` holds the strap's parameters in the core's order, shape (p,).
     """
     emg, position = recording.streams[stream], recording["position"]
-    torque = _wearer_torque(recording, CAUSAL.angle_lowpass_hz, orthosis=orthosis, limb=limb, strap=strap)
+    torque = _wearer_torque(recording, CAUSAL_FIT.angle_lowpass_hz, orthosis=orthosis, limb=limb, strap=strap)
     raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
     return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)
 
