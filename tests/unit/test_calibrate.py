@@ -244,7 +244,7 @@ def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
     trials = [trial for trial in moment_trials(study, "knee") if trial.name != "rest"]
     said = [v.text for v in module.calibration_verdicts(study, [told("ridge", 1.0, "judged")], trials)]
     assert next(text for text in said if "to be judged on, and nothing was" in text).startswith("rest: ")
-    said = module.calibration_verdicts(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials)
+    said = list(module.calibration_verdicts(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials))
     assert not any("to be judged on" in v.text for v in said)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +44,7 @@ from .torque_findings import (
     CAUSAL_ESTIMATORS,
     REPORTED_ESTIMATORS,
     CalibrationFindings,
+    ConditionScore,
     EstimatorEvaluation,
     MuscleSummary,
     RecommendedEstimator,
@@ -72,7 +73,6 @@ from .torque_findings import (
 from .trial_sources import (
     EXTENSION_PROTOCOL,
     STEP_PROTOCOL,
-    WornBody,
     geometry_verdicts,
     moment_trials,
     moved_body,
@@ -102,12 +102,9 @@ Progress = Callable[[str, float], None]
 class CalibrationResult(Result):
     """Result of a calibration, with the data for its figures."""
 
-    evaluated: tuple[EstimatorEvaluation, ...] = field(
-        default=(), repr=False
-    )  # Scores of every estimator on every recording
-    chosen: tuple[RecommendedEstimator, ...] = field(
-        default=(), repr=False
-    )  # Recommended estimator, by joint or participant
+    # Scores of every estimator on every recording
+    evaluated: tuple[EstimatorEvaluation, ...] = field(default=(), repr=False)
+    chosen: tuple[RecommendedEstimator, ...] = field(default=(), repr=False)  # Recommended, by joint or participant
     worth: tuple[RecordingWorth, ...] = field(default=(), repr=False)  # Gain over angles alone, by joint and recording
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)  # Stretches of held-out torque
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
@@ -133,7 +130,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = recommend_estimator(evaluated, what)
-    chosen, bands = tuple(found.chosen.values()), _invalid_band_sentences(found)
+    chosen, bands = tuple(found.chosen.values()), [*_invalid_band_sentences(found)]
     valid = [t for t in found.traces if t.recording not in found.sessions or found.sessions[t.recording].is_valid]
     fitted = {trial.recording for trial in trials if not trial.heldout}
     founded = is_answer_founded(len(fitted), len(study.left_out))
@@ -217,22 +214,19 @@ def _split_trials(study: Study, joint: str, trials: list[TorqueTrial]) -> tuple[
 
 def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
     """Fit every estimator to the fitted recordings and score it on each held-out one."""
-    found, joints, rescale = (
-        CalibrationFindings(),
-        study.table(EmgTorqueTable).joints,
-        study.table(EmgTorqueTable).rescale,
-    )
+    found, table = CalibrationFindings(), study.table(EmgTorqueTable)
+    joints, rescale = table.joints, table.rescale
+    again = rescale is not None
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _split_trials(study, joint, trials[joint]) for joint in joints}
     session, compared = compare_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
-        again = rescale is not None
         judged = [session.repair(t, rescale, c) if again and (c := compared[t.recording]).changed else t for t in held]
         found.across[joint] = [*fitted, *judged]
-    found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
+    found.verdicts.extend(session_verdicts(found.sessions, again))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
-    found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, study.table(EmgTorqueTable))))
+    found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, table)))
     judged = {
         joint: tuple(zip(parts[joint][1], (t for t in own if t.heldout), strict=True))
         for joint, own in found.across.items()
@@ -328,7 +322,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.table(EmgTorqueTable).joints[0]
         what = person or joint
-        found.verdicts.append(_reference_verdict(what, body))
+        found.verdicts.append(Verdict("note", f"{what}: {body.words}"))
         for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
@@ -368,43 +362,31 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
     return found
 
 
-def _reference_verdict(what: str, body: WornBody) -> Verdict:
-    """Return a verdict that says how the body is modelled against which the wearer's torque is computed."""
-    return Verdict("note", f"{what}: {body.words}")
-
-
 def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
     """Return a table of errors for each joint or person and each recording, angles alone first.
 
     Estimators that see the measured torque are in tables of their own, after the others.
     """
-    made: list[FigureTable] = []
-    told: list[FigureTable] = []
-    heads = ("RMSE", "R²", "of that without EMG", "R² within the fit")
+    titles = {False: "Torque from EMG", True: "Told the torque measured so far, no peers"}
+    made: dict[bool, list[FigureTable]] = {told: [] for told in titles}
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
         bare = next((e.score.rmse for e in own if e.estimator == BASELINE_ESTIMATOR), None)
         own.sort(key=lambda e: e.estimator != BASELINE_ESTIMATOR)
-        where = f"{what}, " + (recording.replace("_", " ") or "each left out in turn")
-        for parts, peers, title in (
-            (made, True, f"Torque from EMG: {where}"),
-            (told, False, f"Told the torque measured so far, no peers: {where}"),
-        ):
+        where = recording.replace("_", " ") or "each left out in turn"
+        for told, title in titles.items():
+            peers = [e for e in own if e.family.sees_measured_torque == told]
             rows = tuple(
                 (
-                    ESTIMATOR_FAMILIES[e.estimator].description + (", causal" if e.causal else ""),
-                    e.score.rmse,
-                    e.score.r2,
-                    None if not bare else e.score.rmse / bare,
+                    e.words, e.score.rmse, e.score.r2, e.score.rmse / bare if bare else None,
                     None if e.within is None else e.within.r2,
                 )
-                for e in own
-                if ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque != peers
-            )
+                for e in peers
+            )  # fmt: skip
             if rows:
-                unit = f"{heads[0]} ({own[0].unit})"
-                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows, max_brief_rows=0))
-    return (*made, *told)
+                heads = ("Estimator", f"RMSE ({peers[0].unit})", "R²", "of that without EMG", "R² within the fit")
+                made[told].append(FigureTable(f"{title}: {what}, {where}", heads, rows, max_brief_rows=0))
+    return (*made[False], *made[True])
 
 
 def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[str] = ()) -> tuple[FigureTable, ...]:
@@ -412,22 +394,24 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[s
 
     No band is stated for recordings on which no estimate holds, which are `refused`.
     """
+
+    def coverage(one: ConditionScore) -> str | None:
+        if one.name in refused:
+            return "none stated"
+        return None if one.held is None else f"{100.0 * one.held:.0f} %"
+
     made = []
     for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
         heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND.share:g} % band")
         rows = tuple(
             (
-                f"{each.what}, {one.name.replace('_', ' ')}",
-                ESTIMATOR_FAMILIES[one.estimator].description,
-                one.score.rmse,
-                one.score.r2,
-                None if one.bare is None else one.bare.rmse,
-                "none stated" if one.name in refused else None if one.held is None else f"{100.0 * one.held:.0f} %",
+                f"{each.what}, {one.name.replace('_', ' ')}", ESTIMATOR_FAMILIES[one.estimator].description,
+                one.score.rmse, one.score.r2, None if one.bare is None else one.bare.rmse, coverage(one),
             )
             for each in chosen
             if each.judged[0].unit == unit
             for one in each.by_condition()
-        )
+        )  # fmt: skip
         made.append(FigureTable("Named first", heads, rows, MAX_BRIEF_NAMED_ROWS))
     return tuple(made)
 
@@ -439,15 +423,13 @@ def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTabl
     for what, recording in dict.fromkeys((e.what, e.recording) for e in own):
         rows = tuple(
             (
-                ESTIMATOR_FAMILIES[e.estimator].description + (", causal" if e.causal else ""),
-                e.as_recorded.r2,
-                e.score.r2,
+                e.words, e.as_recorded.r2, e.score.r2,
                 ", ".join(m.replace("_", " ") for m in e.repaired) or "nothing: its torque hardly changes",
                 None if e.without_changed is None else e.without_changed.r2,
             )
             for e in own
             if (e.what, e.recording) == (what, recording)
-        )
+        )  # fmt: skip
         title = f"Before and after rescale: {what}, {recording.replace('_', ' ')}"
         made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
@@ -461,12 +443,11 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
     made = []
     for what in dict.fromkeys(e.what for e in evaluated if e.examined is not None):
         own = {e.estimator: e for e in evaluated if e.what == what and e.examined is not None}
-        tests = next(iter(own.values())).examined.words
-        heads = ("Estimator", "All", *(word[0].upper() + word[1:] for word in tests))
-        rows = tuple((ESTIMATOR_FAMILIES[n].description, e.examined.mean, *e.examined.rmse) for n, e in own.items())
-        unit = next(iter(own.values())).torque_unit
-        title = f"What chose: {what}, RMSE ({unit}) on what was fitted, away from what each was fitted to for the test"
-        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
+        first = next(iter(own.values()))
+        heads = ("Estimator", "All", *(word[0].upper() + word[1:] for word in first.examined.words))
+        rows = tuple((e.family.description, e.examined.mean, *e.examined.rmse) for e in own.values())
+        unit, place = first.torque_unit, "on what was fitted, away from what each was fitted to for the test"
+        made.append(FigureTable(f"What chose: {what}, RMSE ({unit}) {place}", heads, rows, max_brief_rows=0))
     return tuple(made)
 
 
@@ -476,39 +457,33 @@ def _invalid_recordings_sentence(found: CalibrationFindings) -> str:
     return f"No estimate holds on {', '.join(away)}, and no band is stated there. " if away else ""
 
 
-def _invalid_band_sentences(found: CalibrationFindings) -> list[str]:
-    """Return sentences that name where error bands are not known to hold.
+def _invalid_band_sentences(found: CalibrationFindings) -> Iterator[str]:
+    """Yield sentences that name where error bands are not known to hold.
 
     They follow from EMG and angles alone, without any reference torque.
     """
-    sentences = []
+    chosen = found.chosen.values()
     changed = [
         f"{name} ({', '.join(m.replace('_', ' ') for m in c.changed)})"
         for name, c in found.sessions.items()
         if c.is_valid and c.changed
     ]
     if changed:
-        sentences.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
-    few = [
-        f"{each.what}, {each.conditions}"
-        for each in found.chosen.values()
-        if 1 < each.conditions < ERROR_BAND.min_conditions
-    ]
+        yield f"Bands do not hold on {', '.join(changed)}: channels changed."
+    few = [f"{each.what}, {each.conditions}" for each in chosen if 1 < each.conditions < ERROR_BAND.min_conditions]
     if few:
-        sentences.append(
+        yield (
             f"The error band rests on too few trials to be known to hold: {', '.join(few)}. Fit "
             f"{ERROR_BAND.min_conditions} or more."
         )
     narrow = [
         f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"
-        for each in found.chosen.values()
+        for each in chosen
         if each.fitted_coverage is not None and each.fitted_coverage < MIN_LEFT_OUT_COVERAGE
     ]
     if narrow:
-        sentences.append(
-            f"Bands for {100 * ERROR_BAND.share:g} % hold less of fitted trials left out in turn: {', '.join(narrow)}."
-        )
-    return sentences
+        share = f"{100 * ERROR_BAND.share:g} %"
+        yield f"Bands for {share} hold less of fitted trials left out in turn: {', '.join(narrow)}."
 
 
 def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
@@ -562,32 +537,11 @@ def calibration_verdicts(
     evaluated: Sequence[EstimatorEvaluation],
     trials: Sequence[TorqueTrial],
     chosen: Sequence[RecommendedEstimator] = (),
-) -> tuple[Verdict, ...]:
-    """Return warnings and notes on the recommended estimators and on their test recordings."""
-    verdicts = []
-    for what, best, bare in (
-        (each.what, judged, next((e for e in each.bare if e.recording == judged.recording), None))
-        for each in chosen
-        for judged in each.judged
-    ):
-        on = f" on {best.recording}" if best.recording else ""
-        if bare is not None and bare.score.rmse <= best.score.rmse:
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
-                    f"with EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, "
-                    "and the map would not see an effort that does not move the joint.",
-                )
-            )
-        if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
-            verdicts.append(
-                Verdict(
-                    "warning",
-                    f"{what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
-                    f"{best.recording}: record more, and more varied, movement to fit.",
-                )
-            )
+) -> Iterator[Verdict]:
+    """Yield warnings and notes on the recommended estimators and on their test recordings."""
+    for each in chosen:
+        for best in each.judged:
+            yield from _estimator_verdicts(each, best)
     judged = {each.recording for each in evaluated} | {trial.name for trial in trials}
     idle = [
         r.name
@@ -596,33 +550,43 @@ def calibration_verdicts(
         and not any(f"{name}_".startswith(f"{r.name}_") for name in judged)
     ]
     if idle:
-        verdicts.append(
-            Verdict(
-                "warning",
-                f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure of these "
-                "maps says anything of such movements.",
-            )
+        yield Verdict(
+            "warning",
+            f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure of these "
+            "maps says anything of such movements.",
         )
     late = smoothing_delay(0.05, trials[0].fs)
-    chain = study_chain(study, study.table(EmgTorqueTable))
+    table = study.table(EmgTorqueTable)
+    chain = study_chain(study, table)
+    stream = next((r.streams[table.emg] for r in study.recordings() if table.emg in r.streams), None)
     if chain is None:
-        verdicts.append(
-            Verdict(
-                "note",
-                f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
-                f"angles causally, and smoothing makes trees {1e3 * late:.0f} ms late.",
-            )
+        yield Verdict(
+            "note",
+            f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
+            f"angles causally, and smoothing makes trees {1e3 * late:.0f} ms late.",
         )
-    else:
-        emg = study.table(EmgTorqueTable).emg
-        stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
-        if stream is not None:
-            delay = chain.delay(stream.fs)
-            verdicts.append(
-                Verdict(
-                    "note",
-                    f'The chain "{chain.name}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes '
-                    f"trees {1e3 * late:.0f} ms later.",
-                )
-            )
-    return tuple(verdicts)
+    elif stream is not None:
+        yield Verdict(
+            "note",
+            f'The chain "{chain.name}" run causally is {1e3 * chain.delay(stream.fs).filters:.0f} ms late, and '
+            f"smoothing makes trees {1e3 * late:.0f} ms later.",
+        )
+
+
+def _estimator_verdicts(each: RecommendedEstimator, best: EstimatorEvaluation) -> Iterator[Verdict]:
+    """Yield warnings where angles alone err no more on a recording, or where R² falls there."""
+    bare = next((e for e in each.bare if e.recording == best.recording), None)
+    if bare is not None and bare.score.rmse <= best.score.rmse:
+        on = f" on {best.recording}" if best.recording else ""
+        yield Verdict(
+            "warning",
+            f"{each.what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
+            f"with EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, "
+            "and the map would not see an effort that does not move the joint.",
+        )
+    if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
+        yield Verdict(
+            "warning",
+            f"{each.what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
+            f"{best.recording}: record more, and more varied, movement to fit.",
+        )

@@ -392,13 +392,13 @@ def _errors_section(findings: CalibrationResult) -> Section:
     head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
     plain = [
         e for e in findings.evaluated
-        if not e.causal and e.recording == shown[e.what] and not ESTIMATOR_FAMILIES[e.estimator].sees_measured_torque
+        if not e.causal and e.recording == shown[e.what] and not e.family.sees_measured_torque
     ]  # fmt: skip
     where = next(iter(shown.values()))
     on = " on what was not fitted" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst)")
     drawing = draw(
         error_by_estimator,
-        [(head[e.what], e.estimator, ESTIMATOR_FAMILIES[e.estimator].description, e.score.rmse) for e in plain],
+        [(head[e.what], e.estimator, e.family.description, e.score.rmse) for e in plain],
         "errors",
         heads=list(dict.fromkeys(head[e.what] for e in plain)),
         chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
@@ -557,7 +557,7 @@ def _choices_section(findings: CalibrationResult) -> Section:
         Row(
             (
                 each.what,
-                ESTIMATOR_FAMILIES[each.estimator].description + (", causal" if each.causal else ""),
+                each.words,
                 each.choice,
                 "–" if each.within is None else f"{each.within.r2:.3f}",
             )

@@ -34,6 +34,7 @@ from ...estimators.cross_validation import Score, score
 from ...estimators.emg_session import ChannelComparison
 from ...estimators.emg_worth import WORTH_BLOCKS, EmgWorth, worth_on_recording, worth_over_trials
 from ...estimators.families import ESTIMATOR_FAMILIES
+from ...estimators.families.family import Family
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
 from ...estimators.torque_map import CrossValidated
@@ -76,6 +77,16 @@ class EstimatorEvaluation:
     as_recorded: Score | None = None  # Score without any repair, if channels changed and repairs were asked for
     repaired: tuple[str, ...] = ()  # Muscles whose channels were repaired for this estimator
     torque_unit: str = "N*m"  # Unit of the reference; "MVC": shares of a maximal contraction's torque
+
+    @property
+    def family(self) -> Family:
+        """Family of the estimator."""
+        return ESTIMATOR_FAMILIES[self.estimator]
+
+    @property
+    def words(self) -> str:
+        """The estimator in words."""
+        return self.family.description + (", causal" if self.causal else "")
 
     @property
     def unit(self) -> str:

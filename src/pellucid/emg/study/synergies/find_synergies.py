@@ -263,8 +263,8 @@ def _rows(
         base = f"{study}.{part(g.name)}.synergies" if g.name else f"{study}.synergies"
         c = g.count
         words = (
-            f"fewest with a VAF of {SYNERGY_FIT.min_vaf:g}, of each muscle {SYNERGY_FIT.min_muscle_vaf:g}, on blocks of "
-            "the fitted recordings left out in turn"
+            f"fewest with a VAF of {SYNERGY_FIT.min_vaf:g}, of each muscle {SYNERGY_FIT.min_muscle_vaf:g}, on blocks "
+            "of the fitted recordings left out in turn"
         )
         yield row(f"{base}.number", g.within.enough, "fitted", words)
         yield row(f"{base}.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
