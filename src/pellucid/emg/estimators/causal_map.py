@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from math import nan
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -81,18 +81,6 @@ class EmgTrial:
     emg: np.ndarray  # Raw EMG, shape (k, muscles) [V]
 
 
-class EmgTorqueArguments(TypedDict):
-    """Arguments of the core's chain from raw EMG to a torque."""
-
-    band: np.ndarray  # Band-pass as second-order sections, shape (k, 6)
-    envelope: np.ndarray  # Low-pass after rectification as second-order sections, shape (k, 6)
-    weights: np.ndarray  # As in `CausalMap`, as are the limits below
-    floor: np.ndarray
-    ceiling: np.ndarray
-    patience: int
-    torque_limit: float
-
-
 @dataclass(frozen=True, eq=False)
 class CausalMap:
     """A causal filter chain and an identified map, as the core takes them."""
@@ -107,22 +95,17 @@ class CausalMap:
     torque_limit: float  # Largest torque of the fitted trials [N m]; a larger one means that an electrode came off
     rmse: float = nan  # RMSE on repetitions that the map was not fitted to [N m]
     muscles: tuple[str, ...] = field(default=())  # Names of the channels, in the order of the samples
-    patience: int = (
-        CAUSAL_FIT.patience_samples  # Number of samples in a row outside floor and ceiling before EMG is invalid
-    )
+    # Number of samples in a row outside floor and ceiling before EMG is invalid
+    patience: int = CAUSAL_FIT.patience_samples
 
-    def parameters(self) -> EmgTorqueArguments:
-        """Return the arguments of the core's chain by name: filters as second-order sections, weights and limits."""
+    def parameters(self) -> dict[str, Any]:
+        """Return the arguments of the core's chain by name.
+
+        They are its band-pass and its low-pass as second-order sections, shape (k, 6) each, weights and limits.
+        """
         band, envelope = _design_filters(self.fs, self.corner)
-        return {
-            "band": band,
-            "envelope": envelope,
-            "weights": self.weights,
-            "floor": self.floor,
-            "ceiling": self.ceiling,
-            "patience": self.patience,
-            "torque_limit": self.torque_limit,
-        }
+        own = {name: getattr(self, name) for name in ("weights", "floor", "ceiling", "patience", "torque_limit")}
+        return {"band": band, "envelope": envelope, **own}
 
     def build(self) -> _core.EmgTorque:
         """Build the core's chain, at rest."""

@@ -16,7 +16,6 @@ Delay of a causal EMG chain, computed from its filters' coefficients.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -162,66 +161,53 @@ class EmgChain:
     ) -> np.ndarray:
         """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late. `samples` (n,)
         [V]; `fs` [Hz]; gives (n,), or the part `inside`, filtered with what lies around it."""
-        return self._of_part(self._zero_phase, samples, fs, maximum, inside, causal=False)
+        return self._of_part(samples, fs, maximum, inside, causal=False)
 
     def causal(
         self, samples: np.ndarray, fs: float, *, maximum: float | None = None, inside: slice | None = None
     ) -> np.ndarray:
         """Envelope as it is had in real time: late by what `delay` says, from filters at rest. `samples` (n,) [V];
         `fs` [Hz]; gives (n,), or the part `inside`, filtered with what comes before it."""
-        return self._of_part(self._causal, samples, fs, maximum, inside, causal=True)
+        return self._of_part(samples, fs, maximum, inside, causal=True)
 
     def _of_part(
-        self,
-        run: Callable[[np.ndarray, float, float | None], np.ndarray],
-        samples: np.ndarray,
-        fs: float,
-        maximum: float | None,
-        inside: slice | None,
-        *,
-        causal: bool,
+        self, samples: np.ndarray, fs: float, maximum: float | None, inside: slice | None, *, causal: bool
     ) -> np.ndarray:
         if inside is None:
-            return run(self._checked(samples, fs), fs, maximum)
+            return self._run(self._checked(samples, fs), fs, maximum, causal=causal)
         self.require_rate(fs)
         part = with_surroundings(samples, inside, self.settling(fs), later=not causal)
         x = self._checked(samples[part], fs)
         own = slice(inside.start - part.start, inside.stop - part.start)
         if maximum is not None or causal or not any(stage.kind == "normalise" for stage in self.stages):
-            return run(x, fs, maximum)[own]
+            return self._run(x, fs, maximum, causal=causal)[own]
         # The largest value is that of the part itself.
-        made = run(x, fs, 1.0)[own]
+        made = self._run(x, fs, 1.0, causal=False)[own]
         return self._plain(Stage("normalise"), made, fs, None, causal=False)
 
-    def _zero_phase(self, x: np.ndarray, fs: float, maximum: float | None) -> np.ndarray:
+    def _run(self, x: np.ndarray, fs: float, maximum: float | None, *, causal: bool) -> np.ndarray:
+        """Pass samples, (n,), through all stages: filters forwards, and backwards too if not `causal`."""
         rectified = False
         for stage in self.stages:
             rectified = rectified or stage.kind == "rectify"
             if stage.kind not in FILTER_STAGES:
-                x = self._plain(stage, x, fs, maximum, causal=False)
+                x = self._plain(stage, x, fs, maximum, causal=causal)
                 continue
-            sos = stage.sections(fs)
-            fewest = 3 * (2 * len(sos) + 1)
-            if len(x) <= fewest:
-                raise RecordingError(
-                    f"EMG chain {self.name}: found {len(x)} samples, expected more than {fewest} for the "
-                    f"{stage.kind} of order {stage.order} run both ways"
-                )
-            padding = min(stage.settling(fs), len(x) - 1)
-            x = signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
+            x = signal.sosfilt(stage.sections(fs), x) if causal else self._both_ways(stage, x, fs, rectified)
             x = np.maximum(x, 0.0) if rectified else x
         return x
 
-    def _causal(self, x: np.ndarray, fs: float, maximum: float | None) -> np.ndarray:
-        rectified = False
-        for stage in self.stages:
-            rectified = rectified or stage.kind == "rectify"
-            if stage.kind not in FILTER_STAGES:
-                x = self._plain(stage, x, fs, maximum, causal=True)
-                continue
-            x = signal.sosfilt(stage.sections(fs), x)
-            x = np.maximum(x, 0.0) if rectified else x
-        return x
+    def _both_ways(self, stage: Stage, x: np.ndarray, fs: float, rectified: bool) -> np.ndarray:
+        """Filter samples, (n,), forwards and backwards, mirrored at both ends for as long as the filter settles."""
+        sos = stage.sections(fs)
+        fewest = 3 * (2 * len(sos) + 1)
+        if len(x) <= fewest:
+            raise RecordingError(
+                f"EMG chain {self.name}: found {len(x)} samples, expected more than {fewest} for the "
+                f"{stage.kind} of order {stage.order} run both ways"
+            )
+        padding = min(stage.settling(fs), len(x) - 1)
+        return signal.sosfiltfilt(sos, x, padtype="even" if rectified else "odd", padlen=padding)
 
     def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
         """The causal chain for samples that come one after another. `fs` [Hz]."""
@@ -303,7 +289,8 @@ class EmgStream:
             if stage.kind in FILTER_STAGES:
                 self._steps.append(_core.Biquads(stage.sections(fs)))
                 if any(earlier.kind == "rectify" for earlier in chain.stages[:i]):
-                    self._steps.append(_not_below_zero)
+                    # An envelope has no undershoot of a low-pass; NaN stays.
+                    self._steps.append(lambda x: np.maximum(x, 0.0))
             elif stage.kind == "rms":
                 self._steps.append(_WindowRms(max(1, round(stage.seconds * fs))))
             elif stage.kind == "advance":
@@ -311,7 +298,7 @@ class EmgStream:
             elif stage.kind == "rectify":
                 self._steps.append(np.abs)
             elif stage.kind == "normalise" and maximum is not None:  # `EmgChain.stream` requires it
-                self._steps.append(_Share(maximum))
+                self._steps.append(lambda x: x / maximum)
 
     def filter(self, samples: np.ndarray) -> np.ndarray:
         """Envelope of the samples that come next. `samples` (n,) [V]; gives (n,)."""
@@ -348,11 +335,6 @@ def with_surroundings(samples: np.ndarray, inside: slice, reach: int, *, later: 
     return slice(first + int(before[-1]) + 1 if before.size else first, stop + int(after[0]) if after.size else last)
 
 
-def _not_below_zero(x: np.ndarray) -> np.ndarray:
-    """An envelope (n,) without the undershoot of a low-pass; NaN stays."""
-    return np.maximum(x, 0.0)
-
-
 def _window_rms(x: np.ndarray, count: int, *, causal: bool) -> np.ndarray:
     """Return the root mean square of a window of `count` samples about each, or of the last ones, shape (n,).
 
@@ -366,42 +348,34 @@ def _window_rms(x: np.ndarray, count: int, *, causal: bool) -> np.ndarray:
     return np.sqrt(np.maximum(total[last] - total[first], 0.0) / width)
 
 
-class _WindowRms:
-    """The root mean square of the last samples, zeros at first."""
+class _Memory:
+    """The last `count` samples, zeros at first."""
 
     def __init__(self, count: int):
         self._kept = np.zeros(count)
 
-    def filter(self, x: np.ndarray) -> np.ndarray:
+    def _remember(self, x: np.ndarray) -> np.ndarray:
+        """Return the remembered samples with those that come next behind them."""
         both = np.concatenate((self._kept, x))
         self._kept = both[len(x) :]
-        return _window_rms(both, len(self._kept), causal=True)[len(self._kept) :]
+        return both
 
     def reset(self) -> None:
         self._kept = np.zeros(len(self._kept))
 
 
-class _Wait:
-    """A delay line, zeros at first."""
-
-    def __init__(self, samples: int):
-        self._kept = np.zeros(samples)
+class _WindowRms(_Memory):
+    """The root mean square of the last samples."""
 
     def filter(self, x: np.ndarray) -> np.ndarray:
-        both = np.concatenate((self._kept, x))
-        self._kept = both[len(x) :]
-        return both[: len(x)]
-
-    def reset(self) -> None:
-        self._kept = np.zeros(len(self._kept))
+        return _window_rms(self._remember(x), len(self._kept), causal=True)[len(self._kept) :]
 
 
-class _Share:
-    def __init__(self, maximum: float):
-        self._maximum = maximum
+class _Wait(_Memory):
+    """A delay line."""
 
     def filter(self, x: np.ndarray) -> np.ndarray:
-        return x / self._maximum
+        return self._remember(x)[: len(x)]
 
 
 EMG_CHAINS = {

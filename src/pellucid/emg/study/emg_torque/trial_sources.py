@@ -17,9 +17,9 @@ What other domains offer to `calibrate`: bodies on which a wearer acts, and eval
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -236,25 +236,35 @@ def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[Tor
                 f"{trials[0].unit} as in the recording {trials[0].name}"
             )
         angles = {n.removeprefix("angle."): recording[n] for n in recording.channels if n.startswith("angle.")}
+        envelopes = relative_envelopes(study, recording, top[recording.participant], causal=causal)
+        torque = np.interp(recording.time, time, torque)
         trials.append(
-            TorqueTrial(
-                name=recording.name,
-                joint=joint,
-                time=recording.time,
-                envelopes=relative_envelopes(study, recording, top[recording.participant], causal=causal),
-                angles=angles,
-                torque=np.interp(recording.time, time, torque),
-                group=recording.trial,
-                heldout=recording.use != "fit",
-                participant=recording.participant,
-                checksum=recording.checksum,
-                muscles=muscle_source(study, recording, joint),
-                lead=_lead_envelopes(study, recording),
-                unit=unit,
-                piece_of=recording.piece_of,
+            _make_trial(
+                study, recording, joint, slice(None), envelopes, angles, torque, group=recording.trial, unit=unit,
+                heldout=recording.use != "fit", lead=_lead_envelopes(study, recording),
             )
-        )
+        )  # fmt: skip
     return [_thin_trial(trial) for trial in trials]
+
+
+def _make_trial(
+    study: Study,
+    recording: Recording,
+    joint: str,
+    part: slice,
+    envelopes: Mapping[str, np.ndarray],
+    angles: Mapping[str, np.ndarray],
+    torque: np.ndarray,
+    **others: Any,
+) -> TorqueTrial:
+    """Return a `part` of a recording's samples as a trial; `others` are further fields of it."""
+    known = {"name": recording.name, "participant": recording.participant, "checksum": recording.checksum,
+             "muscles": muscle_source(study, recording, joint), "piece_of": recording.piece_of}  # fmt: skip
+    return TorqueTrial(
+        joint=joint, time=recording.time[part], torque=torque[part],
+        envelopes={muscle: x[part] for muscle, x in envelopes.items()},
+        angles={name: q[part] for name, q in angles.items()}, **{**known, **others},
+    )  # fmt: skip
 
 
 def _at_trial_rate(recording: Recording) -> Recording:
@@ -321,21 +331,8 @@ def step_trials(
         torque = body.wearer_torque(recording, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
         every = slice(None, None, max(1, round(recording.fs / TRIAL_CLOCK.kept_rate_hz)))
-        trials.append(
-            TorqueTrial(
-                name=recording.name,
-                joint=joint,
-                time=recording.time[every],
-                envelopes={muscle: x[every] for muscle, x in envelopes.items()},
-                angles={joint: recording["position"][every]},
-                torque=torque[every],
-                group=str(repetition[recording.name]),
-                participant=participant,
-                checksum=recording.checksum,
-                muscles=muscle_source(study, recording, joint),
-                piece_of=recording.piece_of,
-            )
-        )
+        angles, group = {joint: recording["position"]}, str(repetition[recording.name])
+        trials.append(_make_trial(study, recording, joint, every, envelopes, angles, torque, group=group))
     return trials
 
 
@@ -439,19 +436,12 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
         for i, repetition in enumerate(repetitions.each, start=1):
             kept = slice(repetition.start, repetition.end, every)
             ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]
+            name = f"{recording.name}_{i}"
+            lead = {muscle: x[ahead] for muscle, x in envelopes.items()} if len(ahead) else {}
             trials.append(
-                TorqueTrial(
-                    name=f"{recording.name}_{i}",
-                    joint="knee",
-                    time=recording.time[kept],
-                    envelopes={muscle: x[kept] for muscle, x in envelopes.items()},
-                    angles={"knee": flexion[kept]},
-                    torque=torque[kept],
-                    group=f"{recording.name}_{i}",
-                    participant=participant,
-                    checksum=recording.checksum,
-                    muscles=muscle_source(study, recording, "knee"),
-                    lead={muscle: x[ahead] for muscle, x in envelopes.items()} if len(ahead) else {},
+                _make_trial(
+                    study, recording, "knee", kept, envelopes, {"knee": flexion}, torque, name=name, group=name,
+                    lead=lead, piece_of="",
                 )
-            )
+            )  # fmt: skip
     return trials, leg.gravity()
