@@ -182,7 +182,7 @@ def test_one_joint_or_no_muscles_give_nothing(alone):
     assert calibrate_together(CalibrationFindings(across={"knee": alone.across["knee"]}), silent) is None
     refused = CalibrationFindings(across=alone.across, passed_over={"knee": "found envelopes in V"})
     assert calibrate_together(refused, silent) is None
-    for made in (together_tables(None, []), together_verdicts(None, alone), together_rows("x", None, alone, [])):
+    for made in (together_tables(None, []), tuple(together_verdicts(None, alone)), together_rows("x", None, alone, [])):
         assert made == ()
     assert together_cards(SimpleNamespace(name="x"), None, []) == {}
     assert together_figure_data(None) is None

@@ -1,4 +1,4 @@
-"""Linear and ridge regression, with earlier envelopes or without, and without EMG at all."""
+"""Linear and ridge regression, with earlier envelopes or without or without EMG, and M-BP, a small network."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from ..features import Features
+from ..features import Features, FeatureSet
 from .family import Family, Regressor
 
 PENALTY_CANDIDATES = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -27,46 +27,44 @@ def make_ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
+def make_network(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    """Make a network with one hidden layer."""
+    from ..neural_network import NeuralNetwork
+
+    return NeuralNetwork(settings["penalty"])
+
+
 linear_family = partial(
-    Family, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2, weight_argument="row_weight"
+    Family, make=make_ridge, shared_setting="penalty", smoothing=0.0, extrapolation_rank=2, weight_argument="row_weight"
 )
-"""Constructor of a family with the fields that all families of this module have in common."""
+"""Constructor of a family with the fields that all linear families have in common."""
+
+ridge_family = partial(linear_family, settings=RIDGE_SETTINGS, tries_all_pairs=True)
+"""Constructor of a family of ridge regressions."""
 
 FAMILIES = {
-    "ridge": linear_family(
-        "ridge regression",
-        make_ridge,
-        RIDGE_SETTINGS,
-        lags=False,
-        tries_all_pairs=True,
-        rank=40,
-        colour="heldout",
-        rivals_muscles=True,
-        scored_causally=True,
+    "ridge": ridge_family(
+        "ridge regression", lags=False, rank=40, colour="heldout", rivals_muscles=True, scored_causally=True,
         runs_live=True,
     ),
-    "ridge_lags": linear_family(
-        "ridge regression with lags",
-        make_ridge,
-        RIDGE_SETTINGS,
-        lags=True,
-        tries_all_pairs=True,
-        rank=41,
-        short="ridge with lags",
-        colour="stribeck",
+    "ridge_lags": ridge_family(
+        "ridge regression with lags", lags=True, rank=41, short="ridge with lags", colour="stribeck",
         rivals_muscles=True,
     ),
     "linear": linear_family(
-        "linear regression", make_ridge, ({"penalty": 0.0},), lags=False, rank=42, colour="combined"
+        "linear regression", settings=({"penalty": 0.0},), lags=False, rank=42, colour="combined"
     ),
-    "motion": linear_family(
-        "ridge regression without EMG",
-        make_ridge,
-        RIDGE_SETTINGS,
-        muscles=False,
-        tries_all_pairs=True,
-        rank=43,
-        short="angles alone",
-        colour="symmetric",
+    "motion": ridge_family(
+        "ridge regression without EMG", muscles=False, rank=43, short="angles alone", colour="symmetric"
     ),
-}
+    "mbp": Family(
+        "M-BP, a network (reconstruction)",
+        make_network,
+        tuple({"penalty": a} for a in (0.01, 0.1, 1.0)),
+        only_features=FeatureSet(velocities=True),
+        reconstruction=True,
+        smoothing=0.0,
+        rank=70,
+        short="M-BP",
+    ),
+}  # fmt: skip

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 
 import numpy as np
 
@@ -38,13 +37,17 @@ from ...fit.muscle_posterior import (
     CalibrationPosterior,
     calibration_posterior,
     count_bounds_reported_as_estimates,
-    covariance,
     muscle_parameters,
     muscle_verdicts,
-    reported_covariance,
 )
-from ...models.muscle import CARD_KIND
-from .torque_findings import CalibrationFindings, EstimatorEvaluation, MuscleSummary, TorqueTrace
+from .torque_findings import (
+    CalibrationFindings,
+    EstimatorEvaluation,
+    MuscleSummary,
+    TorqueTrace,
+    muscle_card,
+    summarise_muscles,
+)
 
 PLAIN_FIT = "hill"
 """Part of row ids that names the fit in which EMG and moments have one clock."""
@@ -368,19 +371,17 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         )
 
 
-def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings) -> tuple[Verdict, ...]:
-    """Return verdicts on both fits: muscles, the EMG stream's offset, and the coverage of bands."""
+def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings) -> Iterator[Verdict]:
+    """Yield verdicts on both fits: muscles, the EMG stream's offset, and the coverage of bands."""
     if found is None:
-        return ()
-    verdicts = [*muscle_verdicts(found.fit.fit, f"{found.what} together")]
-    verdicts.append(_offset_verdict(found))
+        return
+    yield from muscle_verdicts(found.fit.fit, f"{found.what} together")
+    yield _offset_verdict(found)
     for muscle, strengths in _shared_strength_words(found, alone).items():
-        verdicts.append(
-            Verdict(
-                "note",
-                f"{muscle.replace('_', ' ')}: {strengths}, relative to the anatomical model. It is the same muscle at "
-                "every joint.",
-            )
+        yield Verdict(
+            "note",
+            f"{muscle.replace('_', ' ')}: {strengths}, relative to the anatomical model. It is the same muscle at "
+            "every joint.",
         )
     for how, words in FIT_WORDS.items():
         own = [s for s in found.scores if s.how == how]
@@ -388,14 +389,13 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
         shares = sorted(100.0 * s.coverage for s in own)
         where = f"; farthest off at the {worst.joint}, {worst.recording.replace('_', ' ') or 'each left out'}"
         held = VALID_COVERAGE_BOUNDS[0] <= worst.coverage <= VALID_COVERAGE_BOUNDS[1]
-        verdicts.append(
-            Verdict(
-                "good" if held else "warning",
-                f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
-                f"{100.0 * ERROR_BAND.share:g} % band that was stated beforehand{where * (not held)}.",
-            )
+        yield Verdict(
+            "good" if held else "warning",
+            f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
+            f"{100.0 * ERROR_BAND.share:g} % band that was stated beforehand{where * (not held)}.",
         )
-    return (*verdicts, *_unrecorded_verdicts(found), *_posterior_verdicts(found))
+    yield from _unrecorded_verdicts(found)
+    yield from _posterior_verdicts(found)
 
 
 def _offset_verdict(found: TogetherFindings) -> Verdict:
@@ -524,27 +524,16 @@ def together_cards(
     cards = {}
     for how, fit in found.fits.items() if found else ():
         name = "muscles_together" if how == PLAIN_FIT else "muscles_together_offset"
-        offset = fit.offset
+        offset, choice = fit.offset, fit.choice
         ahead = {} if offset is None else {"emg_offset": offset.value, "emg_offset.low": offset.low,
                                            "emg_offset.high": offset.high}  # fmt: skip
-        cards[name] = ParameterCard(
-            kind=CARD_KIND,
-            study=study.name,
-            name=name,
-            parameters=tuple(p.on_card(0.95) for p in fit.parameters),
-            covariance=tuple(map(tuple, reported_covariance(fit.fit).tolist())),
-            settings={
-                **fit.card_content().settings(),
-                "weight": fit.choice.weight,
-                **ahead,
-                **{f"residual_sd.{joint}": each.rmse for joint, each in fit.choice.scores.items()},
-                **{f"delay.{m}": float(late) for m, late in zip(fit.driven, fit.delays, strict=True)},
-            },
-            processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; "
-            f"{fit.choice.timing.words}, weight of anatomy {fit.choice.weight:g}",
-            checksums={trial.name: trial.checksum for trial in trials if not trial.heldout},
-            pellucid=version("pellucid"),
-        )
+        settings = {
+            "weight": choice.weight, **ahead,
+            **{f"residual_sd.{joint}": each.rmse for joint, each in choice.scores.items()},
+            **{f"delay.{m}": float(late) for m, late in zip(fit.driven, fit.delays, strict=True)},
+        }  # fmt: skip
+        words = f"{choice.timing.words}, weight of anatomy {choice.weight:g}"
+        cards[name] = muscle_card(study, name, fit.card_content(), fit.fit, fit.parameters, settings, words, trials)
     return cards
 
 
@@ -552,12 +541,7 @@ def together_figure_data(found: TogetherFindings | None) -> TogetherFigureData |
     """Return the data for figures; None without a calibration over all joints."""
     if found is None:
         return None
-    fit = found.fit
-    half = 1.96 * np.sqrt(np.diag(covariance(fit.fit)))
-    summary = MuscleSummary(
-        f"{found.what} together", fit.fit.problem.names, tuple(map(float, fit.fit.z)), tuple(map(float, half)),
-        tuple(map(bool, fit.fit.at_bound)), tuple(fit.driven), found.traces[0].recording, (), (), (),
-    )  # fmt: skip
-    return TogetherFigureData(
-        summary, found.traces, find_determined_parameters(found)[:MAX_DRAWN_PARAMETERS], found.posterior
-    )
+    fit, first = found.fit, found.traces[0].recording
+    summary = summarise_muscles(f"{found.what} together", fit.fit, tuple(fit.driven), first, (), (), ())
+    told = find_determined_parameters(found)[:MAX_DRAWN_PARAMETERS]
+    return TogetherFigureData(summary, found.traces, told, found.posterior)

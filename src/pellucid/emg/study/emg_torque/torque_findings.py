@@ -16,7 +16,7 @@ Result rows of a calibration by their ids.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from ...._errors import IdentificationError
 from ....models.card import CardParameter
-from ....models.estimates import Verdict
+from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....study.procedures.result import FigureTable, ParameterTable
 from ....study.results import ResultRow
@@ -39,7 +39,7 @@ from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import STIFFNESS_KINDS, JointStiffness, joint_stiffness
 from ...estimators.torque_map import CrossValidated
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscle_calibration import DELAY_BOUNDS
+from ...fit.muscle_calibration import DELAY_BOUNDS, MuscleFit
 from ...fit.muscle_posterior import covariance, muscle_parameters, muscle_verdicts, reported_covariance
 from ...models.emg_estimator import EmgEstimatorCard
 from ...models.muscle import CARD_KIND, CalibratedMuscles
@@ -309,60 +309,76 @@ def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
     )
 
 
+def muscle_card(
+    study: Study,
+    name: str,
+    content: CalibratedMuscles,
+    fit: MuscleFit,
+    parameters: Sequence[Parameter],
+    settings: Mapping[str, float],
+    words: str,
+    trials: Sequence[TorqueTrial],
+) -> ParameterCard:
+    """Return the card of calibrated muscles, with their covariance in the parameters' units.
+
+    `settings` stand beside those of the muscles themselves; `words` say how they were chosen.
+    """
+    return ParameterCard(
+        kind=CARD_KIND,
+        study=study.name,
+        name=name,
+        parameters=tuple(p.on_card(0.95) for p in parameters),
+        covariance=tuple(map(tuple, reported_covariance(fit).tolist())),
+        settings={**content.settings(), **settings},
+        processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; " + words,
+        checksums={trial.name: trial.checksum for trial in trials if not trial.heldout},
+        pellucid=version("pellucid"),
+    )
+
+
 def muscle_cards(
     study: Study, muscles: Mapping[str, HillMap], trials: Sequence[TorqueTrial]
 ) -> dict[str, ParameterCard]:
-    """Return cards of calibrated muscles, with their covariance in the parameters' units."""
+    """Return cards of the calibrated muscles of each joint or person."""
     cards = {}
     for what, found in muscles.items():
-        name, tissue = f"muscles_{what}", {found.joint: found.fit.passive}
-        whole = CalibratedMuscles(found.fit.muscles, found.driven, tissue, found.effort)
-        cards[name] = ParameterCard(
-            kind=CARD_KIND,
-            study=study.name,
-            name=name,
-            parameters=tuple(p.on_card(0.95) for p in muscle_parameters(found.fit)),
-            covariance=tuple(map(tuple, reported_covariance(found.fit).tolist())),
-            settings={
-                **whole.settings(),
-                "weight": found.choice.weight,
-                "residual_sd": found.residual_sd,
-                **{f"delay.{m}": float(late) for m, late in zip(found.muscles, activation_delays(found), strict=True)},
-            },
-            processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; "
-            + found.choice.words,
-            checksums={trial.name: trial.checksum for trial in trials if not trial.heldout},
-            pellucid=version("pellucid"),
-        )
+        name, fit, choice = f"muscles_{what}", found.fit, found.choice
+        content = CalibratedMuscles(fit.muscles, found.driven, {found.joint: fit.passive}, found.effort)
+        delays = zip(found.muscles, activation_delays(found), strict=True)
+        settings = {"weight": choice.weight, "residual_sd": found.residual_sd,
+                    **{f"delay.{m}": float(late) for m, late in delays}}  # fmt: skip
+        parameters = muscle_parameters(fit)
+        cards[name] = muscle_card(study, name, content, fit, parameters, settings, choice.words, trials)
     return cards
+
+
+def summarise_muscles(
+    what: str, fit: MuscleFit, muscles: Sequence[str], recording: str, *drawn: tuple
+) -> MuscleSummary:
+    """Return calibrated muscles with their departures from anatomy.
+
+    `drawn` are time, activations and torques of the drawn stretch.
+    """
+    half = 1.96 * np.sqrt(np.diag(covariance(fit)))
+    numbers = (tuple(map(kind, x)) for kind, x in ((float, fit.z), (float, half), (bool, fit.at_bound)))
+    return MuscleSummary(what, fit.problem.names, *numbers, tuple(muscles), recording, *drawn)
 
 
 def muscle_summaries(found: CalibrationFindings) -> tuple[MuscleSummary, ...]:
     """Return the data for figures of calibrated muscles."""
     made = []
     for what, fitted in found.muscles.items():
-        trial = found.shown[what]
+        trial, problem = found.shown[what], fitted.fit.problem
         samples, own = fitted.samples(trial)
-        states = fitted.fit.problem.model.states(
-            samples.data, fitted.fit.problem.values(fitted.fit.z)[: len(fitted.fit.problem.priors)]
-        )
+        states = problem.model.states(samples.data, problem.values(fitted.fit.z)[: len(problem.priors)])
         shown = slice(own.start, min(own.stop, own.start + round(DRAWN_MUSCLES_S * trial.fs)))
         pull = samples.data.moment_arm * states["force"]
-        half = 1.96 * np.sqrt(np.diag(covariance(fitted.fit)))
-        made.append(
-            MuscleSummary(
-                what,
-                fitted.fit.problem.names,
-                tuple(map(float, fitted.fit.z)),
-                tuple(map(float, half)),
-                tuple(map(bool, fitted.fit.at_bound)),
-                fitted.muscles,
-                trial.name,
-                tuple(np.round(trial.time[: shown.stop - shown.start], 4).tolist()),
-                tuple(map(tuple, np.round(states["activation"][:, shown], 4).tolist())),
-                tuple(map(tuple, np.round(pull[:, shown], 3).tolist())),
-            )
+        drawn = (
+            tuple(np.round(trial.time[: shown.stop - shown.start], 4).tolist()),
+            tuple(map(tuple, np.round(states["activation"][:, shown], 4).tolist())),
+            tuple(map(tuple, np.round(pull[:, shown], 3).tolist())),
         )
+        made.append(summarise_muscles(what, fitted.fit, fitted.muscles, trial.name, *drawn))
     return tuple(made)
 
 
@@ -393,51 +409,40 @@ def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
     )
 
 
-def calibrated_muscle_verdicts(found: CalibrationFindings) -> tuple[Verdict, ...]:
-    """Return verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
-    verdicts: list[Verdict] = list(found.verdicts)
+def calibrated_muscle_verdicts(found: CalibrationFindings) -> Iterator[Verdict]:
+    """Yield verdicts on calibrated muscles: their delays, the coverage of intervals, and why some were not fitted."""
+    yield from found.verdicts
     for what, fitted in found.muscles.items():
-        verdicts += muscle_verdicts(fitted.fit, what)
-        verdicts.append(electromechanical_delay_verdict(what, activation_delays(fitted)))
-        verdicts += _compare_with_regression(found, what)
+        yield from muscle_verdicts(fitted.fit, what)
+        yield electromechanical_delay_verdict(what, activation_delays(fitted))
+        yield from _compare_with_regression(found, what)
     for each in found.evaluated:
         if each.coverage is not None and not each.causal:
-            kind = "good" if each.coverage >= 0.9 else "warning"
             where = each.recording.replace("_", " ") or "each trial left out in turn"
-            verdicts.append(
-                Verdict(
-                    kind,
-                    f"{each.what}, muscles: {100.0 * each.coverage:.0f} % of the torque in {where} lies within the "
-                    "95 % interval that was stated beforehand.",
-                )
+            yield Verdict(
+                "good" if each.coverage >= 0.9 else "warning",
+                f"{each.what}, muscles: {100.0 * each.coverage:.0f} % of the torque in {where} lies within the "
+                "95 % interval that was stated beforehand.",
             )
-    verdicts += [Verdict("note", f"{what}: muscles were not fitted: {why}.") for what, why in found.passed_over.items()]
-    return tuple(verdicts)
+    for what, why in found.passed_over.items():
+        yield Verdict("note", f"{what}: muscles were not fitted: {why}.")
 
 
-def _compare_with_regression(found: CalibrationFindings, what: str) -> list[Verdict]:
-    """Return a verdict that compares muscles with regressions of the same inputs, on the first test recording."""
+def _compare_with_regression(found: CalibrationFindings, what: str) -> Iterator[Verdict]:
+    """Yield a verdict that compares muscles with regressions of the same inputs, on the first test recording."""
     own = [e for e in found.evaluated if e.what == what and not e.causal]
-    own = [e for e in own if e.recording == own[0].recording] if own else []
-    by = {e.estimator: e for e in own}
-    muscles = next((by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.shows_muscles and n in by), None)
-    rivals = [by[n] for n, family in ESTIMATOR_FAMILIES.items() if family.rivals_muscles and n in by]
+    own = [e for e in own if e.recording == own[0].recording]
+    muscles = next((e for e in own if e.family.shows_muscles), None)
+    rivals = [e for e in own if e.family.rivals_muscles]
     if muscles is None or not rivals or muscles.kind == "normalised":
-        return []
-    best = min(rivals, key=lambda e: e.score.rmse)
-    ahead = muscles.score.rmse < best.score.rmse
-    end = (
-        "the muscle model helps here."
-        if ahead
-        else "regression is tested on the fitted kind of movement; in other movements it may not hold."
-    )
-    return [
-        Verdict(
-            "good" if ahead else "note",
-            f"{what}: muscles err by {muscles.score.rmse:.3g} {muscles.unit}, regression by {best.score.rmse:.3g}: "
-            + end,
-        )
-    ]
+        return
+    rival = min(e.score.rmse for e in rivals)
+    errors = f"{what}: muscles err by {muscles.score.rmse:.3g} {muscles.unit}, regression by {rival:.3g}: "
+    if muscles.score.rmse < rival:
+        yield Verdict("good", errors + "the muscle model helps here.")
+    else:
+        end = "regression is tested on the fitted kind of movement; in other movements it may not hold."
+        yield Verdict("note", errors + end)
 
 
 STIFFNESS_UNIT = "N*m/rad"
