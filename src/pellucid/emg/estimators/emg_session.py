@@ -30,7 +30,7 @@ consequence
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -202,10 +202,6 @@ class FittedSession:
             )
         x, moved = _stack_trials(trials)
         floor, top = np.quantile(x, (SESSION_LIMITS.floor_quantile, SESSION_LIMITS.top_quantile), axis=0)
-        everything = tuple(range(moved.shape[1]))
-        patterns = tuple(
-            Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(len(muscles))
-        )
         others: tuple[Ridge, ...] = ()
         if len(muscles) > 1:
             others = tuple(
@@ -230,7 +226,7 @@ class FittedSession:
             quantiles[:, 1] - quantiles[:, 0],
             np.min([each.min(axis=0) for each in moves], axis=0),
             np.max([each.max(axis=0) for each in moves], axis=0),
-            patterns,
+            tuple(_fit_patterns([moved], [x])),
             _has_repeating_pattern(trials),
             others,
             np.max([_fisher_z(each) for each, _ in stretches], axis=0),
@@ -268,10 +264,7 @@ class FittedSession:
             np.sum((level > SESSION_LIMITS.max_range_ratio) | (level < 1.0 / SESSION_LIMITS.max_range_ratio))
             > max(2, 0.5 * len(self.muscles))
         )
-        margin = np.maximum(
-            SESSION_LIMITS.range_margin * (self.high - self.low),
-            np.tile(SESSION_LIMITS.motion_margins, len(self.low) // 2),
-        )
+        margin = _range_margin(self.low, self.high)
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
         goes_with = self._correlations(x, moved) if np.mean(away) <= SESSION_LIMITS.max_outside_share else None
         changes = [] if many else self._find_changes(floor, risen, now, like, goes_with, _fisher_z(x))
@@ -358,7 +351,7 @@ class FittedSession:
 
     def _correlations(self, x: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Return the correlation of the pattern of muscle i with the envelope of channel k, shape (k, k)."""
-        return _correlations(np.column_stack([pattern.predict(moved) for pattern in self.patterns]), x)
+        return _correlations(_predict_all(self.patterns, moved), x)
 
     def _find_changes(
         self,
@@ -502,15 +495,9 @@ def _watched_stretches(trial: TorqueTrial) -> list[TorqueTrial]:
 
 def _has_repeating_pattern(trials: Sequence[TorqueTrial]) -> np.ndarray:
     """Return whether the pattern of the trials' first halves holds in the second half of the median trial, (k,)."""
-    each = [_stack_trials([trial]) for trial in trials]
-    halves = [len(x) // 2 for x, _ in each]
-    x, moved = (np.vstack([both[i][:half] for both, half in zip(each, halves, strict=True)]) for i in (0, 1))
-    everything = tuple(range(moved.shape[1]))
-    patterns = [Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(moved, x[:, k]) for k in range(x.shape[1])]
-    found = [
-        np.diag(_correlations(np.column_stack([pattern.predict(moved[half:]) for pattern in patterns]), x[half:]))
-        for (x, moved), half in zip(each, halves, strict=True)
-    ]
+    each = [(*_stack_trials([trial]), len(trial) // 2) for trial in trials]
+    patterns = _fit_patterns([moved[:half] for _, moved, half in each], [x[:half] for x, _, half in each])
+    found = [np.diag(_correlations(_predict_all(patterns, moved[half:]), x[half:])) for x, moved, half in each]
     return np.median(found, axis=0) > SESSION_LIMITS.min_pattern_correlation
 
 
@@ -573,13 +560,31 @@ def _fisher_z(x: np.ndarray) -> np.ndarray:
 def _stack_trials(trials: Sequence[TorqueTrial]) -> tuple[np.ndarray, np.ndarray]:
     """Return envelopes, shape (n, k), and angles with their rates, shape (n, 2 j), of trials one after another."""
     x = np.vstack([np.column_stack(list(trial.envelopes.values())) for trial in trials])
-    moved = []
-    for trial in trials:
-        of_joints = [
-            filter_and_differentiate(np.asarray(q, float), trial.fs, causal=False)[:2] for q in trial.angles.values()
-        ]
-        moved.append(np.column_stack([column for pair in of_joints for column in pair]))
-    return x, np.vstack(moved)
+    return x, np.vstack([_motion(trial, trial.angles, causal=False) for trial in trials])
+
+
+def _motion(trial: TorqueTrial, angles: Iterable[str], *, causal: bool) -> np.ndarray:
+    """Return angles and their rates, shape (n, 2 angles); `causal` ones are as the core filters them."""
+    pairs = [filter_and_differentiate(np.asarray(trial.angles[a], float), trial.fs, causal=causal)[:2] for a in angles]
+    return np.column_stack([column for pair in pairs for column in pair])
+
+
+def _fit_patterns(moved: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[Ridge]:
+    """Return the pattern of each channel from motion, shape (n, 2 angles) each, and envelopes, shape (n, k) each."""
+    motion, envelopes = np.vstack(moved), np.vstack(x)
+    everything = tuple(range(motion.shape[1]))
+    return [Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(motion, column) for column in envelopes.T]
+
+
+def _predict_all(patterns: Sequence[Ridge], moved: np.ndarray) -> np.ndarray:
+    """Return the envelopes by their patterns, shape (n, k)."""
+    return np.column_stack([pattern.predict(moved) for pattern in patterns])
+
+
+def _range_margin(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the margin about ranges of angles and rates, shape (2 angles,)."""
+    least = np.tile(SESSION_LIMITS.motion_margins, len(low) // 2)
+    return np.maximum(SESSION_LIMITS.range_margin * (high - low), least)
 
 
 class SessionWatch:
@@ -669,7 +674,7 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     if sum(map(len, first)) < WATCH_TIMES.min_samples or not names:
         return card
     x = [np.column_stack([t.envelopes[name] for name in names]) for t in first]
-    moved = [_motion(t, card.angles) for t in first]
+    moved = [_motion(t, card.angles, causal=True) for t in first]
     ceiling = np.array([channel.ceiling for channel in card.channels])
     patterns = _fit_patterns(moved, x)
     within = [_predict(patterns, m, ceiling) for m in moved]
@@ -692,47 +697,22 @@ def add_channel_watch(card: EmgEstimatorCard, trials: Mapping[str, Sequence[Torq
     features = [f"{what}.{angle}" for angle in card.angles for what in ("angle", "velocity")]
     channels = tuple(
         WatchedChannel(
-            float(consequence[k]),
-            float(usual[k]),
-            float(means[0][k]),
-            float(means[1][k]),
-            float(means[2][k]),
-            tuple(_term(name, w) for name, w in patterns[k].unscaled_coefficients(features).items()),
+            *map(float, numbers), tuple(_term(*each) for each in pattern.unscaled_coefficients(features).items())
         )
-        for k in range(len(names))
+        for *numbers, pattern in zip(consequence, usual, *means, patterns, strict=True)
     )
     low, high = np.vstack(moved).min(axis=0), np.vstack(moved).max(axis=0)
-    margin = np.maximum(
-        SESSION_LIMITS.range_margin * (high - low),
-        np.tile(SESSION_LIMITS.motion_margins, len(card.angles)),
-    )
-    low, high = low - margin, high + margin
+    margin = _range_margin(low, high)
+    ends = zip((low - margin).reshape(-1, 2), (high + margin).reshape(-1, 2), strict=True)
     angles = tuple(
-        WatchedAngle(float(low[2 * a]), float(high[2 * a]), float(low[2 * a + 1]), float(high[2 * a + 1]))
-        for a in range(len(card.angles))
+        WatchedAngle(float(least[0]), float(most[0]), float(least[1]), float(most[1])) for least, most in ends
     )
     return replace(card, watch=EstimatorWatch(channels, angles))
 
 
-def _motion(trial: TorqueTrial, angles: Sequence[str]) -> np.ndarray:
-    """Return angles and their rates as the core filters them, shape (n, 2 angles)."""
-    pairs = [filter_and_differentiate(np.asarray(trial.angles[a], float), trial.fs, causal=True)[:2] for a in angles]
-    return np.column_stack([column for pair in pairs for column in pair])
-
-
-def _fit_patterns(moved: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[Ridge]:
-    """Return the pattern of each channel from motion, shape (n, 2 angles) each, and envelopes, shape (n, k) each."""
-    motion, envelopes = np.vstack(moved), np.vstack(x)
-    everything = tuple(range(motion.shape[1]))
-    return [
-        Ridge(SESSION_LIMITS.pattern_penalty, everything).fit(motion, envelopes[:, k])
-        for k in range(envelopes.shape[1])
-    ]
-
-
 def _predict(patterns: Sequence[Ridge], moved: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
     """Return the envelopes by their patterns, within 0 and the channels' ceilings, shape (n, k)."""
-    return np.clip(np.column_stack([pattern.predict(moved) for pattern in patterns]), 0.0, ceiling)
+    return np.clip(_predict_all(patterns, moved), 0.0, ceiling)
 
 
 def _predict_left_out(

@@ -213,26 +213,22 @@ def count_bounds_reported_as_estimates(fit: MuscleFit, reported: Sequence[Parame
 def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
     """Return the verdicts on parameters that the recording does not determine; `what` names the calibration."""
     found = muscle_parameters(fit)
-    bound = [p for p in found if p.at_bound]
-    unknown = [p for p in found if not p.at_bound and not p.identifiable]
+    bound = [f"{p.name} ({p.value:.3g}{'' if p.unit == '1' else ' ' + p.unit})" for p in found if p.at_bound]
+    unknown = [p.name for p in found if not p.at_bound and not p.identifiable]
     said = []
     if bound:
-        names = ", ".join(f"{p.name} ({p.value:.3g}{'' if p.unit == '1' else ' ' + p.unit})" for p in bound)
-        said.append(
-            Verdict(
-                "warning",
-                f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound and are "
-                f"undetermined: {names}. The torque is what was fitted; these numbers measure nothing of the person.",
-            )
+        text = (
+            f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound and are "
+            f"undetermined: {', '.join(bound)}. The torque is what was fitted; these numbers measure nothing of the "
+            "person."
         )
+        said.append(Verdict("warning", text))
     if unknown:
-        said.append(
-            Verdict(
-                "note",
-                f"{what}, muscles: the recording does not identify {_listed([p.name for p in unknown])}: each stays "
-                "within what people differ by about its anatomical value.",
-            )
+        text = (
+            f"{what}, muscles: the recording does not identify {_listed(unknown)}: each stays "
+            "within what people differ by about its anatomical value."
         )
+        said.append(Verdict("note", text))
     if not said:
         said.append(Verdict("good", f"{what}, muscles: all {len(found)} parameters are identified, none on a bound."))
     return tuple(said)

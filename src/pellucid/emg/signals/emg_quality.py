@@ -81,13 +81,8 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
         x = channel.samples
         missing = np.flatnonzero(~np.isfinite(x))
         if missing.size:
-            faults.append(
-                _fault(
-                    "refuse", "missing_samples", recording, name,
-                    f"{missing.size} missing samples (NaN), the first at index {missing[0]}",
-                    "a number in every sample",
-                )
-            )  # fmt: skip
+            found = f"{missing.size} missing samples (NaN), the first at index {missing[0]}"
+            faults.append(_fault("refuse", "missing_samples", recording, name, found, "a number in every sample"))
         elif channel.unit == "V":
             faults += _raw_faults(recording, name, x, mains, notches)
         else:
@@ -103,13 +98,9 @@ def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -
         rest, active = np.quantile(envelope, (0.05, 0.95))
         ratio = active / rest if rest > 0.0 else np.inf
         if ratio < EMG_LIMITS.min_work_contrast:
-            found.append(
-                _fault(
-                    "note", "low_contrast", recording, f"emg.{muscle}",
-                    f"an envelope at work {ratio:.3g} times that at rest",
-                    f"at least {EMG_LIMITS.min_work_contrast:g} times",
-                )
-            )  # fmt: skip
+            said, expected = f"an envelope at work {ratio:.3g} times that at rest", EMG_LIMITS.min_work_contrast
+            channel = f"emg.{muscle}"
+            found.append(_fault("note", "low_contrast", recording, channel, said, f"at least {expected:g} times"))
     return found
 
 
@@ -128,14 +119,10 @@ def relaxed_faults(
         # A twitch that the envelope spreads over a second is no contraction.
         if span > 0.0 and np.mean(active) > 0.05:
             top = 100.0 * (float(np.quantile(envelope, 0.95)) - rest[muscle]) / span
-            found.append(
-                _fault(
-                    "refuse", "not_relaxed", recording, f"emg.{muscle}",
-                    f"activity of {top:.3g} % of a maximal contraction, during {100.0 * np.mean(active):.3g} % of the "
-                    "trial",
-                    f"a relaxed muscle: below {100.0 * EMG_LIMITS.max_relaxed_share:g} %",
-                )
-            )  # fmt: skip
+            share = 100.0 * np.mean(active)
+            said = f"activity of {top:.3g} % of a maximal contraction, during {share:.3g} % of the trial"
+            expected = f"a relaxed muscle: below {100.0 * EMG_LIMITS.max_relaxed_share:g} %"
+            found.append(_fault("refuse", "not_relaxed", recording, f"emg.{muscle}", said, expected))
     return found
 
 
@@ -154,13 +141,8 @@ def swapped_faults(
     pull, push = (float(np.corrcoef(envelopes[m], torque)[0, 1]) for m in (flexor, extensor))
     if not (pull < -0.3 and push > 0.3):
         return []
-    return [
-        _fault(
-            "refuse", "swapped_channels", recording, f"emg.{flexor}",
-            f"a flexor that correlates with the torque by {pull:.2f} and an extensor ({extensor}) by {push:.2f}",
-            "the other way round",
-        )
-    ]  # fmt: skip
+    found = f"a flexor that correlates with the torque by {pull:.2f} and an extensor ({extensor}) by {push:.2f}"
+    return [_fault("refuse", "swapped_channels", recording, f"emg.{flexor}", found, "the other way round")]
 
 
 def _raw_faults(
@@ -227,10 +209,14 @@ def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fau
     return []
 
 
-def _where(recording: Recording, channel: str) -> str:
-    return f"{recording.path.name} (recording {recording.name}), channel {channel}"
+def channel_fault(
+    severity: str, kind: str, file: str, recording: str, channel: str, found: str, expected: str, end: str = ""
+) -> Fault:
+    """Return a fault of one channel of a recording in a file. Its message has an `end` that `expected` has not."""
+    message = f"{file} (recording {recording}), channel {channel}: found {found}, expected {expected}{end}"
+    return Fault(severity, kind, file, channel, found, expected, message)
 
 
 def _fault(severity: str, kind: str, recording: Recording, channel: str, found: str, expected: str) -> Fault:
-    message = f"{_where(recording, channel)}: found {found}, expected {expected}"
-    return Fault(severity, kind, recording.path.name, channel, found, expected, message)
+    """Return a fault of one channel of a recording in its own file."""
+    return channel_fault(severity, kind, recording.path.name, recording.name, channel, found, expected)

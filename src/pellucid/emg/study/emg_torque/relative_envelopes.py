@@ -14,7 +14,7 @@ from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
-from ...signals.emg_quality import EMG_LIMITS, contrast_faults, inspect_emg, swapped_faults
+from ...signals.emg_quality import EMG_LIMITS, channel_fault, contrast_faults, inspect_emg, swapped_faults
 from ..muscle_channels import notch_frequencies, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .study_muscles import find_used_muscles, ignored_channels
@@ -35,38 +35,36 @@ EXTENSOR_NAME_PARTS = ("rectus", "vastus", "triceps", "quadriceps")
 def emg_faults(study: Study) -> list[Fault]:
     """Return the faults of a study's EMG that affect a torque map. `study` [emg_torque]."""
     asked = study.table(EmgTorqueTable)
-    found: list[Fault] = []
-    rates: dict[str, float] = {}
+    chain, found = study_chain(study, asked), []
+    rates: dict[tuple[str, str], float] = {}  # By file and recording
     windows = [entry.name for entry in study.config.recordings if entry.window is not None]
     for recording in study.recordings():
         stream = recording.stream_or_self(asked.emg)
         if not any(name.startswith("emg.") for name in stream.channels):
             continue
         whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
-        chain = study_chain(study, asked)
         own = trial_faults(recording, stream, chain, whole=whole)
         found += own
         if not any(fault.severity == "refuse" for fault in own):
             if not any(fault.kind == "rate" for fault in own):
-                rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
+                rates[stream.path.name, recording.name] = _mean_rate(stream)
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
-    for recording in study.recordings():
-        for muscle in ignored_channels(study).get(recording.name, ()):
-            file, expected = recording.stream_or_self(asked.emg).path.name, "a channel of every fitted recording"
-            message = (
-                f"{file} (recording {recording.name}), channel emg.{muscle}: found it in this recording, expected "
-                f"{expected}: it is not used"
-            )
-            found.append(
-                Fault("note", "extra_channel", file, f"emg.{muscle}", "it in this recording", expected, message)
-            )
-    usual = float(np.median(list(rates.values()))) if rates else 0.0
-    for where, fs in rates.items():
-        if abs(fs - usual) > EMG_LIMITS.rate_tolerance * usual:
-            text, wanted = f"{fs:.4g} Hz", f"{usual:.4g} Hz as in the study's other files"
-            message = f"{where}, channel time: found {text}, expected {wanted}"
-            found.append(Fault("note", "rate", where.split(" (")[0], "time", text, wanted, message))
+    ignored, usual = ignored_channels(study), float(np.median(list(rates.values()))) if rates else 0.0
+    found += [
+        channel_fault(
+            "note", "extra_channel", recording.stream_or_self(asked.emg).path.name, recording.name, f"emg.{muscle}",
+            "it in this recording", "a channel of every fitted recording", ": it is not used",
+        )
+        for recording in study.recordings()
+        for muscle in ignored.get(recording.name, ())
+    ]  # fmt: skip
+    wanted = f"{usual:.4g} Hz as in the study's other files"
+    found += [
+        channel_fault("note", "rate", *where, "time", f"{fs:.4g} Hz", wanted)
+        for where, fs in rates.items()
+        if abs(fs - usual) > EMG_LIMITS.rate_tolerance * usual
+    ]
     return found
 
 
@@ -79,7 +77,17 @@ def trial_faults(
         try:
             chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel time")
         except RecordingError as error:
-            found.append(_rate_fault("refuse", stream, f"{stream.fs:.5g} Hz", "a rate its chain fits", str(error)))
+            found.append(
+                Fault(
+                    "refuse",
+                    "rate",
+                    stream.path.name,
+                    "time",
+                    f"{stream.fs:.5g} Hz",
+                    "a rate its chain fits",
+                    str(error),
+                )
+            )
     if whole and stream is not recording:
         found += _length_faults(recording, stream)
     return found
@@ -101,14 +109,9 @@ def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
         f"until {recording.time[-1]:.4g} s, as {recording.path.name} lasts; {len(stream)} samples are as long at "
         f"{(len(stream) - 1) / trial:.4g} Hz"
     )
-    message = f"{stream.path.name} (recording {recording.name}), channel time: found {text}, expected {wanted}"
     # An amplifier may run on after the trial, so longer EMG is only noted. Shorter EMG is refused.
-    return [_rate_fault("refuse" if emg < trial else "note", stream, text, wanted, message)]
-
-
-def _rate_fault(severity: str, stream: Recording, found: str, expected: str, message: str) -> Fault:
-    """Return a fault of a stream's sampling rate."""
-    return Fault(severity, "rate", stream.path.name, "time", found, expected, message)
+    severity = "refuse" if emg < trial else "note"
+    return [channel_fault(severity, "rate", stream.path.name, recording.name, "time", text, wanted)]
 
 
 def _envelope_faults(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:

@@ -9,7 +9,7 @@ from beginning to end, with the thresholds that a running estimator and exported
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from ...estimators.raw_session import RAW_LIMITS, RawChannels
 from ...estimators.torque_map import fit_torque_map
 from ...estimators.torque_trial import TorqueTrial, join_pieces
 from ...models.emg_estimator import EmgEstimatorCard
+from ...signals.emg_quality import channel_fault
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import map_estimator
 from .relative_envelopes import find_window
@@ -184,17 +185,16 @@ def session_faults(study: Study) -> list[Fault]:
     files = {r.trial: r.stream_or_self(asked.emg).path.name for r in study.recordings()}
     faults = []
     for name, changed in changes.items():
-        where = f"{files[name]} (recording {name})"
         compared = found.get(name)
         if compared is not None and not compared.is_valid:
             text, wanted = invalidity_words(compared), "envelopes and movement like those to be fitted"
-            message = f"{where}, channels emg: found {text}, expected {wanted}: record such movements to fit, too"
+            where = f"{files[name]} (recording {name}), channels emg"
+            message = f"{where}: found {text}, expected {wanted}: record such movements to fit, too"
             faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
         for change in changed:
-            message = f"{where}, channel emg.{change.muscle}: found {change.found}, expected {change.expected}"
             channel = f"emg.{change.muscle}"
             faults.append(
-                Fault("warn", "changed_channel", files[name], channel, change.found, change.expected, message)
+                channel_fault("warn", "changed_channel", files[name], name, channel, change.found, change.expected)
             )
     return faults
 
@@ -220,42 +220,32 @@ def invalidity_words(compared: ChannelComparison) -> str:
     return f"angles, speeds or envelopes beyond all that is to be fitted in {share:.0f} % of the time"
 
 
-def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> list[Verdict]:
-    """Return verdicts on test recordings with changed channels or without valid estimates."""
-    verdicts = []
+def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> Iterator[Verdict]:
+    """Yield verdicts on test recordings with changed channels or without valid estimates."""
     for name, compared in sessions.items():
         if not compared.is_valid:
-            text = (
+            why = (
                 f"{name}: no estimate is valid, since fitted recordings do not cover it: {invalidity_words(compared)}."
             )
-            verdicts.append(Verdict("wrong", text, "Record such movements to fit, too.", finding="another_condition"))
+            yield Verdict("wrong", why, "Record such movements to fit, too.", finding="another_condition")
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]
             found = "; ".join(f"{change.found}, expected {change.expected}" for change in own)
             kinds = {change.kind for change in own}
             what = next((words for kind, words in ADVICE_BY_CHANGE.items() if kind in kinds), ADVICE_BY_CHANGE["floor"])
             text = f"{name}, channel emg.{muscle}: found {found}."
-            verdicts.append(Verdict("warning", text, what[int(rescaled)], finding="changed_channel"))
-    return verdicts
+            yield Verdict("warning", text, what[int(rescaled)], finding="changed_channel")
 
 
 def session_tables(sessions: Mapping[str, ChannelComparison]) -> tuple[FigureTable, ...]:
     """Return a table for each test recording that compares every channel with the fitted one."""
     heads = ("Channel", "Floor moved (ranges)", "Range (times)", "Own pattern (r)")
-    return tuple(
-        FigureTable(
-            f"Channels of {name.replace('_', ' ')} against those fitted",
-            heads,
-            tuple(
-                (
-                    m + (" – changed" if m in c.changed else ""),
-                    c.floor_shift[m],
-                    c.range_ratio[m],
-                    c.own_correlation.get(m),
-                )
-                for m in c.floor_shift
-            ),
-            max_brief_rows=0,
+    made = []
+    for name, c in sessions.items():
+        rows = tuple(
+            (m + " – changed" * (m in c.changed), shift, c.range_ratio[m], c.own_correlation.get(m))
+            for m, shift in c.floor_shift.items()
         )
-        for name, c in sessions.items()
-    )
+        title = f"Channels of {name.replace('_', ' ')} against those fitted"
+        made.append(FigureTable(title, heads, rows, max_brief_rows=0))
+    return tuple(made)
