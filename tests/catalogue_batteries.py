@@ -23,7 +23,7 @@ from pellucid.controllers.export.c_folder import write_c_folder
 from pellucid.controllers.export.controller_values import ControllerValues
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS, SUPERVISOR_FAULTS_BY_NAME
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES, find_family
-from pellucid.emg.estimators.features import Features
+from pellucid.emg.estimators.torque_trial import Features
 from pellucid.emg.models.emg_estimator import ESTIMATOR_FAULTS
 from pellucid.files import defects
 from pellucid.study.drawing.style import COLOURS, colour

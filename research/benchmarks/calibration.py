@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.emg.estimators.families.linear import PENALTY_CANDIDATES
-from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features
+from pellucid.emg.estimators.torque_trial import ENVELOPE_LAGS_S, FeatureSet, compute_features
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 
 from ._size import sized

@@ -16,9 +16,9 @@ from .emg.estimators.calibrate_muscles import calibrate_muscles as calibrate_mus
 from .emg.estimators.torque_regressor import TorqueRegressor as TorqueRegressor
 from .emg.models.muscle import Muscle as Muscle
 from .emg.signals.electromechanical_delay import electromechanical_delay as electromechanical_delay
-from .emg.signals.envelope import envelope as envelope
-from .emg.signals.envelope import maximal_envelope as maximal_envelope
-from .emg.signals.fatigue import median_frequency_trend as median_frequency_trend
+from .emg.signals.electromechanical_delay import median_frequency_trend as median_frequency_trend
+from .emg.signals.emg_chain import envelope as envelope
+from .emg.signals.emg_chain import maximal_envelope as maximal_envelope
 from .emg.signals.repetitions import stride_ensemble as stride_ensemble
 from .files.raw_emg import RawEmg as RawEmg
 from .files.readers import read as read

@@ -14,10 +14,9 @@ from pellucid._errors import IdentificationError, RecordingError
 from pellucid.emg.estimators.condition_choice import ConditionTestErrors, run_condition_tests
 from pellucid.emg.estimators.cross_validation import Score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.emg.estimators.features import compute_features
 from pellucid.emg.estimators.muscle_trials import count_warm_up_samples
 from pellucid.emg.estimators.torque_map import CrossValidated, fit_torque_map
-from pellucid.emg.estimators.torque_trial import MovedBody
+from pellucid.emg.estimators.torque_trial import MovedBody, compute_features
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR

@@ -10,7 +10,6 @@ from pellucid.emg.estimators import torque_map
 from pellucid.emg.estimators.cross_validation import block_folds, grouped_folds, score
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.families.family import Family
-from pellucid.emg.estimators.features import ENVELOPE_LAGS_S, FeatureSet, compute_features, list_feature_sets
 from pellucid.emg.estimators.neural_network import Ridge
 from pellucid.emg.estimators.torque_map import (
     MAP_FITTING,
@@ -20,7 +19,15 @@ from pellucid.emg.estimators.torque_map import (
     fit_torque_maps,
 )
 from pellucid.emg.estimators.torque_regressor import smooth, smoothing_delay
-from pellucid.emg.estimators.torque_trial import MovedBody, TorqueTrial, human_torque
+from pellucid.emg.estimators.torque_trial import (
+    ENVELOPE_LAGS_S,
+    FeatureSet,
+    MovedBody,
+    TorqueTrial,
+    compute_features,
+    human_torque,
+    list_feature_sets,
+)
 
 FS = 100.0
 

@@ -8,7 +8,6 @@ from made_muscles import trial
 
 from pellucid.emg.estimators.condition_choice import ConditionTestErrors, choose_estimator, run_condition_tests
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.emg.estimators.features import Features
 from pellucid.emg.estimators.muscle_trials import make_muscle_samples
 from pellucid.emg.estimators.neural_network import Ridge
 from pellucid.emg.estimators.torque_map import fit_torque_map
@@ -18,6 +17,7 @@ from pellucid.emg.estimators.torque_regressor import (
     find_row_weights,
     find_trial_weights,
 )
+from pellucid.emg.estimators.torque_trial import Features
 from pellucid.emg.estimators.tree_ensembles import BoostedTrees
 
 

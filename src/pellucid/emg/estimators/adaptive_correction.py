@@ -33,10 +33,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..._errors import IdentificationError
-from .features import FeatureSet, compute_features
 from .hill import HillChoice, HillMap, fit_hill
 from .torque_regressor import mean_and_scale
-from .torque_trial import TorqueTrial
+from .torque_trial import FeatureSet, TorqueTrial, compute_features
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,11 @@ from ..fit.muscle_calibration import MuscleProblem, solve_calibration
 from .adaptive_correction import UncoupledMap, uncouple_trial
 from .causal_map import STRIDE_SEARCH, find_period
 from .families import ESTIMATOR_FAMILIES
-from .features import compute_features, filter_and_differentiate
 from .hill import HillMap
 from .muscle_trials import count_warm_up_samples, make_muscle_samples
 from .torque_map import MAP_FITTING, TorqueMap
 from .torque_regressor import find_row_weights, smooth
-from .torque_trial import TorqueTrial
+from .torque_trial import TorqueTrial, compute_features, filter_and_differentiate
 
 MAX_TEST_COUNT = 5
 """Largest number of tests if several recordings are fitted. Recordings of similar speed are then left out together.

@@ -46,9 +46,8 @@ from ..models.emg_estimator import (
     WatchedAngle,
     WatchedChannel,
 )
-from .features import filter_and_differentiate
 from .neural_network import Ridge
-from .torque_trial import TorqueTrial
+from .torque_trial import TorqueTrial, filter_and_differentiate
 
 
 @dataclass(frozen=True)

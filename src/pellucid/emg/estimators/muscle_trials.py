@@ -14,9 +14,8 @@ from ..._errors import IdentificationError, RecordingError
 from ..fit.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from ..models.muscle_geometry import muscle_table
-from .features import filter_and_differentiate
 from .torque_regressor import find_trial_weights
-from .torque_trial import TorqueTrial
+from .torque_trial import TorqueTrial, filter_and_differentiate
 
 
 @dataclass(frozen=True)

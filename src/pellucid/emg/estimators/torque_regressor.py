@@ -34,8 +34,7 @@ from ..models.muscle_geometry import muscle_table
 from .cross_validation import first_best, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
-from .features import Features
-from .torque_trial import FIBRE_DAMPING, MuscleSource, TorqueTrial
+from .torque_trial import FIBRE_DAMPING, Features, MuscleSource, TorqueTrial
 
 CONSTANT_SHARE = 1e-9
 """A feature is constant if its standard deviation is below this share of its largest magnitude. Sums of n equal numbers

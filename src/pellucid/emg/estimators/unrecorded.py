@@ -36,12 +36,11 @@ from ..._errors import IdentificationError
 from ..fit.muscle_calibration import MuscleFit, MuscleSamples
 from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
-from .features import filter_and_differentiate
 from .hill import AssistedMuscles, HillMap, HillTogether, TrialByJoint, make_folds
 from .muscle_trials import count_warm_up_samples, make_muscle_samples_across
 from .neural_network import Ridge
 from .synergies import SYNERGY_FIT, Synergies, find_synergies, r_squared, vaf
-from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial
+from .torque_trial import MUSCLE_BY_CHANNEL_ALIAS, TorqueTrial, filter_and_differentiate
 
 FILLING_METHODS: Mapping[str, str] = {
     "linear": "linear map of the others",

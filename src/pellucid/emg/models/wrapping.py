@@ -14,33 +14,36 @@ or in the middle of a fan of nearest points; stretched to a sphere its section i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
 
-NO_WRAP = 0
-"""Code of a stretch that passes the surface."""
 
-MAY_WRAP = 1
-"""Code of a stretch that wraps if that is shortest."""
+class Wrap(IntEnum):
+    """What a stretch does on a surface."""
 
-MUST_WRAP = 2
-"""Code of a stretch that hits the surface and must wrap."""
+    NONE = 0  # It passes the surface
+    MAY = 1  # It wraps if that is shortest
+    MUST = 2  # It hits the surface and must wrap
+    INSIDE = 3  # It begins or ends inside the surface
 
-ENDS_INSIDE = 3
-"""Code of a stretch that begins or ends inside the surface."""
 
 METHODS = ("hybrid", "midpoint")
 """Methods for the plane on an ellipsoid: main plane blended with the fan, or middle of the straight line's chord."""
 
-FAN_BLEND_COSINES = (0.7073, 0.9)
-"""Cosines with an ellipsoid's axis between which its fan of nearest points gives way to the one on the main plane."""
 
-EDGE_SHARE = 0.3
-"""The main plane is trusted less within this share of a stretch from the ends of its chord in an ellipsoid."""
+@dataclass(frozen=True)
+class CrestSettings:
+    """How the plane of a way on an ellipsoid is found."""
 
-FAN_SAMPLE_COUNT = 300
-"""Number of samples of the fan of nearest points."""
+    # Cosines with an axis between which the fan of nearest points gives way to the one on the main plane
+    blend_cosines: tuple[float, float] = (0.7073, 0.9)
+    edge_share: float = 0.3  # The main plane is trusted less within this share of a stretch from the ends of its chord
+    fan_sample_count: int = 300  # Number of samples of the fan of nearest points
+
+
+CREST_SETTINGS = CrestSettings()
 
 ARC_QUADRATURE = np.polynomial.legendre.leggauss(24)
 """Nodes and weights of an arc's length."""
@@ -50,7 +53,7 @@ ARC_QUADRATURE = np.polynomial.legendre.leggauss(24)
 class WrapResult:
     """What n stretches do on a surface, in the surface's frame."""
 
-    code: np.ndarray  # (n,) NONE, MAY, MUST or INSIDE
+    code: np.ndarray  # (n,) Codes of `Wrap`
     first: np.ndarray  # (n, 3) first, last: Tangent points [m]
     last: np.ndarray
     length: np.ndarray  # (n,) Between them, on the surface [m]
@@ -96,7 +99,7 @@ class Cylinder:
         ways = [_tangent_angles(p[:, :2], q[:, :2], self.radius, s) for s in (1.0, -1.0)]
         if self.side.axis < 0:
             clockwise = ways[1][2] < ways[0][2]
-            code = np.where(hit, MUST_WRAP, NO_WRAP)
+            code = np.where(hit, Wrap.MUST, Wrap.NONE)
         else:
             clockwise, code = self._sided(p, q, near, hit, ways)
         a, b, arc = (np.where(clockwise, right, left) for left, right in zip(*ways, strict=True))
@@ -107,7 +110,7 @@ class Cylinder:
         first = np.column_stack((first, p[:, 2] + rise * ends[0]))
         last = np.column_stack((last, q[:, 2] - rise * ends[1]))
         beyond = (np.abs(first[:, 2]) > 0.5 * self.length) & (np.abs(last[:, 2]) > 0.5 * self.length)
-        code = np.where(inside, ENDS_INSIDE, np.where(beyond, NO_WRAP, code))
+        code = np.where(inside, Wrap.INSIDE, np.where(beyond, Wrap.NONE, code))
         return WrapResult(code, first, last, np.hypot(turn, rise * turn))
 
     def _sided(self, p, q, near, hit, ways) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +118,7 @@ class Cylinder:
         has = self.side.has
         own = has(p) | has(q)
         over = (has(p) != has(q)) & ~has(near)
-        code = np.where(own, np.where(hit, MUST_WRAP, np.where(over, MAY_WRAP, NO_WRAP)), MAY_WRAP)
+        code = np.where(own, np.where(hit, Wrap.MUST, np.where(over, Wrap.MAY, Wrap.NONE)), Wrap.MAY)
         (a, b, _), (a_, b_, _) = ways
         on = {k: has(_circle(x, self.radius)) for k, x in (("a", a), ("b", b), ("a_", a_), ("b_", b_))}
         wide = np.abs(_fold_angle(b - a)) > np.abs(_fold_angle(b_ - a_))
@@ -154,7 +157,7 @@ class Sphere:
             clockwise = np.where(constrained, under ^ flip, clockwise)
         first, last = (np.where(clockwise[:, None], space[1][k], space[0][k]) for k in (0, 1))
         arc = np.where(clockwise, ways[1][2], ways[0][2])
-        code = np.where(inside, ENDS_INSIDE, np.where(hit, MUST_WRAP, NO_WRAP))
+        code = np.where(inside, Wrap.INSIDE, np.where(hit, Wrap.MUST, Wrap.NONE))
         return WrapResult(code, first, last, self.radius * arc)
 
 
@@ -174,11 +177,11 @@ class Ellipsoid:
         hit &= ~far
         count = len(p)
         blank = WrapResult(
-            np.where(inside, ENDS_INSIDE, NO_WRAP), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+            np.where(inside, Wrap.INSIDE, Wrap.NONE), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
         )
         if not hit.any():
             return blank
-        blank.code[hit] = MUST_WRAP
+        blank.code[hit] = Wrap.MUST
         blank.first[hit], blank.last[hit], blank.length[hit] = self._way(p[hit], q[hit], radii)
         return blank
 
@@ -223,11 +226,15 @@ class Ellipsoid:
             start = near + t[:, None] * chord
             start[row, best] = 0.0
             flat = _nearest_points_in_plane(start, radii, best)
-            low, high = FAN_BLEND_COSINES
-            trust = np.clip(np.minimum(t, 1.0 - t) / EDGE_SHARE, 0.0, 1.0)
+            low, high = CREST_SETTINGS.blend_cosines
+            trust = np.clip(np.minimum(t, 1.0 - t) / CREST_SETTINGS.edge_share, 0.0, 1.0)
             mu = np.where(mu > low, low + trust * (mu - low), mu)
             fan_share = 1.0 - np.clip((mu - low) / (high - low), 0.0, 1.0)
-            points = near + (np.arange(1, FAN_SAMPLE_COUNT - 1) / FAN_SAMPLE_COUNT)[:, None, None] * chord
+            points = (
+                near
+                + (np.arange(1, CREST_SETTINGS.fan_sample_count - 1) / CREST_SETTINGS.fan_sample_count)[:, None, None]
+                * chord
+            )
             blade = _nearest_points(points.reshape(-1, 3), radii).reshape(points.shape) - points
             blade /= np.maximum(np.linalg.norm(blade, axis=2), 1e-300)[..., None]
             total = blade.sum(axis=0)

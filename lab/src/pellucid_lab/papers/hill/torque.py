@@ -9,9 +9,9 @@ import numpy as np
 
 from pellucid.emg.estimators.adaptive_correction import CORRECTION_FEATURES, CorrectedMap, fit_adaptive_correction
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
-from pellucid.emg.estimators.features import compute_features
 from pellucid.emg.estimators.hill import HillMap, fit_hill
 from pellucid.emg.estimators.torque_map import fit_torque_map
+from pellucid.emg.estimators.torque_trial import compute_features
 from pellucid.orthosis.study.loaded_swing.seated_swings import FLEXOR_MUSCLE
 from pellucid.orthosis.swing.loaded_swing import bare_leg_torque
 

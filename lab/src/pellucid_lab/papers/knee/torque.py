@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pellucid.emg.estimators.cross_validation import Score, score
-from pellucid.emg.estimators.features import MOTION_LOWPASS_HZ
 from pellucid.emg.estimators.torque_map import cross_validate_torque_maps
-from pellucid.emg.estimators.torque_trial import MovedBody, TorqueTrial, human_torque
+from pellucid.emg.estimators.torque_trial import MOTION_LOWPASS_HZ, MovedBody, TorqueTrial, human_torque
 from pellucid.emg.signals.emg_chain import emg_chain
 from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable
 from pellucid.orthosis.strap.orthosis_alone import strapped_torque

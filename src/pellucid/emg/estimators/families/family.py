@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..features import Features, FeatureSet, list_feature_sets
+from ..torque_trial import Features, FeatureSet, list_feature_sets
 
 SEED = 20210
 """Seed of every estimator's random draws."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from ..features import Features, FeatureSet
+from ..torque_trial import Features, FeatureSet
 from .family import Family, Regressor
 
 PENALTY_CANDIDATES = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)

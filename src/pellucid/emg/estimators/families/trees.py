@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..features import Features, FeatureSet
+from ..torque_trial import Features, FeatureSet
 from .family import SEED, Family, Regressor
 
 # Documented defaults of MATLAB's ``fitrtree`` and ``fitrensemble``, since the thesis names no settings.

@@ -1,8 +1,11 @@
-"""Torque maps of a study: every estimator is calibrated on the fitted recordings and scored on held-out ones."""
+"""Torque maps of a study: every estimator is calibrated on the fitted recordings and scored on held-out ones.
+
+Score estimators on trials left out in turn: recordings with moments, or repetitions of leg extensions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,17 +19,16 @@ from ....numerics.posterior.ensemble import require_sampler
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
-from ...estimators.cross_validation import apply_useful_repairs, score
+from ...estimators.cross_validation import Score, apply_useful_repairs, score
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
-from ...estimators.torque_map import MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
+from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torque_maps, fit_torque_map, fit_torque_maps
 from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ..muscle_channels import mains_verdicts, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, torque_card
-from .leave_one_out import leave_out_recordings, leave_out_repetitions
 from .relative_envelopes import normalisation_words
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
@@ -74,10 +76,110 @@ from .trial_sources import (
     EXTENSION_PROTOCOL,
     STEP_PROTOCOL,
     geometry_verdicts,
+    leg_extension_trials,
     moment_trials,
     moved_body,
     step_trials,
 )
+
+
+def leave_out_recordings(study: Study, tell: Progress) -> CalibrationFindings:
+    """Predict each recording with moments by estimators fitted to the others. `study` [emg_torque]."""
+    found, joints = CalibrationFindings(), study.table(EmgTorqueTable).joints
+    found.verdicts.append(Verdict("note", normalisation_words(study)))
+    found.verdicts.extend((*ignored_channel_verdicts(study), *mains_verdicts(study, study.table(EmgTorqueTable))))
+    for i, joint in enumerate(joints):
+        found.across[joint] = moment_trials(study, joint)
+        _evaluate_trials(found, found.across[joint], joint, "trials", 1.0, _part_progress(tell, i, len(joints)))
+    return found
+
+
+def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
+    """Predict each repetition of leg extensions by estimators fitted to the same person's others.
+
+    `study` [emg_torque].
+    """
+    found = CalibrationFindings()
+    people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION_PROTOCOL))
+    for i, person in enumerate(people):
+        trials, weight = leg_extension_trials(study, person)
+        _evaluate_trials(found, trials, person or "knee", "normalised", weight, _part_progress(tell, i, len(people)))
+    found.verdicts.append(
+        Verdict(
+            "warning",
+            "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine "
+            "of the angle. Any regression on the angle reproduces that formula, without EMG too; its small error is no "
+            "evidence about EMG. Compare estimators with muscles among each other.",
+        )
+    )
+    if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
+        found.verdicts.append(
+            Verdict(
+                "warning",
+                "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort "
+                "seen, whose share of a maximal one is estimated together with the muscles. Strengths are then not "
+                "strengths of muscles.",
+            )
+        )
+    return found
+
+
+def _evaluate_trials(
+    found: CalibrationFindings, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress
+) -> None:
+    """Score every estimator on trials left out in turn; `unit` [N m] divides RMSE. Findings are added to `found`."""
+    if len(trials) < 3:
+        raise IdentificationError(
+            f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three, each "
+            "to be left out in turn"
+        )
+    names = find_applicable_estimators(trials, what, found)
+    results = cross_validate_torque_maps(
+        trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=run_tests_if_candidate
+    )
+    own = _left_out_evaluations(results, trials, what, kind, unit=unit)
+    found.evaluated.extend(own)
+    found.chosen[what] = recommend_by_fold(trials, results, own)
+    # The recommended estimator's worst trial is drawn with its band.
+    chosen = found.chosen[what]
+    worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
+    made = {name: result.predicted[worst.name] for name, result in results.items()}
+    band = {chosen.by[worst.name]: np.full(len(worst), chosen.half_width[worst.name])}
+    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, ERROR_BAND.share))
+    found.trials.extend(trials)
+    if any(ESTIMATOR_FAMILIES[name].fit_trials is not None for name in names):
+        found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst
+
+
+def _left_out_evaluations(
+    results: Mapping[str, CrossValidated],
+    trials: Sequence[TorqueTrial],
+    what: str,
+    kind: str,
+    *,
+    causal: bool = False,
+    unit: float = 1.0,
+) -> list[EstimatorEvaluation]:
+    """Return the evaluation of every estimator on trials left out in turn; `unit` [N m] divides RMSE."""
+    own = []
+    for name, result in results.items():
+        every, whole = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}, result.score
+        if kind != "steps":
+            # Trials have equal weight, however long they are.
+            whole = Score(float(np.mean([s.rmse for s in every.values()])), whole.r2)
+        words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
+        own.append(
+            EstimatorEvaluation(
+                what, name, causal, "", whole, None, words, kind=kind, by_trial=every, torque_unit=trials[0].unit
+            )
+        )
+    return own
+
+
+def _part_progress(tell: Progress, i: int, count: int) -> Progress:
+    """Return a progress function for part `i` of `count`."""
+    return lambda text, share: tell(text, (i + share) / count)
+
 
 INVALID_BANDS_FINDING = "bands"
 """Identifier of the finding that error bands are not known to hold."""
@@ -334,14 +436,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
                 examine=None if causal else run_tests_if_candidate,
             )
-            own = []
-            for name, result in results.items():
-                words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-                own.append(
-                    EstimatorEvaluation(
-                        what, name, causal, "", result.score, None, words, kind="steps", by_trial=result.by_trial
-                    )
-                )
+            own = _left_out_evaluations(results, trials, what, "steps", causal=causal)
             found.evaluated.extend(own)
             if causal:
                 card = f"torque_map_{what}"

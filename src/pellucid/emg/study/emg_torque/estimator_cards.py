@@ -18,10 +18,9 @@ from ....models.card import CardParameter
 from ....models.parameter_card import ParameterCard
 from ....study.study import Study
 from ...estimators.emg_session import add_channel_watch
-from ...estimators.features import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, compute_features
 from ...estimators.hill import HillMap
 from ...estimators.torque_map import TorqueMap, fit_torque_map
-from ...estimators.torque_trial import TorqueTrial
+from ...estimators.torque_trial import CAUSAL_MOTION_LOWPASS_HZ, MOTION_LOWPASS_HZ, TorqueTrial, compute_features
 from ...models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle, EstimatorTerm
 from ...models.hill import MUSCLE_QUANTITIES
 from ...models.muscle import CalibratedMuscles

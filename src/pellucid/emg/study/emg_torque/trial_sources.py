@@ -34,9 +34,9 @@ from ....models.parameter_card import ParameterCard, read_parameter_card
 from ....numerics.filters import central_difference, zero_phase_lowpass
 from ....study.procedures.card_sources import require_fresh
 from ....study.study import Study
-from ...estimators.features import MOTION_LOWPASS_HZ
 from ...estimators.torque_trial import (
     FIBRE_DAMPING,
+    MOTION_LOWPASS_HZ,
     SEATED_POSTURE_RAD,
     STANDING_POSTURE_RAD,
     MovedBody,

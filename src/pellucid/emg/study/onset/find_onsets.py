@@ -102,7 +102,7 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
     """Find the bursts of every muscle in every recording. `study` [onset]."""
     raise_refusals(emg_faults(study, table))
     recordings = find_recordings_with_emg(study, table)
-    found, verdicts, rows, missed = [], [], [], []
+    found, rows, missed = [], [], []
     for i, recording in enumerate(recordings):
         tell(f"onsets in {recording.name}", i / len(recordings))
         stream, split = emg_stream(recording, table), "fitted" if recording.use == "fit" else "heldout"
@@ -124,28 +124,23 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
             rows += _rows(base, each, table.confidence, stream.checksum, split)
     if not found:
         raise RecordingError("\n".join(missed))
-    verdicts += [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
+    verdicts = [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
     if table.rest is None:
-        verdicts.append(
-            Verdict(
-                "note",
-                "The quietest half second of each muscle is taken for rest; rest = [start, end] in [onset] sets "
-                "another.",
-            )
+        quiet_text = (
+            "The quietest half second of each muscle is taken for rest; rest = [start, end] in [onset] sets another."
         )
+        verdicts.append(Verdict("note", quiet_text))
     bursts = [burst for each in found for burst in each.bursts]
     seen = [burst for burst in bursts if burst.seen]
     if not seen:
         raise RecordingError(f"{study.folder}: found no muscle that begins to be active, expected rest before activity")
     half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in seen]))
     late = float(np.median([b.crossed - b.onset.time for b in seen]))
-    verdicts.append(
-        Verdict(
-            "note",
-            f"A threshold alone would put the median onset {1e3 * late:.0f} ms later. An interval covers the time at "
-            "which the variance begins to rise, at once or within up to 0.3 s.",
-        )
+    late_text = (
+        f"A threshold alone would put the median onset {1e3 * late:.0f} ms later. An interval covers the time at "
+        "which the variance begins to rise, at once or within up to 0.3 s."
     )
+    verdicts.append(Verdict("note", late_text))
     used = len({each.recording for each in found})
     return OnsetResult(
         study=study.name,
@@ -190,24 +185,20 @@ def _named_errors(stream, muscle: str) -> Iterator[None]:
         raise RecordingError(text) from None
 
 
-def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str) -> list[ResultRow]:
-    """Return the result rows of one muscle in one recording of a `split`."""
+def _rows(base: str, each: MuscleBursts, level: float, checksum: str, split: str) -> Iterator[ResultRow]:
+    """Yield the result rows of one muscle in one recording of a `split`."""
 
     def row(what: str, value: float | None, unit: str, note: str = "") -> ResultRow:
         return ResultRow(f"{base}.{what}", value, unit, "onset", split, checksum, note)
 
-    made = [row("bursts", len(each.bursts), "1"), row("active", each.active, "1", "share of the recording")]
+    yield row("bursts", len(each.bursts), "1")
+    yield row("active", each.active, "1", "share of the recording")
     seen = [b.onset for b in each.bursts if b.seen]
     if seen:
-        first, lengths = seen[0], [b.duration for b in each.bursts]
-        interval_note = f"{100 * level:g} % interval {first.low:.4f} to {first.high:.4f} s"
-        half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in each.bursts if b.seen]))
-        made += [
-            row("first_onset", first.time, "s", interval_note),
-            row("onset_half_width", half, "s", "median over bursts"),
-            row("duration", float(np.median(lengths)), "s", "median over bursts"),
-        ]
-    return made
+        first, half = seen[0], float(np.median([0.5 * (b.high - b.low) for b in seen]))
+        yield row("first_onset", first.time, "s", f"{100 * level:g} % interval {first.low:.4f} to {first.high:.4f} s")
+        yield row("onset_half_width", half, "s", "median over bursts")
+        yield row("duration", float(np.median([b.duration for b in each.bursts])), "s", "median over bursts")
 
 
 def _table(found: list[MuscleBursts]) -> FigureTable:
@@ -215,11 +206,9 @@ def _table(found: list[MuscleBursts]) -> FigureTable:
     heads = ("Recording", "Muscle", "bursts", "first onset (s)", "± (ms)", "duration (s)", "active (%)")
     rows = []
     for each in found:
-        seen = [b.onset for b in each.bursts if b.seen]
-        if seen:
-            first = seen[0]
+        first = next((b.onset for b in each.bursts if b.seen), None)
+        numbers = (None, None, None)
+        if first is not None:
             numbers = first.time, 500.0 * (first.high - first.low), float(np.median([b.duration for b in each.bursts]))
-        else:
-            numbers = None, None, None
         rows.append((each.recording, each.muscle, len(each.bursts), *numbers, 100.0 * each.active))
     return FigureTable("When muscles become active", heads, tuple(rows), MAX_BRIEF_ROWS)
