@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from ..._errors import IdentificationError
 from ...models.estimates import Estimates
 from ..fit.muscle_posterior import muscle_parameters, reported_covariance
-from ..models.muscle_geometry import muscle_table
 from .hill import HillMap, fit_hill
-from .torque_trial import FIBRE_DAMPING, MuscleSource, TorqueTrial
+from .torque_trial import MuscleSource, TorqueTrial, divide_rows
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -59,8 +58,9 @@ class CalibratedTorque(Estimates):
             If shapes differ or a sample is missing.
         """
         zero = np.zeros(np.shape(time))
+        t, muscles = np.asarray(time, float), self.source
         return self.muscles.predict(
-            _make_trial("prediction", self.joint, time, envelopes, angles, zero, "", self.source)
+            TorqueTrial("prediction", self.joint, t, _arrays(envelopes), _arrays(angles), zero, muscles=muscles)
         )
 
 
@@ -121,9 +121,6 @@ def calibrate_muscles(
     if not angles:
         raise IdentificationError("calibrate_muscles: found no angle, expected the joint's own")
     name = next(iter(angles)) if joint is None else joint
-    source = muscles
-    if source is None:
-        source = MuscleSource({n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()})
     t = np.asarray(time, float)
     parts = [np.arange(len(t))]
     if groups is not None:
@@ -131,38 +128,18 @@ def calibrate_muscles(
         if each.shape != t.shape:
             raise IdentificationError(f"calibrate_muscles: found groups of shape {each.shape}, expected {t.shape}")
         parts = np.split(np.arange(len(t)), np.flatnonzero(each[1:] != each[:-1]) + 1)
-    trials = [
-        _make_trial(
-            f"rows {rows[0]} to {rows[-1]}",
-            name,
-            t[rows],
-            {m: np.asarray(x, float)[rows] for m, x in envelopes.items()},
-            {j: np.asarray(x, float)[rows] for j, x in angles.items()},
-            np.asarray(torque, float)[rows],
-            "" if groups is None else str(np.asarray(groups)[rows[0]]),
-            source,
-        )
-        for rows in parts
-    ]
+    of = ["" if groups is None else str(np.asarray(groups)[rows[0]]) for rows in parts]
+    trials = divide_rows(parts, of, name, t, _arrays(envelopes), _arrays(angles), np.asarray(torque, float), muscles)
     found = fit_hill(trials, causal=causal)
     return CalibratedTorque(
         parameters=muscle_parameters(found.fit),
         covariance=reported_covariance(found.fit),
         title=f"Calibrated muscles of the {name}",
         muscles=found,
-        source=source,
+        source=trials[0].known_muscles,
         joint=name,
     )
 
 
-def _make_trial(name, joint, time, envelopes, angles, torque, group, source) -> TorqueTrial:
-    return TorqueTrial(
-        name=name,
-        joint=joint,
-        time=np.asarray(time, float),
-        envelopes={m: np.asarray(x, float) for m, x in envelopes.items()},
-        angles={j: np.asarray(x, float) for j, x in angles.items()},
-        torque=np.asarray(torque, float),
-        group=group,
-        muscles=source,
-    )
+def _arrays(columns: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+    return {name: np.asarray(x, float) for name, x in columns.items()}

@@ -30,11 +30,10 @@ from sklearn.model_selection import GroupKFold, KFold
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._errors import IdentificationError
-from ..models.muscle_geometry import muscle_table
 from .cross_validation import first_best, weighted_rmse
 from .families import ESTIMATOR_FAMILIES, find_family
 from .families.family import Family
-from .torque_trial import FIBRE_DAMPING, Features, MuscleSource, TorqueTrial
+from .torque_trial import Features, MuscleSource, TorqueTrial, divide_rows
 
 CONSTANT_SHARE = 1e-9
 """A feature is constant if its standard deviation is below this share of its largest magnitude. Sums of n equal numbers
@@ -342,25 +341,10 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         new = (steps <= 0.0) | (steps > 1.5 * np.median(ahead))
         if groups is not None:
             new |= np.asarray(groups)[1:] != np.asarray(groups)[:-1]
-        source = self.muscles
-        if source is None:
-            source = MuscleSource({n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()})
-        trials = []
-        for i, rows in enumerate(np.split(np.arange(len(time)), np.flatnonzero(new) + 1)):
-            group = f"{i}" if groups is None else f"{np.asarray(groups)[rows[0]]}"
-            trials.append(
-                TorqueTrial(
-                    name=f"rows {rows[0]} to {rows[-1]}",
-                    joint=joint,
-                    time=time[rows],
-                    envelopes={n.removeprefix("emg."): x[rows] for n, x in columns.items() if n.startswith("emg.")},
-                    angles={n: x[rows] for n, x in angles.items()},
-                    torque=y[rows],
-                    group=group,
-                    muscles=source,
-                )
-            )
-        return trials
+        parts = np.split(np.arange(len(time)), np.flatnonzero(new) + 1)
+        of = [f"{i}" if groups is None else f"{np.asarray(groups)[rows[0]]}" for i, rows in enumerate(parts)]
+        envelopes = {n.removeprefix("emg."): x for n, x in columns.items() if n.startswith("emg.")}
+        return divide_rows(parts, of, joint, time, envelopes, angles, y, self.muscles)
 
 
 def _group_weights(y: np.ndarray, groups: np.ndarray | None) -> np.ndarray | None:

@@ -239,6 +239,32 @@ class TorqueTrial:
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
 
 
+def leg_constants() -> dict[str, HillMuscle]:
+    """Return the constants of the leg model's muscles, with damped fibres."""
+    return {name: replace(muscle, damping=FIBRE_DAMPING) for name, muscle in muscle_table().constants.items()}
+
+
+def divide_rows(
+    parts: Sequence[np.ndarray],
+    groups: Sequence[str],
+    joint: str,
+    time: np.ndarray,
+    envelopes: Mapping[str, np.ndarray],
+    angles: Mapping[str, np.ndarray],
+    torque: np.ndarray,
+    muscles: MuscleSource | None,
+) -> list[TorqueTrial]:
+    """Return a trial for each part of the rows of some arrays, (n,) each, in its group; None: muscles of the leg."""
+    source = MuscleSource(leg_constants()) if muscles is None else muscles
+    return [
+        TorqueTrial(
+            f"rows {rows[0]} to {rows[-1]}", joint, time[rows], {m: x[rows] for m, x in envelopes.items()},
+            {j: q[rows] for j, q in angles.items()}, torque[rows], group, muscles=source,
+        )
+        for rows, group in zip(parts, groups, strict=True)
+    ]  # fmt: skip
+
+
 def group_pieces(trials: Sequence[TorqueTrial]) -> dict[str, list[TorqueTrial]]:
     """Return the pieces of each recording in order, by the recording's name; a whole recording is its only piece."""
     found: dict[str, list[TorqueTrial]] = {}

@@ -17,10 +17,11 @@ from ...models.estimates import Verdict
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_quality import find_hum, inspect_emg
-from .muscle_tables import ChainSettings, EnvelopeTable, MuscleTable
+from .emg_torque.emg_torque_table import EmgTorqueTable
+from .muscle_tables import EnvelopeTable, MuscleTable
 
 
-def study_chain(study: Study, table: ChainSettings) -> EmgChain | None:
+def study_chain(study: Study, table: EnvelopeTable | EmgTorqueTable) -> EmgChain | None:
     """Return the chain that a table asks for; None where envelopes were recorded."""
     if table.chain == "none":
         return None
@@ -29,7 +30,7 @@ def study_chain(study: Study, table: ChainSettings) -> EmgChain | None:
     )
 
 
-def find_notch(study: Study, table: ChainSettings) -> float | None:
+def find_notch(study: Study, table: EnvelopeTable | EmgTorqueTable) -> float | None:
     """Return the frequency of the notch that a table asks for [Hz]; None for that of the published chain.
 
     Only fitted recordings are searched for hum, so that no other influences an envelope.
@@ -48,7 +49,7 @@ def notch_frequencies(chain: EmgChain | None) -> tuple[float, ...]:
     return () if chain is None else tuple(s.cutoff[0] for s in chain.stages if s.kind == "notch")
 
 
-def mains_verdicts(study: Study, table: ChainSettings) -> list[Verdict]:
+def mains_verdicts(study: Study, table: EnvelopeTable | EmgTorqueTable) -> list[Verdict]:
     """Return a note of the mains that were found, if a table asks for that."""
     if table.mains != "auto" or table.chain == "none":
         return []

@@ -2,37 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
 
 from ...study.study_fields import ProcedureTable, Word, quantity
-
-
-class ChainSettings(Protocol):
-    """Keys of a table by which raw EMG becomes an envelope."""
-
-    @property
-    def emg(self) -> str:
-        """Stream with the EMG."""
-
-    @property
-    def chain(self) -> str:
-        """Name of a published chain, or ``"none"``."""
-
-    @property
-    def mains(self) -> float | str | None:
-        """Frequency of a notch [Hz], or ``"auto"``."""
-
-    @property
-    def band(self) -> tuple[float, float] | None:
-        """Lowest and highest frequency of raw EMG [Hz]."""
-
-    @property
-    def lowpass(self) -> float | None:
-        """Cut-off of the envelope's low-pass [Hz]."""
-
-    @property
-    def rms_window(self) -> float | None:
-        """Length of the window whose root mean square is the envelope [s]."""
 
 
 class MuscleTable(ProcedureTable):

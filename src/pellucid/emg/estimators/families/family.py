@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,19 +28,6 @@ class Regressor(Protocol):
 
     def get_params(self) -> dict[str, Any]:
         """Return the settings by name."""
-
-
-@runtime_checkable
-class SharingRegressor(Protocol):
-    """An estimator that shares the work of fits which differ in one setting."""
-
-    def predict_each(
-        self, x: np.ndarray, y: np.ndarray, values: Sequence[Any], new: np.ndarray, /, **weights: Any
-    ) -> Sequence[np.ndarray]:
-        """Fit with each of `values` of the shared setting, and return the predictions for `new`, shape (m, k).
-
-        Families with a `weight_argument` also pass weights of the rows, shape (n,).
-        """
 
 
 def _refuse_features(settings: Mapping[str, Any], seen: Features) -> Regressor:
@@ -68,7 +55,8 @@ class Family:
     # Settings with which features are chosen, if that is done first; None: the first of `settings`
     feature_choice_settings: Mapping[str, Any] | None = None
     smoothing: float = 0.05  # Length of the moving average on its output [s]; 0 for none
-    # Name of a setting along which estimators share their work, by a method `predict_each(x, y, values, new)`
+    # Name of a setting along which estimators share their work, by a method `predict_each(x, y, values, new)` that fits
+    # with each of `values`, shape (n, k) and (n,), and returns the predictions for `new`, shape (m, k), of each
     shared_setting: str | None = None
     # Function that fits trials itself, for estimators not made of features: from trials, name and causality to a map
     fit_trials: Callable[[Any, str, bool], Any] | None = None
@@ -119,9 +107,7 @@ class Family:
             alike.setdefault(repr({k: v for k, v in each.items() if k != self.shared_setting}), []).append(i)
         found: dict[int, np.ndarray] = {}
         for indices in alike.values():
-            made = self.make(settings[indices[0]], seen)
-            if not isinstance(made, SharingRegressor):
-                raise TypeError(f"{self.description}: shared_setting: found an estimator without `predict_each`")
+            made: Any = self.make(settings[indices[0]], seen)
             values = [settings[i][self.shared_setting] for i in indices]
             found |= zip(indices, made.predict_each(x, y, values, new, **weights), strict=True)
         return [found[i] for i in range(len(settings))]

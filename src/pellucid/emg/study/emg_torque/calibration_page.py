@@ -20,7 +20,7 @@ from ...._printed_command import printed_command
 from ....models.estimates import Verdict, rank_verdicts
 from ....study.drawing.drawing import Drawing, draw, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
-from ....study.pages.forest import Row, Table
+from ....study.pages.forest import Estimate, Row, Table, forest
 from ....study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from ....study.pages.quantities import number, typeset_sentence
 from ....study.procedures.posterior_figures import posterior_figure
@@ -147,33 +147,21 @@ def error_by_estimator(
 
 
 def gain_over_angles(worth: Sequence[RecordingWorth], name: str) -> Drawing:
-    """Draw what EMG adds to angles alone, an interval a row, beside 0 and the margin that makes it worth it."""
-    margin = worth[0].worth.margin
+    """Draw what EMG adds to angles alone, an interval a row, beside the margin that makes it worth it."""
     tones = {"worth it": "good", "not worth it": "wrong", "cannot say": "muted"}
-    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.36 * len(worth)), layout="constrained")
-    axis = figure.subplots()
-    for row, each in enumerate(worth):
-        made, tone = each.worth, colour(tones[each.worth.answer])
-        ends = (made.low, made.high) if np.isfinite(made.low) else (made.gain, made.gain)
-        axis.plot(ends, (row, row), color=tone, linewidth=2.4, alpha=0.55, zorder=2)
-        axis.plot([made.gain], [row], color=tone, marker="o", markersize=7.0, markeredgewidth=0.0, zorder=3)
-        axis.annotate(
-            f"{made.gain:+.2f}, {made.answer}".replace("-", "\u2212"), (ends[1], row), xytext=(8, -0.5),
-            textcoords="offset points", va="center", color=tone, fontsize=8.5,
-        )  # fmt: skip
-    axis.axvline(0.0, color=colour("ink"), linewidth=0.9, zorder=1)
-    axis.axvline(margin, color=colour("faint"), linewidth=1.0, linestyle="--", zorder=1)
-    tidy(axis, first=True)
-    axis.set_yticks(range(len(worth)), [each.words for each in worth])
-    axis.set_ylim(len(worth) - 0.4, -0.6)
-    low, high = axis.get_xlim()
-    axis.set_xlim(low, high + 0.3 * (high - low))
-    axis.set_xlabel("R² with EMG minus R² of angles alone")
+    estimates = [
+        Estimate(each.words, made.gain, made.low, made.high, tones[made.answer], f"{made.gain:+.2f}, {made.answer}")
+        for each in worth
+        for made in (each.worth,)
+    ]
+    margin = worth[0].worth.margin
+    reach = max(max(each.gain, each.high if np.isfinite(each.high) else each.gain) for each in (w.worth for w in worth))
     caption = (
         "What EMG adds to joint angles on movements that were not fitted, with 95 % intervals over strides or trials. "
-        f"Right of 0 it adds something; the dashed line at {margin:g} is the gain from which it counts as worth it."
+        f"Right of 0 it adds something; shaded are gains of {margin:g} and more, which count as worth it."
     )
-    return Drawing(name, figure, caption)
+    ends = margin, max(margin, reach)
+    return forest(estimates, name, "R² with EMG minus R² of angles alone", caption=caption, margin=ends)
 
 
 SHARED_PARAMETER_PREFIX = "joint"

@@ -42,6 +42,7 @@ from ...estimators.torque_trial import (
     MovedBody,
     MuscleSource,
     TorqueTrial,
+    leg_constants,
 )
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
@@ -76,8 +77,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
 
     `study` [emg_torque].
     """
-    table = muscle_table()
-    constants = {name: replace(m, damping=FIBRE_DAMPING) for name, m in table.constants.items()}
+    constants = leg_constants()
     for name, found in study_muscles(study).items():
         constants[name] = HillMuscle(
             name, found.optimal_fibre_length, found.tendon_slack_length, found.largest_force, found.pennation,
@@ -85,7 +85,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
         )  # fmt: skip
     recorded = _recorded_paths(recording, joint)
     model = None if recorded else study_geometry(study)
-    paths = table.geometry if model is None else model.polynomials
+    paths = muscle_table().geometry if model is None else model.polynomials
     if not recorded and not any(joint in path.angles for path in paths.values()):
         return None
     posture = SEATED_POSTURE_RAD if recording.protocol in ("leg_extension", "seated_swing") else STANDING_POSTURE_RAD
