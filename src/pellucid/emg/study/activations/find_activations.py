@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -259,42 +259,36 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
 
 def _verdicts(
     recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
-) -> tuple[Verdict, ...]:
-    """Return notes on torques, trusts and muscles without EMG, and a warning if static optimisation fails."""
-    verdicts = []
+) -> Iterator[Verdict]:
+    """Yield notes on torques, trusts and muscles without EMG, and a warning if static optimisation fails."""
     for joint in dict.fromkeys(each.what for each in recordings):
         own = [each for each in recordings if each.what == joint]
         for of in own[0].torque:
             met = float(np.median([each.assisted[of].r2 for each in own]))
             driven = float(np.median([each.emg_driven[of].r2 for each in own]))
-            verdicts.append(
-                Verdict(
-                    "note",
-                    f"{joint if of == joint else f'{joint}, {of}'}: assisted activations reproduce the torque with R² "
-                    f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. Assisted ones are found from this "
-                    "torque, so that is no evidence for them.",
-                )
+            yield Verdict(
+                "note",
+                f"{joint if of == joint else f'{joint}, {of}'}: assisted activations reproduce the torque with R² "
+                f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. Assisted ones are found from this "
+                "torque, so that is no evidence for them.",
             )
         if joint in _joints_left_out(left_out):
             median_score = median_scores(left_out, joint, "assisted")[0]
             if median_score < 0.0:
                 best = _best_emg_method(left_out, joint)
-                verdicts.append(
-                    Verdict(
-                        "warning",
-                        f"{joint}: the activation that the torque implies for a muscle without EMG is worse than the "
-                        f"muscle's mean (R² {median_score:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
-                        "interpret activations by static optimisation.",
-                    )
+                yield Verdict(
+                    "warning",
+                    f"{joint}: the activation that the torque implies for a muscle without EMG is worse than the "
+                    f"muscle's mean (R² {median_score:.2f}). Fill it in by the {FILLING_METHODS[best]}, and do not "
+                    "interpret activations by static optimisation.",
                 )
         trusts = {(each.trust.trust, each.trust.effort, each.trust.chosen) for each in own}
         for trust, effort, chosen in sorted(trusts):
             how = "chosen within the fitted recordings" if chosen else "given by the study"
-            verdicts.append(Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}."))
+            yield Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}.")
         without = sorted({muscle for each in own for muscle in each.filled})
         if without:
-            verdicts.append(Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}."))
-    return tuple(verdicts)
+            yield Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}.")
 
 
 def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
@@ -323,33 +317,30 @@ def _left_out_tables(left_out: Sequence[tuple[str, FillingScore]]) -> list[Figur
 
 def _rows(
     study: str, recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FillingScore]]
-) -> list[ResultRow]:
-    """Return all result rows."""
-    made, checksums = [], {each.recording: each.checksum for each in recordings}
+) -> Iterator[ResultRow]:
+    """Yield all result rows."""
+    checksums = {each.recording: each.checksum for each in recordings}
 
-    def row(name: str, value: float, split: str, recording: str, note: str = "") -> None:
+    def row(name: str, value: float, recording: str, note: str = "") -> ResultRow:
         checksum = checksums.get(recording)
-        made.append(ResultRow(f"{study}.{name}", value, "1", "activations", split, checksum, note))
+        return ResultRow(f"{study}.{name}", value, "1", "activations", "heldout", checksum, note)
 
     for each in recordings:
         for joint in each.torque:
-            base = each.named(joint)
-            row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, "heldout", each.recording)
-            note = "told the torque: no evidence"
-            row(f"{base}.assisted.r2", each.assisted[joint].r2, "heldout", each.recording, note)
+            base, told = each.named(joint), "told the torque: no evidence"
+            yield row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, each.recording)
+            yield row(f"{base}.assisted.r2", each.assisted[joint].r2, each.recording, told)
         base = each.named(make_joint_id(each.what))
-        row(f"{base}.assisted.moved", each.moved, "heldout", each.recording, "RMS by which activations left EMG")
+        yield row(f"{base}.assisted.moved", each.moved, each.recording, "RMS by which activations left EMG")
     for joint in _joints_left_out(left_out):
         for way in find_scored_methods(left_out, joint):
-            r2, together, torque = median_scores(left_out, joint, way)
+            base, medians = f"{make_joint_id(joint)}.left_out.{way}", median_scores(left_out, joint, way)
             input_note = ", told the torque" if way in TORQUE_INFORMED_METHODS else ""
             note = f"median over electrodes taken away and recordings{input_note}"
-            row(f"{make_joint_id(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
-            row(f"{make_joint_id(joint)}.left_out.{way}.correlation", together, "heldout", "", note)
-            if torque is not None:
-                row(f"{make_joint_id(joint)}.left_out.{way}.torque.r2", torque, "heldout", "", note)
+            for name, value in zip(("r2", "correlation", "torque.r2"), medians, strict=True):
+                if value is not None:
+                    yield row(f"{base}.{name}", value, "", note)
     for joint, each in left_out:
         base = f"{make_joint_id(joint)}.{each.recording}.left_out.{each.channel}.{each.way}"
-        row(f"{base}.r2", each.r2, "heldout", each.recording)
-        row(f"{base}.correlation", each.correlation, "heldout", each.recording)
-    return made
+        yield row(f"{base}.r2", each.r2, each.recording)
+        yield row(f"{base}.correlation", each.correlation, each.recording)
