@@ -128,8 +128,6 @@ class HillMap:
 
         The interval combines the residual's variance and the variance that the parameters' covariance implies.
         """
-        from ..fit.muscle_posterior import covariance
-
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
         unsure = np.einsum("pn,pq,qn->n", slopes, covariance(self.fit), slopes)[own]

@@ -7,7 +7,7 @@ does another filter or another gain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,35 +75,30 @@ class RawChannels:
 
     def changes(self, now: RawChannels) -> tuple[ChannelChange, ...]:
         """Return the channels of `now` that differ from these."""
-        made = []
-        for k, muscle in enumerate(self.muscles):
-            ratio = now.median[k] / self.median[k]
-            if np.isfinite(ratio) and not 1.0 / RAW_LIMITS.max_median_ratio <= ratio <= RAW_LIMITS.max_median_ratio:
-                found, expected = f"a median frequency of {now.median[k]:.0f} Hz", f"{self.median[k]:.0f} Hz, as fitted"
-                made.append(
-                    ChannelChange(
-                        muscle, "spectrum", found, f"{expected}, within {RAW_LIMITS.max_median_ratio:g} times"
-                    )
-                )
-            if now.hum[k] - self.hum[k] > RAW_LIMITS.max_hum_rise:
-                found = f"{100.0 * now.hum[k]:.0f} % of the power at the mains' frequencies"
-                made.append(ChannelChange(muscle, "hum", found, f"about {100.0 * self.hum[k]:.0f} %, as fitted"))
-            if now.rails[k] > RAW_LIMITS.max_saturated_share and now.rails[k] > 5.0 * self.rails[k]:
-                found = f"{100.0 * now.rails[k]:.2g} % of the samples in runs at the largest value"
-                made.append(ChannelChange(muscle, "saturation", found, f"{100.0 * self.rails[k]:.2g} %, as fitted"))
-            z, before = (np.arctanh(np.clip(np.abs(c.together[k]), 0.0, 0.9999)) for c in (now, self))
-            close = (
-                (z > np.arctanh(RAW_LIMITS.min_shared_correlation))
-                & (z - before > RAW_LIMITS.min_shared_z_rise)
-                & (np.arange(len(z)) != k)
-            )
-            if close.any():
-                i = int(np.argmax(np.where(close, z, -1.0)))
-                found = f"a raw signal as that of {self.muscles[i]} (correlation {now.together[i, k]:.2f})"
-                expected = f"{self.together[i, k]:.2f}, as fitted: cross-talk, or one electrode?"
-                # The data cannot tell which of the two channels is the copy.
-                made.append(ChannelChange(muscle, "shared", found, expected, self.muscles[i]))
-        return tuple(made)
+        return tuple(change for k in range(len(self.muscles)) for change in self._channel_changes(now, k))
+
+    def _channel_changes(self, now: RawChannels, k: int) -> Iterator[ChannelChange]:
+        """Yield what changed of channel `k`."""
+        muscle, most = self.muscles[k], RAW_LIMITS.max_median_ratio
+        ratio = now.median[k] / self.median[k]
+        if np.isfinite(ratio) and not 1.0 / most <= ratio <= most:
+            found, expected = f"a median frequency of {now.median[k]:.0f} Hz", f"{self.median[k]:.0f} Hz, as fitted"
+            yield ChannelChange(muscle, "spectrum", found, f"{expected}, within {most:g} times")
+        if now.hum[k] - self.hum[k] > RAW_LIMITS.max_hum_rise:
+            found = f"{100.0 * now.hum[k]:.0f} % of the power at the mains' frequencies"
+            yield ChannelChange(muscle, "hum", found, f"about {100.0 * self.hum[k]:.0f} %, as fitted")
+        if now.rails[k] > RAW_LIMITS.max_saturated_share and now.rails[k] > 5.0 * self.rails[k]:
+            found = f"{100.0 * now.rails[k]:.2g} % of the samples in runs at the largest value"
+            yield ChannelChange(muscle, "saturation", found, f"{100.0 * self.rails[k]:.2g} %, as fitted")
+        z, before = (np.arctanh(np.clip(np.abs(c.together[k]), 0.0, 0.9999)) for c in (now, self))
+        close = (z > np.arctanh(RAW_LIMITS.min_shared_correlation)) & (z - before > RAW_LIMITS.min_shared_z_rise)
+        close[k] = False
+        if close.any():
+            i = int(np.argmax(np.where(close, z, -1.0)))
+            found = f"a raw signal as that of {self.muscles[i]} (correlation {now.together[i, k]:.2f})"
+            expected = f"{self.together[i, k]:.2f}, as fitted: cross-talk, or one electrode?"
+            # The data cannot tell which of the two channels is the copy.
+            yield ChannelChange(muscle, "shared", found, expected, self.muscles[i])
 
 
 def _channel_properties(x: np.ndarray, fs: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -450,13 +450,9 @@ def fit_unrecorded_muscles(fit: HillTogether, trials: Mapping[str, Sequence[Torq
         return None
     # The activation dynamics of such a muscle are unknown. They are the mean of the calibrated muscles'.
     calibrated = fit.fit.muscles
-    shape, delay = (float(np.mean([getattr(m, q) for m in calibrated])) for q in ("shape", "delay"))
-    time_constant_1 = float(np.mean([m.time_constant_1 for m in calibrated]))
-    time_constant_2 = float(np.mean([m.time_constant_2 for m in calibrated]))
-    unrecorded = tuple(
-        replace(m, shape=shape, delay=delay, time_constant_1=time_constant_1, time_constant_2=time_constant_2)
-        for m in source.values()
-    )
+    dynamics = ("shape", "delay", "time_constant_1", "time_constant_2")
+    means = {q: float(np.mean([getattr(m, q) for m in calibrated])) for q in dynamics}
+    unrecorded = tuple(replace(m, **means) for m in source.values())
     top = excitation.max(axis=1)
     relative = excitation.T / top
     for number in range(1, len(known)):

@@ -203,24 +203,25 @@ class MuscleProblem:
         self.priors = tuple(muscle_priors(muscles, quantities) if priors is None else priors)
         self.model = HillModel(muscles, [p.free for p in self.priors])
         self.passive = passive
-        low, high = self.model.bounds
-        tissue = PASSIVE_TISSUE_PARAMETERS * len(samples.joints) if passive else ()
-        own = [joint for joint in samples.joints for _ in PASSIVE_TISSUE_PARAMETERS] if passive else []
-        self.names = (*self.model.names, *(f"{j}.{row[0]}" for j, row in zip(own, tissue, strict=True)))
-        self.units = (*(p.unit for p in self.priors), *(row[1] for row in tissue))
-        self.expected = np.array([*(p.expected for p in self.priors), *(0.0 for _ in tissue)])
-        self.spread = np.array([*(p.spread for p in self.priors), *(row[4] for row in tissue)])
-        self._log = np.array([*(p.logarithm for p in self.priors), *(False for _ in tissue)], bool)
-        self.lower = self.deviations(np.array([*low, *(row[2] for row in tissue)]))
-        self.upper = self.deviations(np.array([*high, *(row[3] for row in tissue)]))
+        rows = [
+            (p.free.name, p.unit, p.expected, p.spread, p.logarithm, low, high)
+            for p, low, high in zip(self.priors, *self.model.bounds, strict=True)
+        ]
+        rows += [
+            (f"{joint}.{name}", unit, 0.0, spread, False, low, high)
+            for joint in (samples.joints if passive else ())
+            for name, unit, low, high, spread in PASSIVE_TISSUE_PARAMETERS
+        ]
+        self.names, self.units, expected, spread, log, low, high = zip(*rows, strict=True)
+        self.expected, self.spread, self._log = np.array(expected), np.array(spread), np.array(log, bool)
+        self.lower, self.upper = self.deviations(np.array(low)), self.deviations(np.array(high))
         # `hold` is the prior's precision matrix: the inverse of the correlations of z among people.
         self.hold = np.eye(len(self.names))
         if hold is not None:
             self.hold[: len(hold), : len(hold)] = hold
         self.count = float(samples.weight.sum())
-        rows = zip(*map(np.atleast_2d, (samples.torque, samples.weight)), strict=True)
         spreads = []
-        for torque, own_weight in rows:
+        for torque, own_weight in zip(*map(np.atleast_2d, (samples.torque, samples.weight)), strict=True):
             counted = own_weight > 0.0
             if not counted.any() or np.std(torque[counted]) == 0.0:
                 raise IdentificationError(

@@ -30,7 +30,7 @@ from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND
 from ...estimators.cross_validation import Score, score
 from ...estimators.families import ESTIMATOR_FAMILIES
-from ...estimators.hill import HillTogether, fit_together
+from ...estimators.hill import HillTogether, TrialByJoint, fit_together
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ...estimators.unrecorded import UnrecordedMuscles, fit_unrecorded_muscles
 from ...fit.muscle_posterior import (
@@ -158,10 +158,9 @@ def _evaluate_fits(
         for name, (by, pieces) in made.items():
             torque = _over_pieces([by.predict(trial) for trial in pieces])
             half = _over_pieces([by.half_width(trial, ERROR_BAND.share) for trial in pieces])
+            each += _score_joints(how, name, pieces, torque, half)
             for joint in fit.joints:
-                reference = np.concatenate([trial[joint].torque for trial in pieces])
-                each.append(_score_joint(how, joint, name, reference, torque, half))
-                time = np.concatenate([trial[joint].time for trial in pieces])
+                time, reference = (np.concatenate([getattr(t[joint], x) for t in pieces]) for x in ("time", "torque"))
                 trace = TorqueTrace(joint, name, time, reference, {}, {}, ERROR_BAND.share)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
@@ -181,18 +180,18 @@ def _add_unrecorded_muscles(
         pieces = _pieces_by_joint(held, name)
         torque = _over_pieces([never.predict(trial) for trial in pieces])
         half = _over_pieces([fit.half_width(trial, ERROR_BAND.share) for trial in pieces])
-        for joint in fit.joints:
-            reference = np.concatenate([trial[joint].torque for trial in pieces])
-            scores.append(_score_joint(UNRECORDED_VARIANT, joint, name, reference, torque, half))
+        scores += _score_joints(UNRECORDED_VARIANT, name, pieces, torque, half)
     return replace(found, never=never, beside=tuple(scores))
 
 
-def _score_joint(
-    how: str, joint: str, name: str, reference: np.ndarray, torque: Mapping, half: Mapping
-) -> TogetherScore:
-    """Score a joint's predicted torque over a recording, and the coverage of its band."""
-    inside = float(np.mean(np.abs(reference - torque[joint]) <= half[joint]))
-    return TogetherScore(how, joint, name, score(reference, torque[joint]), inside)
+def _score_joints(
+    how: str, name: str, pieces: Sequence[TrialByJoint], torque: Mapping, half: Mapping
+) -> Iterator[TogetherScore]:
+    """Yield the score of each joint's predicted torque over a recording's pieces, and the coverage of its band."""
+    for joint, predicted in torque.items():
+        reference = np.concatenate([trial[joint].torque for trial in pieces])
+        inside = float(np.mean(np.abs(reference - predicted) <= half[joint]))
+        yield TogetherScore(how, joint, name, score(reference, predicted), inside)
 
 
 def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[TorqueTrial]]) -> TogetherFindings:
@@ -208,9 +207,7 @@ def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[Torque
         pieces = _pieces_by_joint(across, name)
         made = [fit.predict_with_posterior(posterior, trial, ERROR_BAND.share) for trial in pieces]
         torque, half = (_over_pieces([each[i] for each in made]) for i in (0, 1))
-        for joint in fit.joints:
-            reference = np.concatenate([trial[joint].torque for trial in pieces])
-            scores.append(_score_joint(POSTERIOR_VARIANT, joint, name, reference, torque, half))
+        scores += _score_joints(POSTERIOR_VARIANT, name, pieces, torque, half)
     return replace(found, posterior=posterior, beside=(*found.beside, *scores))
 
 

@@ -10,6 +10,7 @@ offset from there, which is fitted on the recordings that may be fitted and on n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -81,36 +82,27 @@ class IsolatedMuscleFit:
         """Mean over all trials."""
         return float(np.mean([t.mae_percent for t in self.trials]))
 
-    def rows(self, study: Study) -> list[ResultRow]:
+    def rows(self, study: Study) -> Iterator[ResultRow]:
         """Figures for results.json."""
         checksum = study.recordings()[0].checksum
         fitted = ", ".join(t.name for t in self.trials if t.use == "fit")
+
+        def row(name: str, value: float, note: str, split: str = "heldout") -> ResultRow:
+            return ResultRow(f"{study.name}.{name}", value, "%", "calibrate", split, checksum, note)
+
         note = f"mean over all amplitudes; offset {1e3 * self.offset:.2f} mm, fitted on {fitted} alone"
-        rows = [ResultRow(f"{study.name}.mae_percent", self.mae_percent, "%", "calibrate", "heldout", checksum, note)]
-        rows += [
-            ResultRow(
-                f"{study.name}.{t.name}.mae_percent", t.mae_percent, "%", "calibrate",
-                "fitted" if t.use == "fit" else "heldout", checksum, f"amplitude {1e3 * t.amplitude:g} mm",
-            )
-            for t in self.trials
-        ]  # fmt: skip
-        note = "tendon rigid, its offset fitted the same way"
-        rows.append(
-            ResultRow(
-                f"{study.name}.rigid.mae_percent", self.rigid_mae_percent, "%", "calibrate", "heldout", checksum, note
-            )
-        )
+        yield row("mae_percent", self.mae_percent, note)
+        for t in self.trials:
+            split = "fitted" if t.use == "fit" else "heldout"
+            yield row(f"{t.name}.mae_percent", t.mae_percent, f"amplitude {1e3 * t.amplitude:g} mm", split)
+        yield row("rigid.mae_percent", self.rigid_mae_percent, "tendon rigid, its offset fitted the same way")
         if self.posterior is not None:
             level = study.table(IsolatedMuscleTable).confidence
             plain = ResultRow("", None, "m", "calibrate", "fitted", checksum, self.posterior.settled)
-            rows.append(
-                replace(
-                    plain, id=f"{study.name}.offset", value=self.offset,
-                    note=f"{self.interval.sentence(level)}; constants taken for known",
-                )
-            )  # fmt: skip
-            rows += posterior_rows(study.name, pair_with_posterior((self.interval,), self.posterior), level, plain)
-        return rows
+            note = f"{self.interval.sentence(level)}; constants taken for known"
+            yield replace(plain, id=f"{study.name}.offset", value=self.offset, note=note)
+            compared = pair_with_posterior((self.interval,), self.posterior)
+            yield from posterior_rows(study.name, compared, level, plain)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
