@@ -27,20 +27,14 @@ from ...estimators.torque_map import CrossValidated, MapJob, cross_validate_torq
 from ...estimators.torque_regressor import smoothing_delay
 from ...estimators.torque_trial import TorqueTrial, group_pieces
 from ..muscle_channels import mains_verdicts, study_chain
+from . import together as across_joints
+from . import torque_findings as findings
 from .emg_torque_table import EmgTorqueTable
 from .estimator_cards import estimator_cards, torque_card
 from .relative_envelopes import normalisation_words
 from .sessions import compare_sessions, invalidity_words, session_tables, session_verdicts
 from .study_muscles import ignored_channel_verdicts
-from .together import (
-    TogetherFigureData,
-    calibrate_together,
-    together_cards,
-    together_figure_data,
-    together_rows,
-    together_tables,
-    together_verdicts,
-)
+from .together import TogetherFigureData
 from .torque_findings import (
     BASELINE_ESTIMATOR,
     CAUSAL_ESTIMATORS,
@@ -52,25 +46,6 @@ from .torque_findings import (
     RecommendedEstimator,
     RecordingWorth,
     TorqueTrace,
-    calibrated_muscle_verdicts,
-    calibration_rows,
-    find_applicable_estimators,
-    find_stiffness,
-    find_worth,
-    is_answer_founded,
-    muscle_cards,
-    muscle_summaries,
-    muscle_tables,
-    partial_errors,
-    recommend_by_fold,
-    recommend_estimator,
-    run_tests_if_candidate,
-    stiffness_cards,
-    stiffness_rows,
-    stiffness_tables,
-    stiffness_verdicts,
-    worth_sentence,
-    worth_tables,
 )
 from .trial_sources import (
     EXTENSION_PROTOCOL,
@@ -133,13 +108,16 @@ def _evaluate_trials(
             f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three, each "
             "to be left out in turn"
         )
-    names = find_applicable_estimators(trials, what, found)
+    names = findings.find_applicable_estimators(trials, what, found)
     results = cross_validate_torque_maps(
-        trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=run_tests_if_candidate
+        trials,
+        names,
+        on_progress=lambda text, share: tell(f"{what}, {text}", share),
+        examine=findings.run_tests_if_candidate,
     )
     own = _left_out_evaluations(results, trials, what, kind, unit=unit)
     found.evaluated.extend(own)
-    found.chosen[what] = recommend_by_fold(trials, results, own)
+    found.chosen[what] = findings.recommend_by_fold(trials, results, own)
     # The recommended estimator's worst trial is drawn with its band.
     chosen = found.chosen[what]
     worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
@@ -228,62 +206,62 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     tell = on_progress or (lambda text, share: None)
     with keep_helpers():
         found = _choose_evaluation(study)(study, tell)
-        together = calibrate_together(found, tell, table.posterior)
+        together = across_joints.calibrate_together(found, tell, table.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
-        found.chosen[what] = recommend_estimator(evaluated, what)
+        found.chosen[what] = findings.recommend_estimator(evaluated, what)
     chosen, bands = tuple(found.chosen.values()), [*_invalid_band_sentences(found)]
     valid = [t for t in found.traces if t.recording not in found.sessions or found.sessions[t.recording].is_valid]
     fitted = {trial.recording for trial in trials if not trial.heldout}
-    founded = is_answer_founded(len(fitted), len(study.left_out))
+    founded = findings.is_answer_founded(len(fitted), len(study.left_out))
     names = {trial.name: trial.recording for trial in trials}
-    worth = find_worth(chosen, valid, table.worthwhile_gain, names, is_founded=founded)
+    worth = findings.find_worth(chosen, valid, table.worthwhile_gain, names, is_founded=founded)
     stepped = estimator_cards(study, found, together)
-    stiffness = find_stiffness(found, stepped)
+    stiffness = findings.find_stiffness(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
     return CalibrationResult(
         study=study.name,
         headline=_invalid_recordings_sentence(found)
-        + worth_sentence(worth)
+        + findings.worth_sentence(worth)
         + "".join(f"{each} " for each in bands)
         + _headline(chosen),
         tables=(
-            *worth_tables(worth),
+            *findings.worth_tables(worth),
             *_chosen_tables(chosen, found.refused),
             *_error_tables(evaluated),
             *_repair_tables(evaluated),
             *_condition_test_tables(evaluated),
             *session_tables(found.sessions),
-            *muscle_tables(found.muscles),
-            *together_tables(together, evaluated),
-            *stiffness_tables(stiffness),
+            *findings.muscle_tables(found.muscles),
+            *across_joints.together_tables(together, evaluated),
+            *findings.stiffness_tables(stiffness),
         ),
         verdicts=(
             *calibration_verdicts(study, evaluated, trials, chosen),
             *geometry_verdicts(study),
-            *calibrated_muscle_verdicts(found),
-            *together_verdicts(together, found),
-            *stiffness_verdicts(stiffness),
+            *findings.calibrated_muscle_verdicts(found),
+            *across_joints.together_verdicts(together, found),
+            *findings.stiffness_verdicts(stiffness),
         ),
         rows=(
-            *calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
-            *together_rows(study.name, together, found, trials),
-            *stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
+            *findings.calibration_rows(study.name, evaluated, trials, found.sessions, chosen, worth),
+            *across_joints.together_rows(study.name, together, found, trials),
+            *findings.stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),
         cards={
             **found.cards,
-            **muscle_cards(study, found.muscles, trials),
-            **together_cards(study, together, trials),
+            **findings.muscle_cards(study, found.muscles, trials),
+            **across_joints.together_cards(study, together, trials),
             **stepped,
-            **stiffness_cards(study, stiffness),
+            **findings.stiffness_cards(study, stiffness),
         },
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
         chosen=chosen,
         worth=worth,
         traces=tuple(found.traces),
-        muscles=muscle_summaries(found),
-        together=together_figure_data(together),
+        muscles=findings.muscle_summaries(found),
+        together=across_joints.together_figure_data(together),
         stiffness=stiffness,
     )
 
@@ -337,7 +315,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
         (joint, name, causal)
         for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS))
         for joint in joints
-        for name in find_applicable_estimators(trials[joint], joint, found, names)
+        for name in findings.find_applicable_estimators(trials[joint], joint, found, names)
     ]
     fits = fit_torque_maps(
         [MapJob(parts[joint][0], name, causal, _Examination(judged[joint], causal)) for joint, name, causal in runs],
@@ -372,7 +350,7 @@ def _evaluate_by_recording(study: Study, tell: Progress) -> CalibrationFindings:
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(torque - made) <= half)),
                     held=None if away is None else float(np.mean(np.abs(torque - made) <= away.half_width)),
-                    partial=partial_errors(torque, made) if isinstance(fit, HillMap) else (),
+                    partial=findings.partial_errors(torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
                     as_recorded=None if unrepaired is None else score(torque, unrepaired),
                     repaired=repaired,
@@ -409,7 +387,7 @@ class _Examination:
     def __call__(
         self, fit: Any, fitted: Sequence[TorqueTrial]
     ) -> tuple[ConditionTestErrors | None, dict[str, tuple[TorqueTrial, tuple[str, ...], np.ndarray]]]:
-        away, predicted = None if self.causal else run_tests_if_candidate(fit, fitted), {}
+        away, predicted = None if self.causal else findings.run_tests_if_candidate(fit, fitted), {}
         for recorded, repaired in self.judged:
             trial, muscles = apply_useful_repairs(fit.predict, fitted, recorded, repaired)
             predicted[recorded.name] = trial, muscles, fit.predict(trial)
@@ -428,13 +406,13 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
         for causal, names in ((False, REPORTED_ESTIMATORS), (True, CAUSAL_ESTIMATORS)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
-            names = find_applicable_estimators(trials, what, found, names)
+            names = findings.find_applicable_estimators(trials, what, found, names)
             results = cross_validate_torque_maps(
                 trials,
                 names,
                 causal=causal,
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
-                examine=None if causal else run_tests_if_candidate,
+                examine=None if causal else findings.run_tests_if_candidate,
             )
             own = _left_out_evaluations(results, trials, what, "steps", causal=causal)
             found.evaluated.extend(own)
@@ -444,7 +422,7 @@ def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings
                     study, fit_torque_map(trials, CARD_ESTIMATOR, causal=True), trials, card
                 )
             else:
-                found.chosen[what] = recommend_by_fold(trials, results, own)
+                found.chosen[what] = findings.recommend_by_fold(trials, results, own)
                 found.trials.extend(trials)
                 # Up to three trials are drawn: the one with the largest error, then easier ones, evenly spaced.
                 worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
