@@ -188,14 +188,12 @@ class EmgEstimatorCard:
         """What the core's module takes, by name."""
         from scipy.signal import butter
 
-        names, step = [channel.name for channel in self.channels], self.at(period)
+        names, step, count = [channel.name for channel in self.channels], self.at(period), len(MUSCLE_QUANTITIES)
         known = {name: i for i, name in enumerate(self.features)} | {"": -1}
         return {
             "channels": np.array([(c.scale, c.rest, c.ceiling) for c in self.channels]).reshape(-1, 3),
             "angles": len(self.angles),
-            "muscles": np.array([[m.numbers[q] for q in MUSCLE_QUANTITIES] for m in self.muscles]).reshape(
-                -1, len(MUSCLE_QUANTITIES)
-            ),
+            "muscles": np.array([[m.numbers[q] for q in MUSCLE_QUANTITIES] for m in self.muscles]).reshape(-1, count),
             "shares": np.array([[m.shares.get(n, 0.0) for n in names] for m in self.muscles]).reshape(-1, len(names)),
             "axes": np.array([m.surface.rows(self.angles) for m in self.muscles]).reshape(-1, 2, 6),
             "surfaces": [np.array(m.surface.coefficients) for m in self.muscles],

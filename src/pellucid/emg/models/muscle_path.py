@@ -343,7 +343,7 @@ class MusclePath:
         order = np.tile(np.arange(many), (count, 1))
         last_length, open_ = np.full(count, np.inf), np.ones(count, bool)
         for attempt in range(MAX_WRAP_PASSES if many > 1 else 1):
-            codes = np.full((count, many), Wrap.NONE)
+            codes = np.full((count, many), Wrap.NO_WRAP)
             for turn in range(many):
                 for w, surface in enumerate(self.surfaces):
                     rows = np.flatnonzero(open_ & (order[:, turn] == w))
@@ -351,7 +351,7 @@ class MusclePath:
                         codes[rows, turn] = nodes.wrap(w, surface, frames[w], placed[surface.body], rows, active)
             length, _ = nodes.length(derivative=False)
             if attempt == 0 and many > 1:
-                swap = (codes[:, 0] == Wrap.NONE) & (codes[:, 1] == Wrap.INSIDE)
+                swap = (codes[:, 0] == Wrap.NO_WRAP) & (codes[:, 1] == Wrap.ENDS_INSIDE)
                 order[swap, :2] = order[swap, 1::-1]
                 nodes.drop(0, np.flatnonzero(swap))
             open_ &= np.abs(length - last_length) >= LENGTH_TOLERANCE_M
@@ -382,7 +382,7 @@ class _Nodes:
         self.drop(w, rows)
         order, ranks = self._ordered(rows)
         within = self._within(surface, rows, active)
-        result = np.full(len(rows), Wrap.NONE)
+        result = np.full(len(rows), Wrap.NO_WRAP)
         best, least, locked = np.full(len(rows), -1), np.full(len(rows), np.inf), np.zeros(len(rows), bool)
         kept = [np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), np.zeros(len(rows))]
         to_local = np.linalg.inv(frame[rows])
@@ -402,9 +402,9 @@ class _Nodes:
             result[at] = found.code
             way = np.linalg.norm(found.first - ends[0], axis=1) + np.linalg.norm(found.last - ends[1], axis=1)
             change = way + found.length - np.linalg.norm(ends[1] - ends[0], axis=1)
-            take = (found.code == Wrap.MUST) | ((found.code == Wrap.MAY) & (change < least[at]))
+            take = (found.code == Wrap.MUST_WRAP) | ((found.code == Wrap.MAY_WRAP) & (change < least[at]))
             chosen = at[take]
-            least[chosen], best[chosen], locked[chosen] = change[take], slot, (found.code == Wrap.MUST)[take]
+            least[chosen], best[chosen], locked[chosen] = change[take], slot, (found.code == Wrap.MUST_WRAP)[take]
             for to, source in zip(kept, (found.first, found.last, found.length), strict=True):
                 to[chosen] = source[take]
         chosen = np.flatnonzero(best >= 0)

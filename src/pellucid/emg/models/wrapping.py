@@ -23,10 +23,10 @@ import numpy as np
 class Wrap(IntEnum):
     """What a stretch does on a surface."""
 
-    NONE = 0  # It passes the surface
-    MAY = 1  # It wraps if that is shortest
-    MUST = 2  # It hits the surface and must wrap
-    INSIDE = 3  # It begins or ends inside the surface
+    NO_WRAP = 0  # It passes the surface
+    MAY_WRAP = 1  # It wraps if that is shortest
+    MUST_WRAP = 2  # It hits the surface and must wrap
+    ENDS_INSIDE = 3  # It begins or ends inside the surface
 
 
 METHODS = ("hybrid", "midpoint")
@@ -99,7 +99,7 @@ class Cylinder:
         ways = [_tangent_angles(p[:, :2], q[:, :2], self.radius, s) for s in (1.0, -1.0)]
         if self.side.axis < 0:
             clockwise = ways[1][2] < ways[0][2]
-            code = np.where(hit, Wrap.MUST, Wrap.NONE)
+            code = np.where(hit, Wrap.MUST_WRAP, Wrap.NO_WRAP)
         else:
             clockwise, code = self._sided(p, q, near, hit, ways)
         a, b, arc = (np.where(clockwise, right, left) for left, right in zip(*ways, strict=True))
@@ -110,7 +110,7 @@ class Cylinder:
         first = np.column_stack((first, p[:, 2] + rise * ends[0]))
         last = np.column_stack((last, q[:, 2] - rise * ends[1]))
         beyond = (np.abs(first[:, 2]) > 0.5 * self.length) & (np.abs(last[:, 2]) > 0.5 * self.length)
-        code = np.where(inside, Wrap.INSIDE, np.where(beyond, Wrap.NONE, code))
+        code = np.where(inside, Wrap.ENDS_INSIDE, np.where(beyond, Wrap.NO_WRAP, code))
         return WrapResult(code, first, last, np.hypot(turn, rise * turn))
 
     def _sided(self, p, q, near, hit, ways) -> tuple[np.ndarray, np.ndarray]:
@@ -118,7 +118,7 @@ class Cylinder:
         has = self.side.has
         own = has(p) | has(q)
         over = (has(p) != has(q)) & ~has(near)
-        code = np.where(own, np.where(hit, Wrap.MUST, np.where(over, Wrap.MAY, Wrap.NONE)), Wrap.MAY)
+        code = np.where(own, np.where(hit, Wrap.MUST_WRAP, np.where(over, Wrap.MAY_WRAP, Wrap.NO_WRAP)), Wrap.MAY_WRAP)
         (a, b, _), (a_, b_, _) = ways
         on = {k: has(_circle(x, self.radius)) for k, x in (("a", a), ("b", b), ("a_", a_), ("b_", b_))}
         wide = np.abs(_fold_angle(b - a)) > np.abs(_fold_angle(b_ - a_))
@@ -157,7 +157,7 @@ class Sphere:
             clockwise = np.where(constrained, under ^ flip, clockwise)
         first, last = (np.where(clockwise[:, None], space[1][k], space[0][k]) for k in (0, 1))
         arc = np.where(clockwise, ways[1][2], ways[0][2])
-        code = np.where(inside, Wrap.INSIDE, np.where(hit, Wrap.MUST, Wrap.NONE))
+        code = np.where(inside, Wrap.ENDS_INSIDE, np.where(hit, Wrap.MUST_WRAP, Wrap.NO_WRAP))
         return WrapResult(code, first, last, self.radius * arc)
 
 
@@ -177,11 +177,14 @@ class Ellipsoid:
         hit &= ~far
         count = len(p)
         blank = WrapResult(
-            np.where(inside, Wrap.INSIDE, Wrap.NONE), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+            np.where(inside, Wrap.ENDS_INSIDE, Wrap.NO_WRAP),
+            np.zeros((count, 3)),
+            np.zeros((count, 3)),
+            np.zeros(count),
         )
         if not hit.any():
             return blank
-        blank.code[hit] = Wrap.MUST
+        blank.code[hit] = Wrap.MUST_WRAP
         blank.first[hit], blank.last[hit], blank.length[hit] = self._way(p[hit], q[hit], radii)
         return blank
 
