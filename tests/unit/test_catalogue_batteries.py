@@ -13,11 +13,11 @@ HALF_ADDED = {
         "rules: no builder makes it",
     ),
     "an estimator without words": (
-        "estimators", "emg/estimators/families/network.py", '"M-BP, a network (reconstruction)"', '""',
+        "estimators", "emg/estimators/families/linear.py", '"M-BP, a network (reconstruction)"', '""',
         "mbp: has no words",
     ),
     "an estimator without a colour": (
-        "estimators", "emg/estimators/families/tree.py",
+        "estimators", "emg/estimators/families/trees.py",
         'colour="load",\n        weight', 'colour="pink",\n        weight',
         "tree: has no colour",
     ),

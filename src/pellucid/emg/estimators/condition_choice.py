@@ -5,11 +5,11 @@ own variety. Slow strides test what was fitted to fast ones, and the reverse. Th
 effort, and the fifth with the most speed, test what was fitted to the rest. Every method is tested on the same samples,
 with the features and settings that it chose before.
 
-Let :math:`e_{ki}` be the RMSE of method k in test i, weighed by the noise model of `trial_weights`, so that the trial
-with the largest torques does not decide. The best method has the smallest mean of :math:`e_{ki}^2`. Methods
-are equally good if their mean exceeds the best by no more than one standard error of the paired differences. Among
-equally good methods, the one that extrapolates best by its form comes first: muscles held by anatomy, then muscles that
-are not, then linear models, then models that stay within the torques they have seen.
+Let :math:`e_{ki}` be the RMSE of method k in test i, weighed by the noise model of `find_trial_weights`, so that the
+trial with the largest torques does not decide. The best method has the smallest mean of :math:`e_{ki}^2`. Methods are
+equally good if their mean exceeds the best by no more than one standard error of the paired differences. Among equally
+good methods, the one that extrapolates best by its form comes first: muscles held by anatomy, then muscles that are
+not, then linear models, then models that stay within the torques they have seen.
 """
 
 from __future__ import annotations

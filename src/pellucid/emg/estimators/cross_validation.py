@@ -7,8 +7,9 @@ Repair only the channels whose change costs an estimator's torque, so that it ge
 
 A repair by the first seconds of a recording is itself uncertain: it scales a channel to the range that it had in other
 strides. An estimator that hardly uses the channel has nothing to gain by it. A channel is therefore repaired for an
-estimator only if its repair moves the estimated torque by more than `MAX_WATCHED_LOSS` of the fitted torque's variance,
-the same share at which a running estimator replaces a channel. The measured torque of the recording is not used.
+estimator only if its repair moves the estimated torque by more than `WATCH_DEFAULTS.max_loss` of the fitted torque's
+variance, the same share at which a running estimator replaces a channel. The measured torque of the recording is not
+used.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -42,6 +42,12 @@ MAX_DISTANCE_M = 5.0
 
 MAX_ANGLE_RAD = 4.0 * math.pi
 """Rotations of frames and default angles are at most this large [rad]. Larger values mean a model in degrees."""
+
+FUNCTION_TAGS = (
+    "Constant", "LinearFunction", "PolynomialFunction", "MultiplierFunction", "SimmSpline", "NaturalCubicSpline",
+    "PiecewiseLinearFunction",
+)  # fmt: skip
+"""Elements of functions that are followed."""
 
 _X, _Y, _Z = np.eye(3)
 
@@ -147,16 +153,15 @@ class _ModelReader:
         return np.zeros(3) if found is None else self._numbers(found, f"{where}, <{tag}>", 3)
 
     def _require_metres(self, values: np.ndarray, where: str) -> np.ndarray:
-        if np.abs(values).max(initial=0.0) > MAX_DISTANCE_M:
-            found = f"{np.abs(values).max():.4g} m"
-            self._refuse(where, found, f"at most {MAX_DISTANCE_M:g} m; is the model in millimetres?")
+        most = np.abs(values).max(initial=0.0)
+        if most > MAX_DISTANCE_M:
+            self._refuse(where, f"{most:.4g} m", f"at most {MAX_DISTANCE_M:g} m; is the model in millimetres?")
         return values
 
     def _require_radians(self, values: np.ndarray, where: str) -> np.ndarray:
-        if np.abs(values).max(initial=0.0) > MAX_ANGLE_RAD:
-            self._refuse(
-                where, f"{np.abs(values).max():.4g} rad", f"at most {MAX_ANGLE_RAD:.4g} rad; is the model in degrees?"
-            )
+        most = np.abs(values).max(initial=0.0)
+        if most > MAX_ANGLE_RAD:
+            self._refuse(where, f"{most:.4g} rad", f"at most {MAX_ANGLE_RAD:.4g} rad; is the model in degrees?")
         return values
 
     def _text(self, parent: Element, tag: str) -> str:
@@ -322,52 +327,43 @@ class _ModelReader:
         if holder is not None and len(holder):
             return self._function(holder[0], where)
         for child in parent:
-            if child.tag in _FUNCTION_READERS:
+            # What ends like a function and is none of the known ones is refused.
+            if child.tag in FUNCTION_TAGS or child.tag.endswith(("Function", "Spline")):
                 return self._function(child, where)
-            if child.tag.endswith(("Function", "Spline")):
-                self._unknown_function(child, where)
         return None
 
-    def _unknown_function(self, element: Element, where: str) -> None:
-        known = ", ".join(_FUNCTION_READERS)
-        self._refuse(where, f"a {visible_text(element.tag)}, which is not followed", f"one of {known}")
-
     def _function(self, element: Element, where: str) -> CoordinateFunction:
-        if element.tag not in _FUNCTION_READERS:
-            self._unknown_function(element, where)
-        return _FUNCTION_READERS[element.tag](self, element, where)
+        def numbers(tag: str) -> tuple[float, ...]:
+            return tuple(map(float, self._numbers(element.find(tag), f"{where}, <{tag}>")))
 
-    def _linear(self, element: Element, where: str) -> CoordinateFunction:
-        found = self._numbers(element.find("coefficients"), f"{where}, <coefficients>")
-        return Linear(tuple(map(float, found[:-1])), float(found[-1]))
-
-    def _polynomial(self, element: Element, where: str) -> CoordinateFunction:
-        return Polynomial(tuple(map(float, self._numbers(element.find("coefficients"), f"{where}, <coefficients>"))))
-
-    def _constant(self, element: Element, where: str) -> CoordinateFunction:
-        return Constant(self._number(element, "value", where, 0.0))
-
-    def _scaled(self, element: Element, where: str) -> CoordinateFunction:
-        inner = self._function_in(element, where)
-        if inner is None:
-            self._refuse(where, "a MultiplierFunction of nothing", "a <function> in it")
-        return ScaledFunction(inner, self._number(element, "scale", where, 1.0))
-
-    def _points(self, element: Element, where: str) -> CoordinateFunction:
-        x, y = (self._numbers(element.find(tag), f"{where}, <{tag}>") for tag in ("x", "y"))
-        if len(x) != len(y) or len(x) < 2 or np.any(np.diff(x) <= 0.0):
-            self._refuse(where, f"{len(x)} <x> and {len(y)} <y>", "two or more points whose <x> grow")
-        kind = PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else Spline
-        return kind(tuple(map(float, x)), tuple(map(float, y)))
+        match element.tag:
+            case "Constant":
+                return Constant(self._number(element, "value", where, 0.0))
+            case "LinearFunction":
+                *slopes, offset = numbers("coefficients")
+                return Linear(tuple(slopes), offset)
+            case "PolynomialFunction":
+                return Polynomial(numbers("coefficients"))
+            case "MultiplierFunction":
+                inner = self._function_in(element, where)
+                if inner is None:
+                    self._refuse(where, "a MultiplierFunction of nothing", "a <function> in it")
+                return ScaledFunction(inner, self._number(element, "scale", where, 1.0))
+            case "SimmSpline" | "NaturalCubicSpline" | "PiecewiseLinearFunction":
+                x, y = numbers("x"), numbers("y")
+                if len(x) != len(y) or len(x) < 2 or np.any(np.diff(x) <= 0.0):
+                    self._refuse(where, f"{len(x)} <x> and {len(y)} <y>", "two or more points whose <x> grow")
+                return (PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else Spline)(x, y)
+        known = ", ".join(FUNCTION_TAGS)
+        self._refuse(where, f"a {visible_text(element.tag)}, which is not followed", f"one of {known}")
 
     def _couplings(self) -> dict[str, Coupling]:
         found = {}
         for element in self.root.iter("CoordinateCouplerConstraint"):
             where = f"constraint {visible_text(element.get('name', ''))}"
-            on = self._text(element, "isEnforced").lower() != "false" and (
-                self._text(element, "isDisabled").lower() != "true"
-            )
-            if not on:
+            if self._text(element, "isEnforced").lower() == "false" or (
+                self._text(element, "isDisabled").lower() == "true"
+            ):
                 continue
             dependent = self._text(element, "dependent_coordinate_name")
             independent = tuple(self._text(element, "independent_coordinate_names").split())
@@ -497,15 +493,3 @@ class _ModelReader:
                 self._refuse(
                     f"muscle {muscle.muscle}", f"the body {visible_text(body)} without a joint", "one that is joined"
                 )
-
-
-# Method that reads each element of a function.
-_FUNCTION_READERS: Mapping[str, Callable[[_ModelReader, Element, str], CoordinateFunction]] = {
-    "Constant": _ModelReader._constant,
-    "LinearFunction": _ModelReader._linear,
-    "PolynomialFunction": _ModelReader._polynomial,
-    "MultiplierFunction": _ModelReader._scaled,
-    "SimmSpline": _ModelReader._points,
-    "NaturalCubicSpline": _ModelReader._points,
-    "PiecewiseLinearFunction": _ModelReader._points,
-}

@@ -71,8 +71,8 @@ class Family:
     rivals_muscles: bool = False  # Whether muscles are compared with it: a regression of the same inputs
     scored_causally: bool = False  # Whether it is also scored with features of the past alone
     runs_live: bool = False  # Whether its causal map becomes a card that runs sample by sample
-    # Name of the argument of `fit` that takes weights of rows; trials are then weighed by `trial_weights`. Empty for
-    # published methods, which have none, and for estimators that fit trials themselves
+    # Name of the argument of `fit` that takes weights of rows; trials are then weighed by `find_trial_weights`. Empty
+    # for published methods, which have none, and for estimators that fit trials themselves
     weight_argument: str = ""
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:

@@ -79,23 +79,19 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
     for i, person in enumerate(people):
         trials, weight = leg_extension_trials(study, person)
         _evaluate_trials(found, trials, person or "knee", "normalised", weight, _part_progress(tell, i, len(people)))
-    found.verdicts.append(
-        Verdict(
-            "warning",
-            "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine "
-            "of the angle. Any regression on the angle reproduces that formula, without EMG too; its small error is no "
-            "evidence about EMG. Compare estimators with muscles among each other.",
-        )
+    formula_text = (
+        "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine of "
+        "the angle. Any regression on the angle reproduces that formula, without EMG too; its small error is no "
+        "evidence about EMG. Compare estimators with muscles among each other."
     )
+    found.verdicts.append(Verdict("warning", formula_text))
     if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
-        found.verdicts.append(
-            Verdict(
-                "warning",
-                "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort "
-                "seen, whose share of a maximal one is estimated together with the muscles. Strengths are then not "
-                "strengths of muscles.",
-            )
+        effort_text = (
+            "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort seen, "
+            "whose share of a maximal one is estimated together with the muscles. Strengths are then not strengths of "
+            "muscles."
         )
+        found.verdicts.append(Verdict("warning", effort_text))
     return found
 
 

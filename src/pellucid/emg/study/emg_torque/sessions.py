@@ -3,8 +3,8 @@
 Run the watch of a calibrated estimator over recordings that were not fitted, as a robot would run it.
 
 `emg_session` compares floors, ranges and patterns. A change of gain by 2 lies within what those vary by, yet may cost
-half of the explained torque. The watch of `channel_watch` asks what a change costs in torque; here it reads a recording
-from beginning to end, with the thresholds that a running estimator and exported C use.
+half of the explained torque. The watch that `add_channel_watch` makes asks what a change costs in torque; here it reads
+a recording from beginning to end, with the thresholds that a running estimator and exported C use.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ What other domains offer to `calibrate`: bodies on which a wearer acts, and eval
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -116,38 +116,35 @@ def _recorded_paths(recording: Recording, joint: str) -> dict[str, tuple[np.ndar
     }
 
 
-def geometry_verdicts(study: Study) -> list[Verdict]:
-    """Return verdicts on the polynomials of the study's own model: their errors, and muscles that were refused."""
-    if all(_recorded_paths(r, joint) for r in study.recordings() for joint in study.table(EmgTorqueTable).joints):
-        return []
-    model = study_geometry(study)
+def geometry_verdicts(study: Study) -> Iterator[Verdict]:
+    """Yield verdicts on the polynomials of the study's own model: their errors, and muscles that were refused."""
+    joints = study.table(EmgTorqueTable).joints
+    recorded = all(_recorded_paths(r, joint) for r in study.recordings() for joint in joints)
+    model = None if recorded else study_geometry(study)
     if model is None:
-        return []
+        return
     far = max(model.polynomials.values(), key=lambda p: p.error.arm)
     held = ", ".join(f"{name} {value:.3g}" for name, value in model.held.items())
-    verdicts = [
-        Verdict(
-            "note",
-            f"lengths and moment arms of {len(model.polynomials)} muscles are those of {model.source} over "
-            f"{', '.join(model.coordinates)}, as polynomials that err by at most "
-            f"{1e3 * max(p.error.length for p in model.polynomials.values()):.2g} mm in length and "
-            f"{1e3 * far.error.arm:.2g} mm in moment arm ({far.muscle}), RMS of poses that were not fitted"
-            + (f"; the model's other coordinates are at rest: {held}." if held else "."),
-        )
-    ]
-    verdicts += [
-        Verdict(
-            "warning",
-            f"{model.source}, muscle {name}: a polynomial errs by {1e3 * p.error.length:.2g} mm in length and "
-            f"{1e3 * p.error.arm:.2g} mm in moment arm: somewhere in the coordinates' ranges the muscle's way jumps.",
-            "Narrow the coordinates' <range> in the model to what was recorded.",
-        )
-        for name, p in model.polynomials.items()
-        if p.error.length > POLYNOMIAL_LIMITS.max_length_error_m or p.error.arm > POLYNOMIAL_LIMITS.max_arm_error_m
-    ]
-    return verdicts + [
-        Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()
-    ]
+    yield Verdict(
+        "note",
+        f"lengths and moment arms of {len(model.polynomials)} muscles are those of {model.source} over "
+        f"{', '.join(model.coordinates)}, as polynomials that err by at most "
+        f"{1e3 * max(p.error.length for p in model.polynomials.values()):.2g} mm in length and "
+        f"{1e3 * far.error.arm:.2g} mm in moment arm ({far.muscle}), RMS of poses that were not fitted"
+        + (f"; the model's other coordinates are at rest: {held}." if held else "."),
+    )
+    limits = POLYNOMIAL_LIMITS
+    for name, p in model.polynomials.items():
+        if p.error.length > limits.max_length_error_m or p.error.arm > limits.max_arm_error_m:
+            yield Verdict(
+                "warning",
+                f"{model.source}, muscle {name}: a polynomial errs by {1e3 * p.error.length:.2g} mm in length and "
+                f"{1e3 * p.error.arm:.2g} mm in moment arm: somewhere in the coordinates' ranges the muscle's way "
+                "jumps.",
+                "Narrow the coordinates' <range> in the model to what was recorded.",
+            )
+    for why in model.refused.values():
+        yield Verdict("warning", f"{model.source}, {why}; it takes no part.")
 
 
 class WornBody(Protocol):
