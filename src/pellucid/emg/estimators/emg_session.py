@@ -147,13 +147,11 @@ class ChannelComparison:
 
     floor_shift: Mapping[str, float]  # Shift of each floor, as a share of the fitted range
     range_ratio: Mapping[str, float]  # Range of each channel over the fitted range
-    own_correlation: Mapping[
-        str, float
-    ]  # Correlation with the muscle's own pattern; empty if the movement is another one
+    # Correlation with the muscle's own pattern; empty if the movement is another one
+    own_correlation: Mapping[str, float]
     changes: tuple[ChannelChange, ...]  # Channels that differ from the fitted ones
-    outside_share: (
-        float  # Share of the time in which an angle, a speed or several envelopes are outside the fitted ranges
-    )
+    # Share of the time in which an angle, a speed or several envelopes are outside the fitted ranges
+    outside_share: float
     has_other_effort: bool  # Whether most ranges changed: by another speed or load, not by an electrode
 
     @property

@@ -55,9 +55,8 @@ class ModelMuscles:
     named: Mapping[str, str]  # the model's name of each muscle that was asked for; empty for all muscles
     constants: Mapping[str, MuscleConstants]  # constants by the study's names
     polynomials: Mapping[str, MusclePolynomial]  # lengths by the study's names
-    refused: Mapping[str, str] = field(
-        default_factory=dict
-    )  # Muscles that cross these joints, and why they are not here
+    # Muscles that cross these joints, and why they are not here
+    refused: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def signs(self) -> dict[str, float]:

@@ -452,20 +452,14 @@ def _muscles_section(findings: CalibrationResult) -> Section | None:
         return None
     drawings = []
     for i, found in enumerate(findings.muscles, start=1):
-        drawings.append(
-            draw(
-                departures, found, f"muscles_{i}",
-                caption=f"Muscles of {found.what}: how far each number moved from the anatomical model, with its 95 % "
-                "interval. Within the band people usually are; a diamond ended on a physiological bound.",
-            )
-        )  # fmt: skip
-        drawings.append(
-            draw(
-                muscle_work, found, f"muscle_work_{i}",
-                caption=f"Activation of each muscle of {found.what} and the torque it gives the joint, "
-                f"{found.recording.replace('_', ' ')}.",
-            )
-        )  # fmt: skip
+        caption = (
+            f"Muscles of {found.what}: how far each number moved from the anatomical model, with its 95 % interval. "
+            "Within the band people usually are; a diamond ended on a physiological bound."
+        )
+        drawings.append(draw(departures, found, f"muscles_{i}", caption=caption))
+        recording = found.recording.replace("_", " ")
+        caption = f"Activation of each muscle of {found.what} and the torque it gives the joint, {recording}."
+        drawings.append(draw(muscle_work, found, f"muscle_work_{i}", caption=caption))
     tables = tuple(
         Table(
             ("Parameter", "Value", "95 % interval", "Unit", "Known"),

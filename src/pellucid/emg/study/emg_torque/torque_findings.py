@@ -135,9 +135,8 @@ class RecommendedEstimator:
     what: str  # Joint or participant
     estimators: tuple[str, ...]  # Name of the estimator, or one name for each outer fold
     judged: tuple[EstimatorEvaluation, ...]  # Its evaluation on each recording, the worst first
-    bare: tuple[
-        EstimatorEvaluation, ...
-    ]  # Evaluations of angles alone, in the same order; empty if these were not fitted
+    # Evaluations of angles alone, in the same order; empty if these were not fitted
+    bare: tuple[EstimatorEvaluation, ...]
 
     conditions: int = 1  # Smallest number of conditions left out in turn to choose it; 1: parts of one recording
     fitted_coverage: float | None = None  # Share of left-out fitted trials within the band of the others, the smallest
@@ -242,9 +241,8 @@ class CalibrationFindings:
     stiffness_trials: dict[str, TorqueTrial] = field(default_factory=dict)  # Fitted trial of each stiffness
     passed_over: dict[str, str] = field(default_factory=dict)  # Reason why muscles were not fitted, by joint or person
     verdicts: list[Verdict] = field(default_factory=list)  # Verdicts on this evaluation
-    chosen: dict[str, RecommendedEstimator] = field(
-        default_factory=dict
-    )  # Recommended estimator, if trials are left out in turn
+    # Recommended estimator, if trials are left out in turn
+    chosen: dict[str, RecommendedEstimator] = field(default_factory=dict)
     # Comparison of channels with the fitted ones, by test recording
     sessions: dict[str, ChannelComparison] = field(default_factory=dict)
 
@@ -597,15 +595,13 @@ def find_worth(
     found, made = [], {(trace.what, trace.recording): trace for trace in traces}
     for each in chosen:
         if each.by:
-            scores = [one for one in each.by_condition() if one.bare is not None]
-            if scores:
-                pieces: dict[str, list[tuple[float, float]]] = {}
-                for one in scores:
-                    pair = (one.score.r2, one.bare.r2 if one.bare else np.nan)
-                    pieces.setdefault(recordings.get(one.name, one.name), []).append(pair)
-                means = np.array([np.mean(pairs, axis=0) for pairs in pieces.values()])
-                worth = worth_over_trials(means[:, 0].tolist(), means[:, 1].tolist(), margin)
-                found.append(RecordingWorth(each.what, "", worth))
+            pieces: dict[str, list[tuple[float, float]]] = {}
+            for one in each.by_condition():
+                if one.bare is not None:
+                    pieces.setdefault(recordings.get(one.name, one.name), []).append((one.score.r2, one.bare.r2))
+            if pieces:
+                with_emg, bare = zip(*(np.mean(pairs, axis=0).tolist() for pairs in pieces.values()), strict=True)
+                found.append(RecordingWorth(each.what, "", worth_over_trials(with_emg, bare, margin)))
             continue
         for judged in each.judged:
             trace = made.get((each.what, judged.recording))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ...._atomic import write_text_atomically
 from ...._errors import RecordingError
 from ...._given import csv_cell
 from ....files.fault import Fault
+from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....study.drawing.line_points import outline
 from ....study.procedures.procedure import Progress, quiet
@@ -91,7 +92,7 @@ def faults(study: Study, table: OnsetTable) -> list[Fault]:
             if any(fault.channel == name and fault.severity == "refuse" for fault in found):
                 continue
             try:
-                _require_activity(stream, muscle, table)
+                _with_raw_emg(require_activity, stream, muscle, table)
             except RecordingError as error:
                 kind = "refuse" if stream.channels[name].unit != "V" else "note"
                 found.append(Fault(kind, "rest", stream.path.name, name, str(error), "rest and activity", str(error)))
@@ -109,8 +110,9 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
         for muscle in find_used_muscles(stream, table):
             raw_channel(stream, muscle)
             base = f"{study.name}.{recording.name}.{muscle}"
+            settings = {"shortest": table.shortest, "pause": table.pause, "level": table.confidence}
             try:
-                active = _find_activity(stream, muscle, table)
+                active = _with_raw_emg(activations, stream, muscle, table, **settings)
             except RecordingError as error:
                 missed.append(str(error))
                 rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", split, stream.checksum, str(error)))
@@ -156,29 +158,14 @@ def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> Onse
     )
 
 
-def _find_activity(stream, muscle: str, table):
-    """Find the activity of a muscle in a stream; errors name the channel."""
-    with _named_errors(stream, muscle):
-        samples, inside = raw_whole_file(stream, muscle)
-        return activations(
-            (stream.uncut or stream).time, samples, rest=table.rest, height=table.height, shortest=table.shortest,
-            pause=table.pause, level=table.confidence, inside=inside,
-        )  # fmt: skip
-
-
-def _require_activity(stream, muscle: str, table) -> None:
-    """Raise the errors of `_find_activity`."""
-    with _named_errors(stream, muscle):
+def _with_raw_emg(
+    find: Callable[..., Any], stream: Recording, muscle: str, table: OnsetTable, **settings: float
+) -> Any:
+    """Return what `find` gives for a muscle's raw EMG in its whole file; errors name the file and the channel."""
+    try:
         samples, inside = raw_whole_file(stream, muscle)
         time = (stream.uncut or stream).time
-        require_activity(time, samples, rest=table.rest, height=table.height, inside=inside)
-
-
-@contextmanager
-def _named_errors(stream, muscle: str) -> Iterator[None]:
-    """Let errors name the file and the channel."""
-    try:
-        yield
+        return find(time, samples, rest=table.rest, height=table.height, inside=inside, **settings)
     except RecordingError as error:
         text = str(error)
         text = text if text.startswith(stream.path.name) else f"{name_channel(stream, muscle)}: {text}"

@@ -98,29 +98,16 @@ def page(study: Study, found: SynergiesResult) -> Page:
     how_many, which = [], []
     for i, group in enumerate(found.groups[:MAX_DRAWN_GROUPS], start=1):
         of = f"{group.name.replace('_', ' ')}: " if group.name else ""
-        how_many.append(
-            draw(
-                synergy_counts, group, f"synergy_count_{i}",
-                f"{of}Variance that each number of synergies accounts for, held out: "
-                f"{group.judged_on.replace('_', ' ')}. Grey: the same envelopes shifted apart in time, which share "
-                "nothing. Right: each muscle left out in turn and predicted from the others; values below -1 are "
-                "drawn at -1.",
-            )
-        )  # fmt: skip
-        which.append(
-            draw(
-                weights_and_activations, group, f"synergies_{i}",
-                f"{of}Weights of each muscle, and how active each synergy is.",
-            )
-        )  # fmt: skip
-        which.append(
-            draw(
-                reconstructed_envelopes,
-                group,
-                f"synergies_rebuilt_{i}",
-                f"{of}Envelopes, and their reconstruction.",
-            )
+        caption = (
+            f"{of}Variance that each number of synergies accounts for, held out: {group.judged_on.replace('_', ' ')}. "
+            "Grey: the same envelopes shifted apart in time, which share nothing. Right: each muscle left out in turn "
+            "and predicted from the others; values below -1 are drawn at -1."
         )
+        how_many.append(draw(synergy_counts, group, f"synergy_count_{i}", caption))
+        caption = f"{of}Weights of each muscle, and how active each synergy is."
+        which.append(draw(weights_and_activations, group, f"synergies_{i}", caption))
+        caption = f"{of}Envelopes, and their reconstruction."
+        which.append(draw(reconstructed_envelopes, group, f"synergies_rebuilt_{i}", caption))
     method_text = (
         "Weights are fitted on one part, and the variance is computed on another. More synergies always account for "
         "more of it; a muscle left out is predicted best by a certain number, which may be smaller."
