@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pellucid.emg.estimators.muscle_trials import find_driven_muscles, make_muscle_samples
-from pellucid.emg.fit.muscle_calibration import FIT_SEARCH, MuscleProblem, MuscleSamples, solve_calibration
+from pellucid.emg.fit.muscle_calibration import FIT_SEARCH, MuscleProblem, MuscleSamples
 from pellucid.emg.models.hill import HillMuscle
 from pellucid.numerics.searches.adam import adam
+from pellucid.numerics.searches.bounded_least_squares import bounded_least_squares
 
 from .training import ADAM_FINAL_RATE, ADAM_ITERATIONS, ADAM_RATE, TRAINED_QUANTITIES
 from .trials import ActiveSwing
@@ -58,6 +59,9 @@ RELEASE_ORDERS: Mapping[str, Stages] = {
 RELEASE_METHODS = ("adam", "least_squares")
 """The paper's optimiser, and the toolkit's."""
 
+LEAST_SQUARES_ITERATIONS = 60
+"""Largest number of iterations of bounded least squares in one stage."""
+
 DELAY_QUANTITY = "delay"
 """The quantity that the paper fixes at 20 ms, and its section 5 wants to be searched."""
 
@@ -78,20 +82,26 @@ def calibrate_in_order(
 
     `iterations` is the number of Adam's iterations over all stages together.
     """
-    if method == "least_squares":
-        found = solve_calibration(problem, starts=1, stages=stages)
-        return ReleasedMuscles(found.z, found.cost, found.evaluations)
     z, spent = np.clip(np.zeros(len(problem.names)), problem.lower, problem.upper), 0
+    cost = problem.cost(z)
     tissue = np.ones(len(problem.names) - len(problem.priors), bool)
     for stage in stages:
         free = np.concatenate(([p.free.quantity in stage for p in problem.priors], tissue)).astype(bool)
-        path = adam(
-            problem.cost_and_gradient, z, rate=ADAM_RATE, final_rate=ADAM_FINAL_RATE,
-            iterations=iterations // len(stages), lower=np.where(free, problem.lower, z),
-            upper=np.where(free, problem.upper, z),
-        )  # fmt: skip
-        z, spent = path.last, spent + path.evaluations
-    return ReleasedMuscles(z, problem.cost(z), spent)
+        low, high = np.where(free, problem.lower, z), np.where(free, problem.upper, z)
+        if method == "least_squares":
+            end = bounded_least_squares(
+                problem.equations, z, low, high, iterations=LEAST_SQUARES_ITERATIONS,
+                tolerance=FIT_SEARCH.cost_tolerance,
+            )  # fmt: skip
+            z, cost, spent = end.x, end.cost, spent + end.evaluations
+        else:
+            path = adam(
+                problem.cost_and_gradient, z, rate=ADAM_RATE, final_rate=ADAM_FINAL_RATE,
+                iterations=iterations // len(stages), lower=low, upper=high,
+            )  # fmt: skip
+            z, spent = path.last, spent + path.evaluations
+            cost = problem.cost(z)
+    return ReleasedMuscles(z, cost, spent)
 
 
 @dataclass(frozen=True, eq=False)
