@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import signal
 
 from ..._errors import IdentificationError, RecordingError
 from ...files.recording import Recording
@@ -382,6 +381,8 @@ def filter_and_differentiate(q: np.ndarray, fs: float, *, causal: bool) -> tuple
         q = zero_phase_lowpass(q, MOTION_LOWPASS_HZ, 4, fs)
         v = central_difference(q, fs)
         return q, v, central_difference(v, fs)
+    from scipy import signal  # loads slowly, and a check of study.toml does not need it
+
     sos = signal.butter(2, CAUSAL_MOTION_LOWPASS_HZ, fs=fs, output="sos")
     # The filter starts as if the first angle had lasted, so that no step has to settle.
     q, _ = signal.sosfilt(sos, q, zi=signal.sosfilt_zi(sos) * q[0])
