@@ -13,12 +13,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy import optimize
 
-from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from pellucid.joint.slider.markers import slider_geometry
-from pellucid.joint.slider.slider_motion import REGRESSION_STRIDE, SliderMotion
+from pellucid.joint.slider.slider_fit import (
+    FIRST_LOAD_COEFFICIENT,
+    REGRESSION_STRIDE,
+    SliderMotion,
+    fit_coherent,
+    three_steps,
+)
 from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
 from pellucid.joint.slider.study.recorded_slider import slider_motions
-from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import VELOCITY_WIDTH, SliderJointModel
 from pellucid_lab.elbow.instruments import play, read_all

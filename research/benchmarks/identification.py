@@ -19,7 +19,7 @@ import numpy as np
 from scipy import optimize, signal
 
 from pellucid._errors import DatasetError
-from pellucid.joint.fit.closed_loop import solve_output_error
+from pellucid.joint.fit.estimators import solve_output_error
 from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.fit.replay import SIGN_SMOOTHING_SHARE
 from pellucid.joint.study.aligned_motions import aligned_motions

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pellucid.joint.slider.slider_fit import SLIDER_METHODS
 from pellucid.joint.slider.study.identify_slider import fit_slider
-from pellucid.joint.slider.three_steps import SLIDER_METHODS
 from pellucid.study.results import ResultRow
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow, drawn_rigs

@@ -37,11 +37,9 @@ import numpy as np
 
 import pellucid as pl
 from pellucid.joint.fit.unknown_payload import SteadyStates
-from pellucid.joint.slider.coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from pellucid.joint.slider.markers import slider_geometry
-from pellucid.joint.slider.slider_motion import SliderMotion
+from pellucid.joint.slider.slider_fit import FIRST_LOAD_COEFFICIENT, STEP_PROTOCOLS, SliderMotion, fit_coherent
 from pellucid.joint.slider.study.recorded_slider import slider_motions
-from pellucid.joint.slider.three_steps import STEP_PROTOCOLS
 from pellucid.models.estimates import Parameter
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.slider_joint import SliderJointModel

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pellucid.joint.slider.slider_motion import SliderMotion
+from pellucid.joint.slider.slider_fit import SliderMotion
 
 FS, LOWPASS, ORDER, DEAD_BAND = 100.0, 5.0, 4, 0.1
 PLACES = (0.12, 0.16, 0.21, 0.27)

@@ -11,9 +11,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slider_motions import made_up
 
 from pellucid import _core
-from pellucid.joint.slider.coherent_body import fit_coherent
+from pellucid.joint.slider.slider_fit import fit_coherent, three_steps
 from pellucid.joint.slider.study.identify_slider import directional_friction
-from pellucid.joint.slider.three_steps import three_steps
 from pellucid.models.simulate import cycle_energy, net_energy
 from pellucid.models.slider_joint import DirectionalSliderModel, SliderJointModel
 from pellucid_lab.papers.able.elbow import able_elbow

@@ -12,8 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slider_motions import made_up
 
 from pellucid import _core
-from pellucid.joint.slider.coherent_body import fit_coherent
-from pellucid.joint.slider.three_steps import all_at_once, three_steps
+from pellucid.joint.slider.slider_fit import all_at_once, fit_coherent, three_steps
 from pellucid.models.joint import GRAVITY, PARAMETER_INDEX
 from pellucid.models.slider_joint import UNITS, DirectionalSliderModel, SliderJointModel, columns
 

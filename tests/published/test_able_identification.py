@@ -5,9 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from pellucid.joint.slider.coherent_body import fit_coherent
+from pellucid.joint.slider.slider_fit import all_at_once, fit_coherent, three_steps
 from pellucid.joint.slider.study.identify_slider import STEP_PROTOCOLS, fit_slider
-from pellucid.joint.slider.three_steps import all_at_once, three_steps
 from pellucid.models.joint import GRAVITY
 from pellucid.models.simulate import cycle_energy
 from pellucid.numerics.protocols.excitation import REVERSALS_NAME

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pellucid as pl
-from pellucid.joint.fit.determinacy import _perturb, find_undetermined, mark_undetermined
+from pellucid.joint.fit.friction_family import _perturb, find_undetermined, mark_undetermined
 from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.study.aligned_motions import aligned_motions
 from pellucid.models.joint import joint_model

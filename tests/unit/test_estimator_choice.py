@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.estimator_choice import choose_method
+from pellucid.joint.fit.estimators import choose_method
 
 
 @pytest.fixture

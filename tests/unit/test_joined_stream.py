@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.joint.study.aligned_motions import align_recordings, aligned_motions
-from pellucid.joint.study.joined_clocks import find_clocks
+from pellucid.joint.study.aligned_motions import align_recordings, aligned_motions, find_clocks
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 

@@ -8,10 +8,14 @@ import pytest
 from scipy.optimize import least_squares
 
 import pellucid as pl
-from pellucid.joint.fit.drive_constant import estimate_drive_constant
+from pellucid.joint.fit.drive_constant import (
+    LoadShares,
+    decide_load_shares,
+    estimate_drive_constant,
+    widen_for_unknown_shares,
+)
+from pellucid.joint.fit.fit_joint import make_estimate
 from pellucid.joint.fit.friction_solver import solve_family
-from pellucid.joint.fit.joint_estimate import make_estimate
-from pellucid.joint.fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
 from pellucid.joint.study import joint_findings
 from pellucid.joint.study.identify_joint import identify_joint
 from pellucid.joint.study.joint_findings import report_drive_constant

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from pellucid.arm.study.tree_page import _verdict as robot_verdict
-from pellucid.joint.fit.estimator_choice import EstimatorChoice
+from pellucid.joint.fit.estimators import EstimatorChoice
 from pellucid.joint.study import joint_page as module
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of

@@ -7,7 +7,7 @@ import pytest
 from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
-from pellucid.joint.fit.friction_drift import find_parameter_drift
+from pellucid.joint.fit.recording_agreement import find_parameter_drift
 from pellucid.numerics.regression import Solution
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pellucid.joint.fit.predictive_band import conformal_half_width, make_predictive_band
+from pellucid.joint.fit.replay import conformal_half_width, make_predictive_band
 
 
 def prediction(rng, name, split="fitted", sd=1.0, n=1500, fast=1.0):

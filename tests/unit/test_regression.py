@@ -10,7 +10,7 @@ from pellucid._errors import IdentificationError
 from pellucid.joint.fit.drive_constant import estimate_drive_constant
 from pellucid.joint.fit.friction_solver import solve_family, solve_robust, solve_weighted
 from pellucid.joint.fit.recording_agreement import enforce_pseudo_inertia, least_inertia
-from pellucid.joint.study.drive_sign import require_sign
+from pellucid.joint.study.joint_faults import require_sign
 from pellucid.models.joint import JointModel, joint_model
 from pellucid.numerics.motion import Filtering
 from pellucid.numerics.regression import regression_rows, stack

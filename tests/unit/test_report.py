@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pellucid.joint.study import joint_figures as figures
-from pellucid.joint.study.series import busiest, join_stretches, running_median
+from pellucid.joint.study.joint_figures import busiest, join_stretches, running_median
 from pellucid.models.estimates import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model

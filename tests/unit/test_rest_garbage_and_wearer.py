@@ -7,7 +7,7 @@ import pellucid as pl
 from pellucid.files.defects.magnitude import find_implausible
 from pellucid.files.defects.worn import find_worn
 from pellucid.files.recording import Channel
-from pellucid.joint.fit.friction_drift import find_friction_drift
+from pellucid.joint.fit.recording_agreement import find_friction_drift
 from pellucid.joint.study.joint_faults import velocity_faults
 from pellucid.joint.study.static_postures import posture_page
 from pellucid.study import inspect

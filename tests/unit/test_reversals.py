@@ -5,7 +5,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.joint.slider.slider_motion import TURN_BAND_RAD, find_turns, presliding_travel
+from pellucid.joint.slider.slider_fit import TURN_BAND_RAD, find_turns, presliding_travel
 from pellucid.joint.slider.study.identify_slider import travel_of
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.joint.slider.three_steps import SliderFit, TrialError
+from pellucid.joint.slider.slider_fit import SliderFit, TrialError
 
 
 def fit_of(*trials):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.joint.slider.slider_motion import SliderMotion
-from pellucid.joint.slider.three_steps import STEP_PROTOCOLS, all_at_once, static_set, three_steps
+from pellucid.joint.slider.slider_fit import STEP_PROTOCOLS, SliderMotion, all_at_once, static_set, three_steps
 
 PLACES = (0.12, 0.18, 0.24)
 INERTIA = "a0 and a1 and a2"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid.arm.study import tree_findings
-from pellucid.joint.fit.family_choice import choose_family
+from pellucid.joint.fit.friction_family import choose_family
 from pellucid.joint.study import joint_findings
 from pellucid.models.estimates import Parameter
 from pellucid.numerics.block_test import MIN_IMPROVEMENT

@@ -21,7 +21,7 @@ from pellucid.controllers.export.c_folder import check_on_host
 from pellucid.controllers.export.elbow_values import lowest_resonance
 from pellucid.controllers.export.export import export
 from pellucid.controllers.export.microcontroller import measure, missing_tools, save_measured
-from pellucid.joint.slider.three_steps import SliderFit
+from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.joint.study.joint_result import JointResult
 from pellucid.models.slider_joint import SliderCard, read_slider_card
 from pellucid.people.study.assessment_result import AssessmentResult

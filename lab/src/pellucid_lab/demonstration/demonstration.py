@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pellucid.controllers.export.microcontroller import OnCortexM4
-from pellucid.joint.slider.three_steps import SliderFit
+from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.joint.study.joint_result import JointResult
 from pellucid.people.study.assessment_result import AssessmentResult
 from pellucid.study.study import Study

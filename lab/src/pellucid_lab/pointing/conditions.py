@@ -21,9 +21,9 @@ from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, ELBOW_CONTROLLERS, UNDITHERED_CONTROLLER
 from pellucid.controllers.elbow_laws import full_compensation
 from pellucid.controllers.transparent_laws import known_travel
+from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.joint.slider.study.identify_slider import fit_slider
 from pellucid.joint.slider.study.slider_result import slider_card
-from pellucid.joint.slider.three_steps import SliderFit
 from pellucid.models.slider_joint import SliderCard
 from pellucid.people.movements import MovementRule, movements
 

@@ -9,7 +9,7 @@ import numpy as np
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.joint_compensation import carried
 from pellucid.controllers.transparent_laws import transparent, with_rules
-from pellucid.joint.slider.three_steps import SliderFit
+from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.models.friction_terms import is_friction
 from pellucid.models.slider_joint import SliderCard
 

@@ -1,4 +1,4 @@
-r"""Estimate the drive constant from recordings with known payloads.
+r"""Known payloads give the drive constant, the mass of a lifted load, and the shares of the load that friction takes.
 
 A payload of mass m at distance l adds :math:`m l^2` to the inertia and :math:`m g l` to the gravity of its recording.
 In the drive's own unit u (ampere or volt)
@@ -9,26 +9,41 @@ where c multiplies the payload's contribution. It is one more parameter of the r
 payloads must differ between recordings; otherwise the payload's column is proportional to columns of the joint. A
 `model` with load friction includes the friction that the payload causes. Without that term, load friction counts as
 gravity of the joint.
+
+Payloads may also separate the share of the load lost in motoring from the share lost in generating. With :math:`\alpha`
+the mean of both shares and :math:`\delta` half their difference, a joint with load y needs
+
+.. math::  \tau = (1 + \delta)\,y + \alpha\,|y|\,\mathrm{sign}\,\dot q + \dots
+
+If inertia and gravity are unknown, :math:`\delta` is not identifiable, because it scales both equally. A payload of
+known mass contributes a known part of y, so recordings with different payloads identify :math:`\delta`. The drive
+constant must be known too: an unknown constant scales every effort, as :math:`1 + \delta` does.
+
+Neither share is negative, so :math:`|\delta| \le \alpha` holds without any payload. Both shares become free parameters
+if the payloads determine :math:`\delta` more tightly than that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from ... import _core
 from ..._errors import IdentificationError
 from ...models.anthropometry import Segment
 from ...models.estimates import Parameter
 from ...models.filtered_dynamics import filtered_jacobian
+from ...models.friction_terms import SEPARATE_LOAD_FEATURE, TERMS
 from ...models.joint import GRAVITY, NAMES, PARAMETER_INDEX, JointModel
 from ...numerics.filters import central_difference, zero_phase_lowpass
 from ...numerics.motion import Motion
-from ...numerics.regression import Stack, least_squares_within
-from ...numerics.uncertainty import sandwich_covariance
+from ...numerics.regression import Solution, Stack, least_squares_within
+from ...numerics.uncertainty import correlation_time, sandwich_covariance
+from .discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
+from .fit_joint import JointEstimate, joint_states
 from .friction_solver import solve_family
 
 MAX_STEPS = 30
@@ -169,7 +184,7 @@ def estimate_load(
     Examples
     --------
     >>> import numpy as np
-    >>> from pellucid.joint.fit.lifted_load import Lift, estimate_load
+    >>> from pellucid.joint.fit.drive_constant import Lift, estimate_load
     >>> t = np.arange(0.0, 1.5, 1e-3)
     >>> q = 0.3 + 0.8 * (t / 1.5) ** 2 * (3.0 - 2.0 * t / 1.5)
     >>> a = 0.8 * (6.0 - 12.0 * t / 1.5) / 1.5**2
@@ -181,6 +196,8 @@ def estimate_load(
     >>> round(found.mass, 2), found.interval[0] < 1.0 < found.interval[1]
     (1.0, True)
     """
+    from scipy.special import stdtrit
+
     if len(empty) < MIN_EMPTY_LIFTS:
         raise IdentificationError(
             f"load: found {len(empty)} lifts without it, expected at least {MIN_EMPTY_LIFTS}: their spread gives the "
@@ -227,3 +244,60 @@ def _apparent_mass(
     missing = smooth(passed) + smooth(felt) - (inertia * a + sine * np.sin(q) + cosine * np.cos(q))
     row = distance * GRAVITY * np.sin(q) + distance**2 * a
     return float(row[used] @ missing[used] / (row[used] @ row[used]))
+
+
+LOAD_SHARE_NAMES = tuple(term.name for term in TERMS if term.feature == SEPARATE_LOAD_FEATURE)
+"""Names of the two load coefficients: the shares of the load lost in motoring and in generating."""
+
+
+@dataclass(frozen=True)
+class LoadShares:
+    """Decision on whether load friction has a separate coefficient for each direction of power."""
+
+    separate: bool
+    why: Literal["", "no known load", "unknown drive", "same payload", "small payload"] = ""  # reason if not separate
+
+
+def decide_load_shares(model: JointModel, data: Stack[Motion]) -> LoadShares:
+    """Decide whether the payloads of `data` separate the two shares of a `model` in which both are free."""
+    payloads = {motion.payload for motion in data.motions}
+    if not any(mass for mass, _ in payloads):
+        return LoadShares(False, "no known load")
+    if model.effort_unit not in ("N*m", "N"):
+        return LoadShares(False, "unknown drive")
+    if len(payloads) < 2:
+        return LoadShares(False, "same payload")
+    try:
+        found = solve_family(model, data)
+    except IdentificationError:
+        return LoadShares(False, "small payload")
+    at = [model.names.index(name) for name in LOAD_SHARE_NAMES]
+    mean = float(np.mean(found.values[at]))
+    if not _half_difference_error(model, data, found, at) < LOAD_SHARE_SPREAD_RATIO * mean:
+        return LoadShares(False, "small payload")
+    return LoadShares(True)
+
+
+def widen_for_unknown_shares(constant: Parameter, estimate: JointEstimate) -> Parameter:
+    r"""Widen the error of a drive `constant` from payloads, because the two load shares may differ.
+
+    The payloads determine the constant divided by :math:`1 + \delta`. An `estimate` with load friction limits
+    :math:`\delta`.
+    """
+    if COMMON_LOAD_COEFFICIENT not in estimate:
+        return constant
+    error = np.hypot(
+        constant.standard_error, LOAD_SHARE_SPREAD_RATIO * estimate[COMMON_LOAD_COEFFICIENT].value * constant.value
+    )
+    return replace(constant, standard_error=float(error))
+
+
+def _half_difference_error(model: JointModel, data: Stack[Motion], found: Solution, at: list[int]) -> float:
+    """Return the standard error of half the difference of the two shares, whose indices are `at`."""
+    memory = correlation_time(found.residual, data.lengths)
+    covariance = sandwich_covariance(found.jacobian, found.residual, data.lengths, memory=memory)
+    states = joint_states(model, data, found.values)
+    beside = estimate_discrepancy(model.names, found.values, found.jacobian, found.residual, states, covariance)
+    total = (covariance + beside.covariance)[np.ix_(at, at)]
+    half_difference = np.array([0.5, -0.5])
+    return float(np.sqrt(half_difference @ total @ half_difference))

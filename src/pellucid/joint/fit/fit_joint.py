@@ -1,21 +1,285 @@
-"""Identify a joint from arrays: inertia, gravity and friction with confidence intervals."""
+"""Identify a joint from arrays: inertia, gravity and friction with intervals, predictions, and the model card."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ... import _core
 from ..._errors import IdentificationError
 from ..._processes import with_one_blas_thread
-from ...models.joint import SYMBOLS_BY_NAME, JointModel, joint_model
+from ...models.card import ModelCard
+from ...models.estimates import Estimates, Whiteness
+from ...models.joint import SYMBOLS_BY_NAME, UNITS, JointModel, joint_model
 from ...numerics.motion import Filtering, Motion, motion_of, shortest
-from ...numerics.regression import Stack, regression_rows, stack
+from ...numerics.regression import (
+    Solution,
+    Stack,
+    column_norms,
+    make_parameters,
+    predict_efforts,
+    regression_rows,
+    stack,
+)
 from ...numerics.sampled import sampled
+from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
+from .discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
 from .friction_solver import solve_family
-from .joint_estimate import JointEstimate, make_estimate
-from .recording_agreement import enforce_pseudo_inertia
+from .recording_agreement import (
+    RECORDING_DRIFT_CAUSE,
+    ParameterDrift,
+    RecordingDrift,
+    add_drift,
+    enforce_pseudo_inertia,
+    find_parameter_drift,
+    find_recording_drift,
+)
+
+BOOTSTRAP_SEED = 20261121
+"""Random seed of the bootstrap."""
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class JointEstimate(Estimates):
+    """An identified joint.
+
+    Attributes
+    ----------
+    model : JointModel
+        Model of one friction family; its names are those of the parameters.
+    method : str
+        "ls" (ordinary least squares on filtered data, the reference), "wls", "irls", "iv", "didim", "output_error".
+    condition_number : float
+        Condition number of the unscaled regressor (the literature's figure).
+    scaled_condition_number : float
+        Condition number of the regressor with columns scaled to unit norm, a measure of collinearity.
+    residual_sd : float
+        Standard deviation of the residual, in the effort's unit.
+    samples : int
+        Number of rows of the regression.
+    filtering : Filtering
+        Filtering and decimation of both sides.
+    effort_error : float
+        100 ||effort - model|| / ||effort|| over the fitted samples [%].
+    iterations : int
+        Number of iterations of the solver.
+    converged : bool
+        Whether the solver converged.
+    whiteness : Whiteness or None
+        Whiteness tests of the residuals.
+    discrepancy : Discrepancy or None
+        Part of the covariance that allows for effects that the model neglects, and for drifts.
+    drift : ParameterDrift or None
+        Changes of the parameters from start to end of the recordings, of least squares.
+    between_recordings : RecordingDrift or None
+        Parameters by recording and their spread, of least squares; None where fewer than two recordings tell them.
+    notes : tuple of str
+        Notes of the method (active bounds, samples left out, weights).
+    """
+
+    model: JointModel
+    method: str
+    condition_number: float
+    scaled_condition_number: float
+    residual_sd: float
+    samples: int
+    filtering: Filtering
+    effort_error: float = float("nan")
+    iterations: int = 1
+    converged: bool = True
+    whiteness: Whiteness | None = None
+    discrepancy: Discrepancy | None = None
+    drift: ParameterDrift | None = None
+    between_recordings: RecordingDrift | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def statistical(self) -> np.ndarray:
+        """Part of the covariance from coloured residuals alone, shape (p, p), SI."""
+        if self.discrepancy is None:
+            return self.covariance
+        return self.covariance - self.discrepancy.of(self.model.names)[0]
+
+    def predict(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Predict the effort of a motion, filtered as the fitted effort was.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Evenly sampled time [s].
+        position : ndarray, shape (n,) or (n, 1)
+            Position [rad or m].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Effort in the model's effort unit.
+
+        Raises
+        ------
+        RecordingError
+            If the arrays do not fit together, a number is missing, or there are too few for the filter.
+        """
+        time, position = sampled("predict", time, position=position)
+        motion = motion_of(time, position, np.zeros(len(time)), self.filtering)
+        return predict_efforts(self.model, self.array, [motion])[0]
+
+    def card(self, name: str = "joint", lifts: str = "") -> ModelCard:
+        """Return the model card that `pellucid export` and `pellucid.controller` read.
+
+        Parameters
+        ----------
+        name : str
+            Name on the card, in place of a study's name.
+        lifts : str
+            Effect of positive motion, in words.
+
+        Returns
+        -------
+        ModelCard
+        """
+        from importlib.metadata import version
+
+        return ModelCard(
+            study=name,
+            family=self.model.family,
+            method=self.method,
+            motion=self.model.motion,
+            effort_unit=self.model.effort_unit,
+            lifts=lifts,
+            parameters=tuple(p.on_card(self.confidence) for p in self.parameters),
+            covariance=tuple(map(tuple, self.covariance.tolist())),
+            statistical=tuple(map(tuple, self.statistical.tolist())),
+            known=dict(self.model.known),
+            velocity_range=float(self.model.velocity_range),
+            drive={"gain": 1.0, "back_emf": 0.0},
+            heldout_effort_error=None,
+            processing=self.filtering.sentence(UNITS[self.model.motion]["velocity"]),
+            confidence=self.confidence,
+            checksums={},
+            pellucid=version("pellucid"),
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        unit = self.model.effort_unit
+        colour = "" if self.whiteness is None else f"; lag-1 autocorrelation {self.whiteness.lag1:.2f}"
+        return (
+            f"residual {self.residual_sd:.3g} {unit} (SD) over {self.samples} samples{colour}",
+            *self.notes,
+        )
+
+
+def joint_states(model: JointModel, data: Stack[Motion], values: np.ndarray) -> States:
+    """Return the joint's states in the rows of a stack, with the load by a `model` with `values`, (p,)."""
+    bare = model.vector(values)
+    return collect_states(
+        data,
+        model.motion == "rotary",
+        lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
+        data.motions[0].filtering.dead_band,
+    )
+
+
+def make_estimate(
+    model: JointModel,
+    data: Stack[Motion],
+    found: Solution,
+    method: str,
+    notes: tuple[str, ...] = (),
+    *,
+    instruments: np.ndarray | None = None,
+    lengths: Sequence[int] | None = None,
+    level: float = 0.95,
+    discrepancy: Discrepancy | None = None,
+) -> JointEstimate:
+    """Build an estimate with covariance, intervals at `level` and diagnostics from a solution `found` by a `method`.
+
+    `instruments`, (m, p), belong to an instrumental-variable estimate. `lengths` are those of the stretches, if not the
+    stack's. `discrepancy` is that of least squares; without it, it is estimated here.
+    """
+    lengths = data.lengths if lengths is None else lengths
+    size = np.linalg.norm(data.target)
+    if not size > 0.0:
+        raise IdentificationError("found an effort of 0 in every row, expected one that changes as the joint moves")
+    w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
+    norms = column_norms(found.jacobian)
+    # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
+    idle = norms <= 1e-12 * norms.max()
+    free = ~idle
+    # Parameters on a bound remain in the covariance, because their values are not known exactly.
+    memory = correlation_time(rho, lengths)
+    statistical = sandwich_covariance(w, rho, lengths, instruments, free, memory)
+    drift: ParameterDrift | None = None
+    between: RecordingDrift | None = None
+    if discrepancy is None:
+        states = joint_states(model, data, found.values)
+        discrepancy = estimate_discrepancy(
+            model.names, found.values, found.jacobian, found.residual, states, statistical
+        )
+        drift = find_parameter_drift(model.names, found, data, level)
+        between = find_recording_drift(model.names, found, data, neglected=discrepancy.covariance, level=level)
+        if drift is not None and drift.is_told.any():
+            discrepancy = add_drift(discrepancy, drift.covariance)
+        if between is not None and between.is_told.any():
+            discrepancy = add_drift(discrepancy, between.covariance, RECORDING_DRIFT_CAUSE)
+    beside, causes = discrepancy.of(model.names)
+    covariance = statistical + beside
+    held = np.flatnonzero(found.at_bound)
+    boot = None
+    if method == "ls":
+        boot = np.full((len(free), 2), np.nan)
+        boot[free] = block_bootstrap(
+            w[:, free],
+            rho,
+            found.values[free],
+            lengths,
+            rng=np.random.default_rng(BOOTSTRAP_SEED),
+            level=level,
+            memory=memory,
+        )
+    names = model.names
+    notes = notes + tuple(
+        f"{names[i]} is held at its physical bound, {found.values[i]:.3g} {model.unit(names[i])}"
+        for i in held
+        if not any(note.startswith(names[i]) for note in notes)
+    )
+    plain = make_parameters(
+        names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle, statistical, causes
+    )
+    parameters = tuple(
+        replace(
+            p,
+            influence=float(norms[i] / size),
+            carried=discrepancy.carried.get(p.name),
+            bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
+        )
+        for i, p in enumerate(plain)
+    )
+    shown = np.linalg.qr(found.jacobian[:, ~idle], mode="r")
+    return JointEstimate(
+        title=f"Joint with {model.family} friction",
+        confidence=level,
+        model=model,
+        method=method,
+        parameters=parameters,
+        covariance=covariance,
+        condition_number=float(np.linalg.cond(shown)),
+        scaled_condition_number=float(np.linalg.cond(shown / norms[~idle])),
+        residual_sd=float(np.sqrt(np.sum(found.residual**2) / max(len(rho) - len(names), 1))),
+        samples=len(rho),
+        filtering=data.motions[0].filtering,
+        effort_error=float(100.0 * np.linalg.norm(found.residual) / size),
+        iterations=found.iterations,
+        converged=found.converged,
+        whiteness=whiteness(found.residual, lengths),
+        discrepancy=discrepancy,
+        drift=drift,
+        between_recordings=between,
+        notes=notes,
+    )
+
 
 SETTLING_PERIODS = 2.0
 """Default length that is trimmed at either end, in periods of the low-pass cut-off."""

@@ -1,22 +1,264 @@
-"""A study's motions after correction of the delay between drive and encoder."""
+"""Bring a study's motions onto one clock.
+
+The clocks of joined instruments, and the delay between drive and encoder, are estimated from the motion that the drive
+causes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._errors import PellucidError
-from ...files.delay import shift_channels, undo_lags
+from ..._errors import PellucidError, RecordingError
+from ...files.delay import recording_part, shift_channels, undo_lags
+from ...files.joined_stream import initial_offset
 from ...files.recording import Recording
-from ...numerics.delay import Delay
+from ...models.joint import JointModel, joint_model
+from ...numerics.delay import Delay, find_likely_delays
 from ...numerics.motion import Motion
-from ...study.recorded_motions import carries_unknown_payload, drive_model, motions_of
+from ...study.quality import DRIVE_CHANNELS
+from ...study.recorded_motions import carries_unknown_payload, command_of, drive_model, motions_of
 from ...study.study import Study, drive_channel
 from ..fit.drive_delay import estimate_drive_delay
-from .joined_clocks import MAX_SAMPLES, clocks_to_find, rejoin_streams, simple_model, thin_recordings
 from .joint_case import is_worn
+
+MAX_SAMPLES = 200_000
+"""Largest number of samples that are checked, at the recordings' rate. Of longer recordings stretches are used."""
+
+STRETCH_COUNT = 4
+"""Number of stretches that are used of a long recording."""
+
+
+def simple_model(study: Study) -> JointModel:
+    """Return the model with symmetric friction; payloads are part of the joint if the drive constant is unknown."""
+    unit = drive_model(study.rig).effort_unit
+    made = joint_model(
+        "symmetric",
+        motion=study.rig.motion,
+        effort_unit=unit,
+        gravity=study.model.gravity,
+        known=study.model.known,
+    )
+    return replace(made, payload_scale=1.0 if unit in ("N*m", "N") else 0.0)
+
+
+def thin_recordings(recordings: Sequence[Recording], most: int = MAX_SAMPLES) -> list[Recording]:
+    """Return the recordings; of long ones return a few evenly spaced stretches."""
+    total = sum(len(r) for r in recordings)
+    if total <= most:
+        return list(recordings)
+    length = max(most // (STRETCH_COUNT * len(recordings)), 1)
+    made = []
+    for recording in recordings:
+        starts = np.linspace(0, len(recording), STRETCH_COUNT + 1)[:-1].astype(int) if len(recording) > most else [0]
+        ends = [s + length for s in starts] if len(starts) > 1 else [STRETCH_COUNT * length]
+        made += [recording_part(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
+    return made
+
+
+MAX_OFFSET_DISTANCE_S = 60.0
+"""Largest distance of an offset from the first guess in the search [s]."""
+
+OFFSET_STEP_S = 0.01
+"""Distance of neighbouring offsets in the search [s]. Joints swing slower than ten times a second."""
+
+AMBIGUITY_RATIO = 1.2
+"""Another offset is ambiguous if its residual share is below this multiple of the best one's."""
+
+MAX_UNEXPLAINED_SHARE = 0.5
+"""An offset is refused if more than this share of the effort remains unexplained."""
+
+TRIAL_SAMPLE_COUNT = 1500
+"""Approximate number of samples with which offsets are tried."""
+
+MIN_DRIFT_STANDARD_ERRORS = 4.0
+"""A clock drift is used only if it differs from zero by more than this many standard errors."""
+
+MAX_REFINEMENTS = 3
+"""Largest number of refinements of an offset."""
+
+OFFSET_TOLERANCE_S = 1e-4
+"""Refinement stops when the offset changes by less than this [s]."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A joined stream's clock, which shows time * (1 + `drift`) + `offset` [s]."""
+
+    recording: str
+    stream: str  # name of the joined stream
+    file: str  # file of the joined stream
+    offset: float  # [s]
+    low: float = float("nan")  # lower end of the offset's 95 % interval [s]
+    high: float = float("nan")  # upper end of that interval [s]
+    drift: float = 0.0  # relative drift; 0 if it is not significant
+    drift_error: float = float("nan")  # standard error of the drift
+    others: tuple[float, ...] = ()  # other offsets that fit about as well [s]
+    why: str = ""  # reason why no offset was found; empty if one was
+
+    @property
+    def said(self) -> str:
+        """The finding in one sentence."""
+        clocks = f"the clock of {self.file}", f"that of recording {self.recording}"
+        if self.why:
+            return f"How {clocks[0]} lies against {clocks[1]} was not found: {self.why}."
+        runs = alike = ""
+        if self.drift:
+            runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
+        elif np.isfinite(self.drift_error):
+            runs = f"; a drift below {MIN_DRIFT_STANDARD_ERRORS * 1e6 * self.drift_error:.2g} millionths would not show"
+        if self.others:
+            alike = ", ".join(f"{x:.2f} s" for x in self.others[:4]) + (" and more" if len(self.others) > 4 else "")
+            alike = (
+                f" The motion repeats itself, and {alike} would fit alike: the nearest to the first guess was taken."
+            )
+        return (
+            f"T{clocks[0][1:]} is {self.offset:.4f} s later than {clocks[1]} (95 % interval {self.low:.4f} to "
+            f"{self.high:.4f} s){runs}: its channels were joined by that.{alike}"
+        )
+
+    @property
+    def do(self) -> str:
+        """The entry to write into study.toml, in a sentence."""
+        if self.why:
+            return f'Write offsets = {{ {self.stream} = "... s" }} at this recording.'
+        return f'Write offsets = {{ {self.stream} = "{self.offset:.4f} s" }} at this recording to keep it.'
+
+
+def clocks_to_find(recording: Recording, study: Study) -> tuple[str, ...]:
+    """Return the joined streams of a recording whose offset study.toml does not state."""
+    entry = study.config.entry_of(recording.name)
+    tables = study.config.streams
+    return tuple(
+        stream
+        for stream in (entry.streams if entry is not None else ())
+        if tables[stream].join and tables[stream].offset == "auto" and stream not in entry.offsets
+    )
+
+
+def find_clocks(study: Study) -> tuple[Clock, ...]:
+    """Estimate every clock that study.toml leaves open, in every recording."""
+    return tuple(clock for recording in study.recordings() for clock in _clocks_of(recording, study))
+
+
+def require_clocks(study: Study) -> None:
+    """Refuse recordings whose drive and position could not be brought onto one clock."""
+    unknown = [f"{clock.said} {clock.do}" for clock in find_clocks(study) if clock.why]
+    if unknown:
+        raise RecordingError("\n".join(unknown))
+
+
+def rejoin_streams(recording: Recording, study: Study) -> Recording:
+    """Return a recording with its streams joined by the estimated clocks."""
+    found = {clock.stream: (clock.offset, clock.drift) for clock in _clocks_of(recording, study) if not clock.why}
+    kept = study.found.setdefault("rejoined", {})
+    if found and recording.name not in kept:
+        kept[recording.name] = study.rejoined(recording.name, found)
+    return kept.get(recording.name, recording)
+
+
+def _clocks_of(recording: Recording, study: Study) -> tuple[Clock, ...]:
+    kept = study.found.setdefault("clocks", {})
+    if recording.name not in kept:
+        kept[recording.name] = tuple(
+            _find_clock(recording, stream, study) for stream in clocks_to_find(recording, study)
+        )
+    return kept[recording.name]
+
+
+def _find_clock(recording: Recording, name: str, study: Study) -> Clock:
+    stream, apart = recording.streams[name], study.apart(recording.name)
+    first, drift = initial_offset(apart, stream), study.config.streams[name].drift
+    given = 0.0 if drift == "auto" else drift
+
+    def unknown(why: str) -> Clock:
+        return Clock(recording.name, name, stream.path.name, first, drift=given, why=why)
+
+    drives = DRIVE_CHANNELS[study.rig.drive.kind]
+    # A positive delay means that the drive's file is late, or that the position's file is early.
+    sense = 1.0 if any(channel in stream for channel in drives) else -1.0
+    try:
+        rough, left = _search_offsets(recording, apart, stream, first, sense, study)
+        if not len(left) or left[0] > MAX_UNEXPLAINED_SHARE:
+            return unknown("its drive explains no motion that was recorded")
+        alike = rough[left < AMBIGUITY_RATIO * left[0]]
+        # A periodic motion has several possible offsets; the one nearest to the first guess is chosen.
+        offset, *others = alike[np.argsort(np.abs(alike - first), kind="stable")].tolist()
+        for _ in range(MAX_REFINEMENTS):
+            joined = study.rejoined(recording.name, {name: (offset, given)})
+            found = _delay_of([joined], study, 1.0 / joined.fs)
+            if found is None:
+                return unknown("its motion does not show it")
+            offset += sense * found.value
+            if abs(found.value) < OFFSET_TOLERANCE_S:
+                break
+        low, high = sorted(offset + sense * (end - found.value) for end in (found.low, found.high))
+        found = Clock(recording.name, name, stream.path.name, offset, low, high, given, others=tuple(others))
+        return _with_drift(found, recording, sense, study) if drift == "auto" else found
+    except (PellucidError, np.linalg.LinAlgError) as error:
+        return unknown(str(error))
+
+
+def _search_offsets(
+    recording: Recording, apart: Recording, stream: Recording, first: float, sense: float, study: Study
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return offsets [s], accurate to some milliseconds, the best first, with the effort share each leaves
+    unexplained."""
+    model, made = simple_model(study), motions_of(thin_recordings([recording]), study)
+    regressors, times = [], []
+    for motion in made:
+        kept = motion.kept
+        regressors.append(model.jacobian(np.zeros(len(model.names)), motion)[1][kept])
+        times.append(motion.time[kept])
+    w, at = np.concatenate(regressors), np.concatenate(times)
+    some = slice(None, None, max(len(at) // TRIAL_SAMPLE_COUNT, 1))
+    source = stream if sense > 0.0 else apart
+    command = command_of(source, study.rig)
+    # The command is averaged over one step of the search, to remove noise faster than the motion.
+    width = max(int(OFFSET_STEP_S * source.fs), 1)
+    smooth = np.convolve(command, np.ones(width) / width, mode="same")
+    reach = min(MAX_OFFSET_DISTANCE_S, max(np.ptp(apart.time), np.ptp(stream.time)))
+    tried = np.arange(-reach, reach + OFFSET_STEP_S, OFFSET_STEP_S)
+    start = first if sense > 0.0 else 0.0
+
+    def effort(t: np.ndarray) -> np.ndarray:
+        return np.interp(t, source.time, smooth, left=np.nan, right=np.nan)
+
+    delays, left = find_likely_delays(w[some], effort, at[some] + start, tried)
+    return first + sense * delays, left
+
+
+def _delay_of(recordings: Sequence[Recording], study: Study, step: float, most: int = MAX_SAMPLES) -> Delay | None:
+    """Estimate the drive's delay in recordings whose samples are a `step` [s] apart."""
+    motions = motions_of(thin_recordings(recordings, most), study)
+    back_emf = drive_model(study.rig).back_emf
+    return estimate_drive_delay(simple_model(study), motions, back_emf, quantile=1.96, step=step)
+
+
+def _with_drift(clock: Clock, recording: Recording, sense: float, study: Study) -> Clock:
+    """Return the clock with its drift, estimated from both halves of the recording."""
+    from ...numerics.clocks import Alignment, clock_drift  # imported late, because it loads SciPy's optimisers
+
+    whole = study.rejoined(recording.name, {clock.stream: (clock.offset, 0.0)})
+    n, halves = len(whole), []
+    for first, stop in ((0, n // 2), (n // 2, n)):
+        half = recording_part(whole, first, stop)
+        found = _delay_of([half], study, 1.0 / half.fs)
+        if found is None:
+            return clock
+        at = 0.5 * float(whole.time[first] + whole.time[stop - 1])
+        halves.append(Alignment(sense * found.value, found.error, 1.0, 0.0, 1.0, at))
+    drift, error = clock_drift(*halves)
+    if abs(drift) <= MIN_DRIFT_STANDARD_ERRORS * error:
+        return replace(clock, drift_error=error)
+    # The offset refers to time zero, while the estimates refer to the middle of each half.
+    at = 0.5 * float(whole.time[0] + whole.time[-1])
+    moved = -drift * at + 0.5 * (halves[0].delay + halves[1].delay)
+    ends = {key: getattr(clock, key) + moved for key in ("offset", "low", "high")}
+    return replace(clock, **ends, drift=drift, drift_error=error)
+
 
 MIN_DELAY_DIFFERENCE_SHARE = 0.25
 """Two recordings have different delays only if these certainly differ by more than this share. Friction errors shift
@@ -153,9 +395,7 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
 def _estimate_delay(
     recordings: Sequence[Recording], study: Study, step: float, most: int = MAX_SAMPLES
 ) -> Delay | None:
-    back_emf = drive_model(study.rig).back_emf
     try:
-        made = motions_of(thin_recordings(recordings, most), study)
-        return estimate_drive_delay(simple_model(study), made, back_emf, quantile=1.96, step=step)
+        return _delay_of(recordings, study, step, most)
     except (PellucidError, np.linalg.LinAlgError):
         return None  # the fit that follows reports the error

@@ -21,22 +21,17 @@ from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study, drive_channel
 from ...study.study_file import JointTable, Processing
-from ..fit.drive_constant import estimate_drive_constant
-from ..fit.estimator_choice import EstimatorChoice
-from ..fit.family_choice import choose_family
-from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
-from ..fit.joint_estimate import JointEstimate
-from ..fit.load_shares import LoadShares, decide_load_shares, widen_for_unknown_shares
-from ..fit.predictive_band import joint_posterior
+from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
+from ..fit.estimators import EstimatorChoice
+from ..fit.fit_joint import JointEstimate
+from ..fit.friction_family import FamilyFit, SolvedFamily, choose_family, fit_family
 from ..fit.presliding import estimate_presliding
-from ..fit.replay import Machine
+from ..fit.replay import Machine, joint_posterior
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import joint_findings
-from .aligned_motions import align_recordings
-from .drive_sign import require_sign
-from .joined_clocks import require_clocks
+from .aligned_motions import align_recordings, require_clocks
 from .joint_case import JointCase
-from .joint_faults import require_velocity
+from .joint_faults import require_sign, require_velocity
 from .joint_result import JointResult, complete_result, traces_of
 
 

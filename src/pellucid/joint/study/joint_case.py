@@ -19,9 +19,8 @@ from ...numerics.regression import Stack, regression_rows, stack
 from ...numerics.uncertainty import sandwich_covariance
 from ...study.pages.quantities import interval_text
 from ...study.study import Study, drive_channel
-from ..fit.family_choice import FamilyContest
-from ..fit.friction_family import FamilyFit
-from ..fit.load_shares import LoadShares
+from ..fit.drive_constant import LoadShares
+from ..fit.friction_family import FamilyContest, FamilyFit
 from ..fit.presliding import Presliding
 from ..fit.replay import Machine
 from ..fit.unknown_payload import UnknownPayload, estimate_payload

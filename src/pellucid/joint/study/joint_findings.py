@@ -27,17 +27,22 @@ from ...numerics.spring_evidence import (
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
 from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
-from ..fit.angle_zero import AngleZero, estimate_angle_zero, has_free_gravity
-from ..fit.estimator_choice import DECISIVE_ERROR_RATIO
-from ..fit.family_choice import added_terms
-from ..fit.friction_drift import find_friction_drift
+from ..fit.estimators import DECISIVE_ERROR_RATIO
+from ..fit.fit_joint import JointEstimate
+from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
-from ..fit.joint_estimate import JointEstimate
-from ..fit.recording_agreement import BODY_PARAMETERS, Disagreement, find_disagreements
+from ..fit.recording_agreement import (
+    BODY_PARAMETERS,
+    AngleZero,
+    Disagreement,
+    estimate_angle_zero,
+    find_disagreements,
+    find_friction_drift,
+    has_free_gravity,
+)
 from ..fit.replay import Prediction, relative_error
 from ..fit.spring_fit import solve_spring
-from .aligned_motions import find_alignments
-from .joined_clocks import find_clocks
+from .aligned_motions import find_alignments, find_clocks
 from .joint_case import (
     PAYLOAD_ADVICE,
     WORN_ADVICE,

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pellucid.joint.slider.slider_fit import SliderFit
 from pellucid.joint.slider.study import direction_figures as figures
 from pellucid.joint.slider.study.identify_slider import predicted
-from pellucid.joint.slider.three_steps import SliderFit
 from pellucid.models.simulate import cycle_energy
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Row, Table

@@ -12,7 +12,7 @@ import numpy as np
 
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.joint.slider.three_steps import SLIDER_METHODS, SliderFit
+from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
 from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section, Tile
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_rel
 
+from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
 from pellucid.joint.slider.study.identify_slider import directional_friction, fit_slider
-from pellucid.joint.slider.three_steps import SLIDER_METHODS, SliderFit
 
 from ...elbow.protocol import ElbowTrial, trials
 from ...elbow.rig import ElbowRig

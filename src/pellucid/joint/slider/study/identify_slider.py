@@ -21,17 +21,20 @@ from ....study.recorded_motions import command_of, drive_model
 from ....study.study import Study
 from ....study.study_file import StudyFile
 from ..axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
-from ..coherent_body import FIRST_LOAD_COEFFICIENT, fit_coherent
 from ..markers import Geometry, slider_geometry
-from ..slider_motion import MIN_TURN_COUNT, SliderMotion, presliding_travel
-from ..three_steps import (
+from ..slider_fit import (
+    FIRST_LOAD_COEFFICIENT,
+    MIN_TURN_COUNT,
     SLIDER_METHODS,
     STEP_PROTOCOLS,
     SliderEstimate,
     SliderFit,
+    SliderMotion,
     TrialError,
     all_at_once,
     directional_columns,
+    fit_coherent,
+    presliding_travel,
     static_set,
     three_steps,
 )

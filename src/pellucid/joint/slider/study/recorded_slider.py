@@ -16,8 +16,7 @@ from ....study.study import Study
 from ....study.study_file import StudyFile
 from ..axis_offset import FREE_CARRIAGE_NAME
 from ..markers import Geometry, geometry_faults, slider_geometry
-from ..slider_motion import SliderMotion, slider_motion
-from ..three_steps import STEP_PROTOCOLS, require_both_directions, require_places
+from ..slider_fit import STEP_PROTOCOLS, SliderMotion, require_both_directions, require_places, slider_motion
 
 
 def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry: Geometry) -> tuple[SliderMotion, ...]:

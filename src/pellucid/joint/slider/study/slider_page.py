@@ -28,8 +28,8 @@ from ....study.pages.values import Value
 from ....study.procedures.print_result import MAX_BODY_ERROR_RATIO
 from ....study.procedures.study_page import provenance, study_page
 from ....study.study import Study
-from ...study.series import busiest
-from ..three_steps import SLIDER_METHODS, SliderEstimate, SliderFit
+from ...study.joint_figures import busiest
+from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
 from .slider_result import SliderResult

@@ -10,7 +10,7 @@ from ....models.slider_joint import SliderCard, SliderJointModel
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
-from ..three_steps import SLIDER_METHODS, SliderEstimate, SliderFit
+from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 
 COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
