@@ -446,7 +446,7 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
 
 
 def three_steps(
-    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+    motions: Sequence[SliderMotion], *, dissociated: bool, method: str = ""
 ) -> SliderEstimate:
     """Run steps 2 and 3 of the published identification."""
     steady, swept = ([m for m in motions if m.protocol == step] for step in STEP_PROTOCOLS)
@@ -455,11 +455,11 @@ def three_steps(
     copies = 2 if dissociated else 1
     moving = slice(GRAVITY_TERMS.start, FRICTION_TERMS.stop)
     w, effort, lengths = _rows(steady, dissociated, lambda m: np.abs(m.acceleration) < MAX_STEADY_ACCELERATION)
-    found2, cov2 = _solve(_terms(w, moving), effort, lengths, moving, solver, "constant velocities")
+    found2, cov2 = _solve(_terms(w, moving), effort, lengths, moving, "constant velocities")
     samples = len(effort)
     w, effort, lengths = _rows(swept, dissociated)
     left, inertia = effort - _terms(w, moving) @ found2, _terms(w, INERTIA_TERMS)
-    found3, cov3 = _solve(inertia, left, lengths, INERTIA_TERMS, solver, "swept sines")
+    found3, cov3 = _solve(inertia, left, lengths, INERTIA_TERMS, "swept sines")
     sets = [np.concatenate([a, b]) for a, b in zip(np.split(found2, copies), np.split(found3, copies), strict=True)]
     covariance = np.zeros((8 * copies, 8 * copies))
     for i in range(copies):
@@ -471,14 +471,14 @@ def three_steps(
 
 
 def all_at_once(
-    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+    motions: Sequence[SliderMotion], *, dissociated: bool, method: str = ""
 ) -> SliderEstimate:
     """Fit the same model in one regression over motions that excite all of its terms."""
     require_both_directions(motions)
     require_places(motions)
     copies = 2 if dissociated else 1
     w, effort, lengths = _rows(motions, dissociated)
-    values, covariance = _solve(w, effort, lengths, slice(0, len(PARAMETER_NAMES)), solver, "all at once")
+    values, covariance = _solve(w, effort, lengths, slice(0, len(PARAMETER_NAMES)), "all at once")
     return _estimate(method, np.split(values, copies), covariance, len(effort), effort - w @ values)
 
 
@@ -543,28 +543,14 @@ def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
     return np.hstack([part[:, terms] for part in sets])
 
 
-def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]:
-    from scipy.optimize import least_squares
-
+def _solve(
+    w: np.ndarray, y: np.ndarray, lengths: list[int], terms: slice, where: str
+) -> tuple[np.ndarray, np.ndarray]:
     copies = w.shape[1] // (terms.stop - terms.start)
     names = [name + suffix for suffix in _suffixes(copies) for name in PARAMETER_NAMES[terms]]
-    lower, upper = np.tile(LOWER_BOUNDS[terms], copies), np.full(w.shape[1], np.inf)
     require_full_rank(names, w, where)
-    if solver == "linear":
-        values = least_squares_within(w, y, lower, upper, method="bvls")
-    else:
-        scale = np.linalg.norm(w, axis=0)
-        unit = w / scale
-        found = least_squares(
-            lambda p: unit @ p - y,
-            np.where(np.isfinite(lower), 1.0, 0.0),
-            bounds=(lower * scale, upper),
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            jac=lambda p: unit,
-        ).x
-        values = found / scale
+    lower, upper = np.tile(LOWER_BOUNDS[terms], copies), np.full(w.shape[1], np.inf)
+    values = least_squares_within(w, y, lower, upper, method="bvls")
     return values, sandwich_covariance(w, y - w @ values, lengths)
 
 

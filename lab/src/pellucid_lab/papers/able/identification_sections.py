@@ -17,6 +17,7 @@ from pellucid.study.pages.page import Section
 from ...elbow.rig import ElbowRig
 from ..figure import Reproduced
 from ..row_sections import cell
+from . import ratio_figures
 from .identification_rows import LOAD_FRICTION_FACTORS
 from .trials import ModelComparison
 
@@ -71,7 +72,7 @@ def _table1(rig: ElbowRig, comparisons: Sequence[ModelComparison], rows: Mapping
     ids = [f"able.{'' if n == rig.name else n + '.'}table1.ratio" for n in names]
     drawings.append(
         draw(
-            figures.ratio_by_rig,
+            ratio_figures.ratio_by_rig,
             names,
             np.array([rows[i].ours for i in ids]),
             np.array([rows[i].lower for i in ids]),
@@ -142,7 +143,7 @@ def _needed(rig: ElbowRig, by_factor: Sequence[ModelComparison], rows: Mapping[s
     ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
     share = np.array(LOAD_FRICTION_FACTORS) * rig["transmission"]["load_motoring"]
     drawing = draw(
-        figures.ratio_by_friction,
+        ratio_figures.ratio_by_friction,
         share,
         ratios,
         rows["able.table1.ratio"].published,
@@ -199,9 +200,10 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
                 "up": model.inertia("up", x),
                 "down": model.inertia("down", x),
                 MODEL_WORDS["load"]: body.model.inertia(body.values, x),
+                "truth": np.array([rig.inertia(s) for s in x]),
             },
-            np.array([rig.inertia(s) for s in x]),
             roles={MODEL_WORDS["load"]: "fitted"},
+            caption="Inertia about the joint's axis against the slider's position; dashed is the true one.",
         )
     )
     load = np.linspace(-3.0, 3.0, 121)
@@ -268,7 +270,7 @@ def _energy(fit: SliderFit) -> Section:
         (),
         (
             draw(
-                figures.cycle_energy,
+                ratio_figures.cycle_energy,
                 np.degrees(amplitude),
                 energies,
                 roles=MODEL_COLOUR_ROLES,

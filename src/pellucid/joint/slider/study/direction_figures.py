@@ -1,7 +1,7 @@
 """Figures of a joint whose friction depends on direction, each a function from plain arrays to a drawing.
 
 Models are named by the caller and keep one colour each; what was measured, or is true, is dark grey. SI in; angles and
-small lengths are drawn in degrees and millimetres. A `caption` replaces the figure's own.
+small lengths are drawn in degrees and millimetres.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def paired_errors(
 
     `errors` are of shape (k,) each [A]; `ids` are the ids of their means' rows in results.json, by model.
     """
-    tones = _tones(errors, roles)
+    tones = tones_of(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
     figure, axis = one_panel(3.7)
     # Trials stand apart within a column, in their own order, so that none hides another.
@@ -87,7 +87,7 @@ def paired_errors(
     axis.set_xlim(-0.5, table.shape[1] - 0.5)
     axis.set_ylim(0.0, 1.06 * float(np.nanmax(table)))
     _categories(axis.xaxis, tones)
-    _names(axis, [(f"{_shape(p)[1]} {p}", colour("muted")) for p in dict.fromkeys(protocols)])
+    write_names(axis, [(f"{_shape(p)[1]} {p}", colour("muted")) for p in dict.fromkeys(protocols)])
     return Drawing(
         name,
         figure,
@@ -102,107 +102,67 @@ def current_trace(
     time: np.ndarray,
     measured: np.ndarray,
     predictions: Mapping[str, np.ndarray],
-    velocity: np.ndarray | None = None,
-    name: str = "current",
+    velocity: np.ndarray,
+    caption: str,
     *,
     roles: Mapping[str, str] | None = None,
-    caption: str = "",
 ) -> Drawing:
     """Motor current against time, measured and by several models, with the velocity in a small panel beneath.
     `time`, `measured` (n,) [s], [A]; `predictions` (n,) [A]; `velocity` (n,) [rad/s]."""
-    tones = _tones(predictions, roles)
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.4 if velocity is None else 4.6), layout="constrained")
-    if velocity is None:
-        top = bottom = figure.subplots()
-    else:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
-        line(bottom, time, np.degrees(velocity), color=colour("measured"), linewidth=1.1)
-        bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-        tidy(bottom, first=True, text="Velocity (deg/s)", ticks=4)
-    top.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    tones = tones_of(predictions, roles)
+    figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
+    line(bottom, time, np.degrees(velocity), color=colour("measured"), linewidth=1.1)
+    tidy(bottom, first=True, text="Velocity (deg/s)", ticks=4)
+    bottom.set_xlabel("Time (s)")
     line(top, time, measured, color=colour("measured"), linewidth=1.8, alpha=0.75)
     for model, values in predictions.items():
         line(top, time, values, color=tones[model], linewidth=1.3)
     tidy(top, first=True, text="Motor current (A)")
-    bottom.set_xlabel("Time (s)")
-    _names(top, [("measured", colour("measured")), *tones.items()])
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "Motor current during one trial: measured (grey) and predicted by each model (colour)"
-        + ("." if velocity is None else ", with the joint's velocity beneath."),
-    )
+    for axis in (top, bottom):
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    write_names(top, [("measured", colour("measured")), *tones.items()])
+    return Drawing("current", figure, caption)
 
 
 def gravity_by_direction(
     angle_deg: np.ndarray,
     torques: Mapping[str, np.ndarray],
-    name: str = "gravity",
+    caption: str,
     *,
     roles: Mapping[str, str] | None = None,
-    caption: str = "",
 ) -> Drawing:
     """Gravity torque against the joint's angle, by the way it was found. `angle_deg` (n,) [deg]; `torques` (n,) [N
     m]."""
-    figure, axis = _curves(angle_deg, torques, roles, 3.9, "Gravity torque (N·m)", "Joint angle (deg)")
+    figure, axis = curves_panel(angle_deg, torques, roles, 3.9, "Gravity torque (N·m)", "Joint angle (deg)")
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     axis.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "Gravity torque against the joint's angle. Curves from moving one way alone carry that way's friction; "
-        "where they part, friction was taken for gravity.",
-    )
+    return Drawing("gravity", figure, caption)
 
 
 def inertia_by_slider(
-    x: np.ndarray,
-    inertias: Mapping[str, np.ndarray],
-    truth: np.ndarray | None = None,
-    name: str = "inertia",
-    *,
-    roles: Mapping[str, str] | None = None,
-    caption: str = "",
+    x: np.ndarray, inertias: Mapping[str, np.ndarray], caption: str, *, roles: Mapping[str, str] | None = None
 ) -> Drawing:
-    """Inertia against the position of the slider. `x` (n,) [m]; `inertias` (n,) [kg m^2]; `truth` (n,) [kg m^2]."""
-    curves = {**inertias, **({} if truth is None else {"truth": truth})}
-    figure, _ = _curves(1e3 * np.asarray(x, float), curves, roles, 3.7, "Inertia (kg·m²)", "Slider position (mm)")
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "Inertia about the joint's axis against the slider's position"
-        + ("." if truth is None else "; dashed is the true one."),
-    )
+    """Inertia against the position of the slider. `x` (n,) [m]; `inertias` (n,) [kg m^2]."""
+    millimetres = 1e3 * np.asarray(x, float)
+    figure, _ = curves_panel(millimetres, inertias, roles, 3.7, "Inertia (kg·m²)", "Slider position (mm)")
+    return Drawing("inertia", figure, caption)
 
 
 def friction_by_load(
-    load: np.ndarray,
-    frictions: Mapping[str, np.ndarray],
-    name: str = "friction-load",
-    *,
-    roles: Mapping[str, str] | None = None,
-    caption: str = "",
+    load: np.ndarray, frictions: Mapping[str, np.ndarray], caption: str, *, roles: Mapping[str, str] | None = None
 ) -> Drawing:
     """Friction against the load that the drive transmits. `load` (n,) [N m]; `frictions` (n,) [N m]."""
-    figure, axis = _curves(load, frictions, roles, 3.7, "Friction (N·m)", "Transmitted load (N·m)")
+    figure, axis = curves_panel(load, frictions, roles, 3.7, "Friction (N·m)", "Transmitted load (N·m)")
     origin(axis)
-    return Drawing(name, figure, caption or "Friction torque against the load that the drive transmits, by model.")
+    return Drawing("friction-load", figure, caption)
 
 
 def error_by_trial(
-    labels: Sequence[str],
-    errors: Mapping[str, np.ndarray],
-    name: str = "error-by-trial",
-    *,
-    unit: str = "A",
-    roles: Mapping[str, str] | None = None,
-    caption: str = "",
+    labels: Sequence[str], errors: Mapping[str, np.ndarray], *, roles: Mapping[str, str] | None = None
 ) -> Drawing:
-    """Error of every trial by every model, a row a trial. `errors` (k,) [`unit`]."""
-    tones = _tones(errors, roles)
+    """Error of every trial by every model, a row a trial. `errors` (k,) [A]."""
+    tones = tones_of(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
     figure, axis = one_panel(1.0 + 0.24 * len(labels))
     for row, values in enumerate(table):
@@ -215,113 +175,17 @@ def error_by_trial(
             linestyle="none", zorder=3,
         )  # fmt: skip
     axis.set_xlim(0.0, 1.05 * float(np.nanmax(table)))
-    _rows(axis, labels)
-    axis.set_xlabel(f"Error e ({unit})")
-    _names(axis, list(tones.items()))
-    return Drawing(
-        name, figure, caption or "Error of every trial by every model; a grey line spans the models of one trial."
-    )
-
-
-def ratio_by_rig(
-    names: Sequence[str],
-    medians: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    published: float | None = None,
-    name: str = "ratio-by-rig",
-    *,
-    caption: str = "",
-) -> Drawing:
-    """Error without over error with the directional model, rig by rig, with its spread over seeds. `medians`, `low`,
-    `high` (r,)."""
-    medians, low, high = (np.asarray(v, float) for v in (medians, low, high))
-    figure, axis = one_panel(1.1 + 0.36 * len(names))
-    tone = colour("fitted")
-    for row, (middle, least, most) in enumerate(zip(medians, low, high, strict=True)):
-        axis.plot((least, most), (row, row), color=tone, linewidth=2.0, alpha=0.45, zorder=2)
-        axis.plot([middle], [row], color=tone, marker="o", markersize=6.5, markeredgewidth=0.0, zorder=3)
-        axis.annotate(
-            number(middle, digits=3), (max(most, middle), row), xytext=(8, -0.5), textcoords="offset points",
-            va="center", color=tone, fontsize=9,
-        )  # fmt: skip
-    _rows(axis, names)
-    reach = np.nanmax([*high, *medians, published or 1.0])
-    axis.set_xlim(0.0, 1.12 * float(reach))
-    entries = [("this work, median and spread over seeds", tone), *_published(axis.axvline, published)]
-    axis.axvline(1.0, color=colour("muted"), linewidth=0.8, zorder=1)
-    axis.set_xlabel("Error without / error with")
-    _names(axis, entries)
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "How many times smaller the error becomes with the directional model: the median over seeds, and the spread "
-        "as a line. At 1 nothing is gained."
-        + _published_words(published),
-    )
-
-
-def ratio_by_friction(
-    x: np.ndarray,
-    ratio: np.ndarray,
-    published: float | None,
-    xlabel: str,
-    name: str = "ratio-by-friction",
-    *,
-    low: np.ndarray | None = None,
-    high: np.ndarray | None = None,
-    caption: str = "",
-) -> Drawing:
-    """Error without over error with the directional model, against a parameter of friction. `x`, `ratio` (n,);
-    `low`, `high` (n,)."""
-    x, ratio = np.asarray(x, float), np.asarray(ratio, float)
-    figure, axis = one_panel(3.5)
-    tone = colour("fitted")
-    if low is not None and high is not None:
-        axis.fill_between(x, low, high, color=tone, alpha=0.16, linewidth=0)
-    axis.plot(x, ratio, color=tone, linewidth=1.8, marker="o", markersize=4.6, markeredgewidth=0.0, zorder=3)
-    entries = [("this work", tone), *_published(axis.axhline, published)]
-    axis.axhline(1.0, color=colour("muted"), linewidth=0.8, zorder=1)
-    tidy(axis, first=True, text="Error without / error with")
-    axis.set_ylim(0.0, 1.08 * float(np.nanmax([*ratio, *([] if high is None else high), published or 1.0])))
-    axis.set_xlabel(xlabel)
-    _names(axis, entries)
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "How many times smaller the error becomes with the directional model, against a parameter of friction"
-        + (". " if low is None else "; the band is the spread over seeds. ")
-        + "At 1 nothing is gained."
-        + _published_words(published),
-    )
-
-
-def cycle_energy(
-    amplitude_deg: np.ndarray,
-    energies: Mapping[str, np.ndarray],
-    name: str = "cycle-energy",
-    *,
-    roles: Mapping[str, str] | None = None,
-    caption: str = "",
-) -> Drawing:
-    """Net energy of one closed cycle against its amplitude. `amplitude_deg` (n,) [deg]; `energies` (n,) [J]."""
-    figure, axis = _curves(amplitude_deg, energies, roles, 3.5, "Net energy per cycle (J)", "Amplitude (deg)")
-    axis.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
-    return Drawing(
-        name,
-        figure,
-        caption
-        or "Net energy of one closed cycle against its amplitude. Gravity gives back what it takes, so a model of "
-        "gravity that leaves zero is none.",
-    )
+    label_rows(axis, labels)
+    axis.set_xlabel("Error e (A)")
+    write_names(axis, list(tones.items()))
+    caption = "Error of every trial by every model; a grey line spans the models of one trial."
+    return Drawing("error-by-trial", figure, caption)
 
 
 # --- common to several ----------------------------------------------------------------------------------------------
 
 
-def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dict[str, str]:
+def tones_of(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dict[str, str]:
     """Return the colour of each model: as `roles` says, as its name means in every figure, or the next free one."""
     fixed = {**NAMED_COLOUR_ROLES, **(roles or {})}
     taken = {fixed[m] for m in models if m in fixed}
@@ -330,24 +194,24 @@ def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dic
     return {m: colour(fixed[m] if m in fixed else free[others.index(m) % len(free)]) for m in models}
 
 
-def _curves(
+def curves_panel(
     x: np.ndarray, curves: Mapping[str, np.ndarray], roles: Mapping[str, str] | None, height: float, y: str, below: str
 ) -> tuple[Figure, Axes]:
     """Draw curves over one `x`, with markers if there are at most 30 points; the truth is dashed, below the others."""
     figure, axis = one_panel(height)
-    x, tones = np.asarray(x, float), _tones(curves, roles)
+    x, tones = np.asarray(x, float), tones_of(curves, roles)
     order = np.argsort(x, kind="stable")
     marker = {"marker": "o", "markersize": 4.2, "markeredgewidth": 0.0} if len(x) <= 30 else {}
     for model, values in curves.items():
         style = {"dashes": (5, 2), "linewidth": 2.4, "zorder": 2} if model == "truth" else {"zorder": 3, **marker}
         axis.plot(x[order], np.asarray(values, float)[order], color=tones[model], **style)
-    _names(axis, list(tones.items()))
+    write_names(axis, list(tones.items()))
     tidy(axis, first=True, text=y)
     axis.set_xlabel(below)
     return figure, axis
 
 
-def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
+def write_names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
     """Write names in their colours above a panel, where they hide nothing, on as many lines as they need."""
     rows: list[list[tuple[str, str]]] = [[]]
     used = 0.0
@@ -388,7 +252,7 @@ def _categories(axis, tones: Mapping[str, str]) -> None:
     axis.grid(False)
 
 
-def _rows(axis: Axes, labels: Sequence[str]) -> None:
+def label_rows(axis: Axes, labels: Sequence[str]) -> None:
     """Label the rows of a panel, first row at the top."""
     axis.set_ylim(len(labels) - 0.5, -0.6)
     axis.set_yticks(range(len(labels)), list(labels))
@@ -396,16 +260,3 @@ def _rows(axis: Axes, labels: Sequence[str]) -> None:
     axis.tick_params(axis="x", length=3, width=0.7, pad=3)
     axis.grid(axis="y", visible=False)
     axis.spines["left"].set_visible(False)
-
-
-def _published(draw_line, published: float | None) -> list[tuple[str, str]]:
-    """Draw the line of the published value; return its entry for the list of names."""
-    if published is None:
-        return []
-    tone = colour("measured")
-    draw_line(published, color=tone, linewidth=1.4, dashes=(4, 2), zorder=1.5)
-    return [(f"published, {published:g}", tone)]
-
-
-def _published_words(published: float | None) -> str:
-    return "" if published is None else f" The dashed line is what was published, {published:g}."
