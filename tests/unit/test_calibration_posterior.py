@@ -1,5 +1,7 @@
 """Calibrated muscles as draws: the density's gradient, people that were drawn, and how little a recording tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_muscles import across, trial
@@ -75,7 +77,8 @@ def test_draws_of_a_known_density_have_its_covariance():
 
 @pytest.mark.slow
 def test_draws_hold_what_the_recording_tells_and_no_bound_is_passed(monkeypatch):
-    monkeypatch.setattr(hamiltonian, "STEPS_PER_ROUND", 120)
+    settings = replace(hamiltonian.SAMPLER_SETTINGS, hamiltonian_steps_per_round=120)
+    monkeypatch.setattr(hamiltonian, "SAMPLER_SETTINGS", settings)
     fit = strengths()
     posterior = calibration_posterior(fit, most=120)
     assert set(SHARED_QUANTITIES) <= set(posterior)
@@ -95,7 +98,8 @@ def test_draws_hold_what_the_recording_tells_and_no_bound_is_passed(monkeypatch)
 
 
 def test_few_steps_do_not_settle(made, monkeypatch):
-    monkeypatch.setattr(hamiltonian, "STEPS_PER_ROUND", 15)
+    settings = replace(hamiltonian.SAMPLER_SETTINGS, hamiltonian_steps_per_round=15)
+    monkeypatch.setattr(hamiltonian, "SAMPLER_SETTINGS", settings)
     posterior = calibration_posterior(made.fit, most=15)
     assert posterior.unsettled
     assert all("has not settled" in p.refused for p in posterior.parameters)

@@ -48,7 +48,9 @@ def made() -> dict[str, tuple]:
     errors = trials()
     return {
         "paired-errors": (figures.paired_errors, errors, PROTOCOLS),
-        "current": (figures.current_trace, time, current, predictions, speed, "Motor current in one trial: measured and modelled."),
+        "current": (
+            figures.current_trace, time, current, predictions, speed, "Motor current in one trial: measured and modelled.",
+        ),  # fmt: skip
         "gravity": (
             figures.gravity_by_direction,
             degrees,

@@ -136,7 +136,8 @@ def few(found):
     """Draws too few to settle."""
     pytest.importorskip("emcee")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hamiltonian, "STEPS_PER_ROUND", 15)
+        settings = replace(hamiltonian.SAMPLER_SETTINGS, hamiltonian_steps_per_round=15)
+        patch.setattr(hamiltonian, "SAMPLER_SETTINGS", settings)
         return calibration_posterior(found.fits["hill"].fit, most=15)
 
 

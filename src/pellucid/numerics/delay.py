@@ -21,33 +21,33 @@ import numpy as np
 
 from .uncertainty import long_run_covariance
 
-MAX_DELAY_S = 0.2
-"""The search covers delays of at most this size in either direction [s]."""
 
-DELAY_GRID_COUNT = 41
-"""Number of delays on the initial grid. Gauss-Newton steps start from the best of them."""
+@dataclass(frozen=True)
+class DelayThresholds:
+    """Grid of delays, and thresholds above which one is believed."""
 
-MAX_COMPARABLE_RESIDUAL_RATIO = 1.5
-"""A model contributes to the interval if its mean square residual is at most this multiple of the richest model's."""
+    max_delay_s: float = 0.2  # The search covers delays of at most this size in either direction [s]
+    grid_count: int = 41  # Number of delays on the initial grid. Gauss-Newton steps start from the best of them.
+    # A model contributes to the interval if its mean square residual is at most this multiple of the richest model's.
+    max_comparable_residual_ratio: float = 1.5
+    # A delay is corrected only if it differs from zero by at least this many standard errors.
+    min_standard_errors: float = 4.0
+    # A delay is accepted only if it explains at least this share of the residual's mean square. Friction errors imitate
+    # delays of a few milliseconds, but explain less.
+    min_explained_share: float = 0.15
+    # A candidate delay is tried only if the effort is recorded during at least this share of the motion.
+    min_recorded_share: float = 0.5
+    # A lag replaces the delay only if its mean square residual is at most this share of the delay's.
+    max_lag_residual_ratio: float = 0.8
+    # An estimate is rejected if its mean square residual exceeds this multiple of the smallest one on the grid.
+    max_grid_residual_ratio: float = 1.1
 
-MIN_DELAY_STANDARD_ERRORS = 4.0
-"""A delay is corrected only if it differs from zero by at least this many standard errors."""
 
-MIN_EXPLAINED_SHARE = 0.15
-"""A delay is accepted only if it explains at least this share of the residual's mean square. Friction errors imitate
-delays of a few milliseconds, but explain less."""
+DELAY_THRESHOLDS = DelayThresholds()
 
-MIN_RECORDED_SHARE = 0.5
-"""A candidate delay is tried only if the effort is recorded during at least this share of the motion."""
 
 LAG_TO_DELAY_RATIOS = np.geomspace(0.4, 4.0, 12)
 """Time constants of a first-order lag that are tried, divided by the estimated delay."""
-
-MAX_LAG_RESIDUAL_RATIO = 0.8
-"""A lag replaces the delay only if its mean square residual is at most this share of the delay's."""
-
-MAX_GRID_RESIDUAL_RATIO = 1.1
-"""An estimate is rejected if its mean square residual exceeds this multiple of the smallest one on the grid."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,9 @@ class Delay:
     low: float  # lower end of the interval over all models that explain the effort about as well [s]
     high: float  # upper end of that interval [s]
     explained: float  # smallest share of the residual's mean square that the delay explains in any of those models
-    sure: tuple[float, float]  # interval of `MIN_DELAY_STANDARD_ERRORS` standard errors over the same models [s]
+    sure: tuple[
+        float, float
+    ]  # interval of `DELAY_THRESHOLDS.min_standard_errors` standard errors over the same models [s]
     lag: bool = False  # whether `value` is the time constant of a first-order lag instead of a delay
     doubt: str = ""  # why it is not to be believed, in words; nothing is moved by a doubtful delay
 
@@ -116,7 +118,9 @@ class Delay:
 
         A doubtful delay never does.
         """
-        return not self.doubt and abs(self.beyond(0.0)) > step and self.explained >= MIN_EXPLAINED_SHARE
+        return (
+            not self.doubt and abs(self.beyond(0.0)) > step and self.explained >= DELAY_THRESHOLDS.min_explained_share
+        )
 
 
 def interpolate_cubic(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -154,7 +158,7 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
         y, q = y[inside], basis[inside]
         return float(np.sum((y - q @ (q.T @ y)) ** 2) / max(inside.sum(), 1))
 
-    tried = np.linspace(-MAX_DELAY_S, MAX_DELAY_S, DELAY_GRID_COUNT)
+    tried = np.linspace(-DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.max_delay_s, DELAY_THRESHOLDS.grid_count)
     left = np.array([misfit(d) for d in tried])
     before, delay = misfit(0.0), float(tried[np.argmin(left)]) if start is None else start
     for _ in range(20):
@@ -170,13 +174,13 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
         if not information > 1e-6 * float(slope @ slope) > 0.0:
             return None
         step = -float(seen @ residual) / information
-        delay += float(np.clip(step, -0.25 * MAX_DELAY_S, 0.25 * MAX_DELAY_S))
-        if abs(delay) > 1.5 * MAX_DELAY_S:
+        delay += float(np.clip(step, -0.25 * DELAY_THRESHOLDS.max_delay_s, 0.25 * DELAY_THRESHOLDS.max_delay_s))
+        if abs(delay) > 1.5 * DELAY_THRESHOLDS.max_delay_s:
             return None
         if abs(step) < 1e-7:
             break
     after = float(np.mean(residual[inside] ** 2))
-    if after > MAX_GRID_RESIDUAL_RATIO * min(left.min(), before):
+    if after > DELAY_THRESHOLDS.max_grid_residual_ratio * min(left.min(), before):
         return None  # the steps did not reach the smallest residual, because of noise
     freed = len(residual) / max(len(residual) - w.shape[1] - 1, 1)
     spread = long_run_covariance((seen * residual)[:, None], residual, [len(r.kept) for r in rows])
@@ -196,7 +200,9 @@ def combine_models(fits: Sequence[DelayFit], quantile: float, step: float) -> De
     last = fits[-1]
     first = next(f for f in fits if abs(f.delay - last.delay) <= step)
     good = [
-        f for f in fits if f.after <= MAX_COMPARABLE_RESIDUAL_RATIO * last.after or abs(f.delay - last.delay) <= step
+        f
+        for f in fits
+        if f.after <= DELAY_THRESHOLDS.max_comparable_residual_ratio * last.after or abs(f.delay - last.delay) <= step
     ]
 
     def reach(errors: float) -> tuple[float, float]:
@@ -205,7 +211,7 @@ def combine_models(fits: Sequence[DelayFit], quantile: float, step: float) -> De
     low, high = reach(quantile)
     within = low - 0.5 * step, high + 0.5 * step
     explained = min(1.0 - f.after / f.before if f.before > 0.0 else 0.0 for f in good)
-    return Delay(first.delay, first.error, *within, explained, reach(MIN_DELAY_STANDARD_ERRORS))
+    return Delay(first.delay, first.error, *within, explained, reach(DELAY_THRESHOLDS.min_standard_errors))
 
 
 def _orthonormal_basis(w: np.ndarray) -> np.ndarray:
@@ -226,7 +232,7 @@ def find_likely_delays(
     for i, delay in enumerate(tried):
         y = effort(times + delay)
         inside = np.isfinite(y)
-        if inside.mean() < MIN_RECORDED_SHARE:
+        if inside.mean() < DELAY_THRESHOLDS.min_recorded_share:
             continue
         y, basis = y[inside], q if inside.all() else _orthonormal_basis(q[inside])
         off = y - basis @ (basis.T @ y)
@@ -277,7 +283,7 @@ def prefer_better_lag(
         a, b, c = (fitted(time * share**k)[0] for k in (-1, 0, 1))
         time *= float(share ** np.clip(0.5 * (a - c) / (a - 2.0 * b + c), -1.0, 1.0))
     less, residual, _ = fitted(time)
-    if less > MAX_LAG_RESIDUAL_RATIO * after:
+    if less > DELAY_THRESHOLDS.max_lag_residual_ratio * after:
         return delay
     columns = lagged(time)
     values = np.linalg.lstsq(columns[:, 1:], y - columns[:, 0], rcond=1e-9)[0]
@@ -291,7 +297,7 @@ def prefer_better_lag(
         left[0] if delay.explained <= 0.0 else after / (1.0 - delay.explained),
         1.959964 * error + 0.5 * step,
     )
-    sure = time - MIN_DELAY_STANDARD_ERRORS * error, time + MIN_DELAY_STANDARD_ERRORS * error
+    sure = time - DELAY_THRESHOLDS.min_standard_errors * error, time + DELAY_THRESHOLDS.min_standard_errors * error
     return Delay(time, error, time - reach, time + reach, 1.0 - less / before, sure, lag=True)
 
 

@@ -25,26 +25,26 @@ from .._errors import IdentificationError
 from ..models.estimates import Parameter
 from .filters import runs, zero_phase_lowpass
 
-MAX_HOLD_SPEED = 0.02
-"""Below this speed [rad/s] a segment counts as held."""
 
-HOLD_CUTOFF_HZ = 2.0
-"""Cut-off of the low-pass before that decision [Hz], so that tremor and encoder steps do not count as motion."""
+@dataclass(frozen=True)
+class HoldSettings:
+    """What counts as a hold, and how many of them tell a weight."""
 
-MIN_HOLD_S = 1.0
-"""Shortest duration of a settled hold [s]."""
+    max_hold_speed: float = 0.02  # Below this speed [rad/s] a segment counts as held
+    # Cut-off of the low-pass before that decision [Hz], so that tremor and encoder steps do not count as motion.
+    hold_cutoff_hz: float = 2.0
+    min_hold_s: float = 1.0  # Shortest duration of a settled hold [s]
+    # Time left out at the beginning of each hold [s], while the control loop creeps to its target.
+    hold_settling_s: float = 0.75
+    min_angle_count: int = 3  # Smallest number of different angles that determines gravity
+    confidence_level: float = 0.95  # Confidence level of the intervals, unless another is given
 
-HOLD_SETTLING_S = 0.75
-"""Time left out at the beginning of each hold [s], while the control loop creeps to its target."""
+
+HOLD_SETTINGS = HoldSettings()
+
 
 MIN_ANGLE_DIFFERENCE_RAD = np.radians(3.0)
 """Two holds count as different angles if they are farther apart than this [rad]."""
-
-MIN_ANGLE_COUNT = 3
-"""Smallest number of different angles that determines gravity."""
-
-CONFIDENCE_LEVEL = 0.95
-"""Confidence level of the intervals, unless another is given."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +84,23 @@ class GravityFit:
 
 
 def find_holds(
-    time: np.ndarray, position: np.ndarray, torque: np.ndarray, *, recording: str = "", shortest: float = MIN_HOLD_S
+    time: np.ndarray,
+    position: np.ndarray,
+    torque: np.ndarray,
+    *,
+    recording: str = "",
+    shortest: float = HOLD_SETTINGS.min_hold_s,
 ) -> tuple[Hold, ...]:
     """Find the holds of a recording, without the time in which they settle.
 
     `time` [s], `position` [rad] and `torque` [N m] have shape (n,).
     """
     fs = (len(time) - 1) / (time[-1] - time[0])
-    velocity = np.gradient(zero_phase_lowpass(position, HOLD_CUTOFF_HZ, 2, fs), 1.0 / fs)
+    velocity = np.gradient(zero_phase_lowpass(position, HOLD_SETTINGS.hold_cutoff_hz, 2, fs), 1.0 / fs)
     found: list[Hold] = []
-    for run in runs(np.abs(velocity) < MAX_HOLD_SPEED):
+    for run in runs(np.abs(velocity) < HOLD_SETTINGS.max_hold_speed):
         # A hold at the start of the recording has already settled.
-        start = run.start + (round(HOLD_SETTLING_S * fs) if run.start else 0)
+        start = run.start + (round(HOLD_SETTINGS.hold_settling_s * fs) if run.start else 0)
         if run.stop - start < shortest * fs:
             continue
         angle = float(np.mean(position[start : run.stop]))
@@ -123,7 +128,9 @@ def find_holds(
     return tuple(found)
 
 
-def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = CONFIDENCE_LEVEL) -> GravityFit:
+def fit_gravity(
+    holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = HOLD_SETTINGS.confidence_level
+) -> GravityFit:
     """Fit gravity to holds by least squares of torque on sin(q - zero), an offset, and the sign of the approach.
 
     `zero` is a known angle of rest; without it the angle is estimated if it differs from 0 significantly.
@@ -178,12 +185,15 @@ def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tupl
         blocks.append(np.column_stack([np.sin(angle), np.cos(angle)]))
         targets.append(np.array([h.torque for h in holds]) - carried)
         phasors.append(np.linalg.lstsq(blocks[-1], targets[-1], rcond=None)[0])
-    found = _solve(np.vstack(blocks), np.concatenate(targets), CONFIDENCE_LEVEL)
+    found = _solve(np.vstack(blocks), np.concatenate(targets), HOLD_SETTINGS.confidence_level)
     if found is None:
         raise IdentificationError("too few holds of both bodies for a gravity torque and an angle of rest")
     covariance = found.covariance
     if len(phasors) > 1:
-        widen = (stdtrit(len(phasors) - 1, 0.5 + CONFIDENCE_LEVEL / 2.0) / ndtri(0.5 + CONFIDENCE_LEVEL / 2.0)) ** 2
+        widen = (
+            stdtrit(len(phasors) - 1, 0.5 + HOLD_SETTINGS.confidence_level / 2.0)
+            / ndtri(0.5 + HOLD_SETTINGS.confidence_level / 2.0)
+        ) ** 2
         between = widen * np.cov(np.transpose(phasors)) / len(phasors)
         covariance = between if between[0, 0] > covariance[0, 0] else covariance
     return phasor_parameters(found.values, covariance + alone.phasor_covariance)
@@ -297,9 +307,9 @@ def _fit_about_zero(
 def _require_different_angles(angle: np.ndarray, holds: Sequence[Hold]) -> None:
     """Refuse holds at too few different angles."""
     distinct = np.sum(np.diff(np.sort(angle)) > MIN_ANGLE_DIFFERENCE_RAD) + 1 if len(angle) else 0
-    if distinct < MIN_ANGLE_COUNT:
+    if distinct < HOLD_SETTINGS.min_angle_count:
         where = ", ".join(sorted({h.recording for h in holds if h.recording})) or "the recordings"
         raise IdentificationError(
-            f"{where}: the segment is held at {distinct} angle(s), expected {MIN_ANGLE_COUNT} or more apart by at "
-            f"least {np.degrees(MIN_ANGLE_DIFFERENCE_RAD):.0f} deg"
+            f"{where}: the segment is held at {distinct} angle(s), expected {HOLD_SETTINGS.min_angle_count} or more "
+            f"apart by at least {np.degrees(MIN_ANGLE_DIFFERENCE_RAD):.0f} deg"
         )

@@ -35,20 +35,34 @@ gives no test of whiteness. Parameters that the rows cannot tell apart have infi
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..models.estimates import Whiteness
 from .regression import column_norms
 
-BLOCK_CORRELATION_TIMES = 10
-"""Length of a block in correlation times."""
 
-MIN_BLOCKS = 8
-"""Smallest number of blocks into which the rows are divided. Fewer blocks do not show their spread."""
+@dataclass(frozen=True)
+class BlockSettings:
+    """Sizes of the blocks from which covariances and bootstraps are made."""
 
-MAX_PREWHITENING_COEFFICIENT = 0.8
-"""Largest size of r. Beyond it the filter leaves little to measure and multiplies it by more than 25."""
+    block_correlation_times: int = 10  # Length of a block in correlation times
+    # Smallest number of blocks into which the rows are divided. Fewer blocks do not show their spread.
+    min_blocks: int = 8
+    # Largest size of r. Beyond it the filter leaves little to measure and multiplies it by more than 25.
+    max_prewhitening_coefficient: float = 0.8
+    # Autocorrelations are summed over lags of up to this many correlation times [3]_.
+    max_lag_correlation_times: float = 5.0
+    # Largest number of blocks in a bootstrap. Longer recordings get longer blocks, which are as informative.
+    max_bootstrap_blocks: int = 500
+    block_starts_per_length: int = 16  # Number of overlapping blocks that begin within the length of one block
+    # So many blocks are drawn by one call of NumPy; more would not fit into the processor's cache.
+    max_blocks_drawn_at_once: int = 10_000
+
+
+BLOCK_SETTINGS = BlockSettings()
+
 
 NORMAL_QUANTILE_975 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution."""
@@ -61,18 +75,6 @@ STUDENT_EXPANSION = (
 )
 """Fisher's expansion of Student's quantile, the last term first. Each term has a polynomial in the normal quantile, as
 coefficients by power, and a divisor."""
-
-MAX_LAG_CORRELATION_TIMES = 5.0
-"""Autocorrelations are summed over lags of up to this many correlation times [3]_."""
-
-MAX_BOOTSTRAP_BLOCKS = 500
-"""Largest number of blocks in a bootstrap. Longer recordings get longer blocks, which are as informative."""
-
-BLOCK_STARTS_PER_LENGTH = 16
-"""Number of overlapping blocks that begin within the length of one block."""
-
-MAX_BLOCKS_DRAWN_AT_ONCE = 10_000
-"""So many blocks are drawn by one call of NumPy; more would not fit into the processor's cache."""
 
 
 def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
@@ -101,7 +103,7 @@ def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
     if not total[0] > 0.0:
         return 0.5
     sums = 0.5 + np.cumsum(total[1:] / total[0])
-    enough = np.flatnonzero(np.arange(1, len(total)) >= MAX_LAG_CORRELATION_TIMES * sums)
+    enough = np.flatnonzero(np.arange(1, len(total)) >= BLOCK_SETTINGS.max_lag_correlation_times * sums)
     return float(max(0.5, sums[enough[0]] if len(enough) else sums[-1])) if len(sums) else 0.5
 
 
@@ -111,7 +113,9 @@ def block_length(time: float, rows: int) -> int:
     A correlation time that is not finite counts as that of white noise.
     """
     time = time if np.isfinite(time) else 0.5
-    return int(np.clip(round(BLOCK_CORRELATION_TIMES * time), 1, max(1, rows // MIN_BLOCKS)))
+    return int(
+        np.clip(round(BLOCK_SETTINGS.block_correlation_times * time), 1, max(1, rows // BLOCK_SETTINGS.min_blocks))
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -137,8 +141,10 @@ def long_run_covariance(
     now = sum(part[:-1].T @ part[:-1] for part in parts)
     next_ = sum(part[:-1].T @ part[1:] for part in parts)
     common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
-    r = float(np.clip(common, -MAX_PREWHITENING_COEFFICIENT, MAX_PREWHITENING_COEFFICIENT))
-    stride = max(1, block // BLOCK_STARTS_PER_LENGTH)
+    r = float(
+        np.clip(common, -BLOCK_SETTINGS.max_prewhitening_coefficient, BLOCK_SETTINGS.max_prewhitening_coefficient)
+    )
+    stride = max(1, block // BLOCK_SETTINGS.block_starts_per_length)
     total, rows = np.zeros((p, p)), 0
     for part in parts:
         n = len(part) - 1
@@ -236,7 +242,7 @@ def block_bootstrap(
     rows = len(residual)
     # Longer blocks than needed do no harm, and more blocks do not improve the interval.
     memory = correlation_time(residual, lengths) if memory is None else memory
-    block = max(block_length(memory, rows), rows // MAX_BOOTSTRAP_BLOCKS)
+    block = max(block_length(memory, rows), rows // BLOCK_SETTINGS.max_bootstrap_blocks)
     # Blocks wrap around within each stretch, so that its ends are drawn as often as its middle.
     sums = []
     for stretch in _stretches(lengths):
@@ -247,11 +253,12 @@ def block_bootstrap(
             ends = np.cumsum(wrapped, axis=0)
             # The sum over a stretch shorter than a block is scaled to the variance of a whole block.
             sums.append(
-                (ends[length:] - ends[:-length])[:: max(1, block // BLOCK_STARTS_PER_LENGTH)] * np.sqrt(block / length)
+                (ends[length:] - ends[:-length])[:: max(1, block // BLOCK_SETTINGS.block_starts_per_length)]
+                * np.sqrt(block / length)
             )
     pool = np.concatenate(sums).T.copy()  # a row for each parameter: its draws then lie side by side
     count = max(1, round(rows / block))
-    at_once = max(1, MAX_BLOCKS_DRAWN_AT_ONCE // count)
+    at_once = max(1, BLOCK_SETTINGS.max_blocks_drawn_at_once // count)
     totals = np.empty((len(values), repetitions))
     for done in range(0, repetitions, at_once):
         drawn = rng.integers(0, pool.shape[1], (min(at_once, repetitions - done), count))

@@ -30,7 +30,7 @@ from ...models.estimates import Parameter
 from ...models.robot import Robot
 from ...numerics.motion import require_fitted
 from ...numerics.regression import make_parameters
-from ...numerics.uncertainty import BLOCK_CORRELATION_TIMES, MIN_BLOCKS, correlation_time, student_to_normal_ratio
+from ...numerics.uncertainty import BLOCK_SETTINGS, correlation_time, student_to_normal_ratio
 from ..tree_motion import TreeMotion
 from .friction_terms import FURTHER_MOTOR_TERMS, FURTHER_TERMS, STRIBECK_VELOCITY_NAME, plain_families
 from .tree_estimate import BaseParameters, TreeEstimate
@@ -205,7 +205,8 @@ def block_numbers(rows: TreeRows, memory: float) -> np.ndarray:
     A block has ten correlation times of `memory` rows, and never spans two recordings.
     """
     lengths = np.bincount(rows.stretch)
-    length = int(np.clip(round(BLOCK_CORRELATION_TIMES * memory), 1, max(1, len(rows.stretch) // MIN_BLOCKS)))
+    longest = max(1, len(rows.stretch) // BLOCK_SETTINGS.min_blocks)
+    length = int(np.clip(round(BLOCK_SETTINGS.block_correlation_times * memory), 1, longest))
     made, first = [], 0
     for n in lengths:
         count = max(1, round(n / length))

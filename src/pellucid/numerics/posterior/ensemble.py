@@ -25,32 +25,38 @@ from ..._errors import missing_package
 
 SEED = 20261122
 
-ENSEMBLE_COUNT = 2
-"""Number of ensembles that start independently, so that their disagreement can be measured."""
 
-WALKERS_PER_DIMENSION = 8
-"""Walkers of an ensemble for each parameter. One call moves all of them, so more walkers cost little."""
+@dataclass(frozen=True)
+class SamplerSettings:
+    """Sizes of ensembles and rounds, and when a sampler has converged."""
 
-STEPS_PER_ROUND = 500
-"""Number of steps between two tests of convergence."""
+    ensemble_count: int = 2  # Number of ensembles that start independently, so that their disagreement can be measured
+    # Walkers of an ensemble for each parameter. One call moves all of them, so more walkers cost little.
+    walkers_per_dimension: int = 8
+    steps_per_round: int = 500  # Number of steps between two tests of convergence
+    default_max_steps: int = 8000  # The sampler gives up after this many steps and reports that it has not converged
+    burn_in_share: float = 0.25  # The first quarter of the steps is discarded as burn-in
+    # The steps kept after burn-in must span at least this many autocorrelation times.
+    min_autocorrelation_times: float = 20.0
+    # Smallest effective sample size. With fewer draws the 2.5 % quantiles depend on the seed.
+    min_independent_draws: int = 1000
+    max_r_hat: float = 1.005  # Largest Gelman-Rubin statistic of a converged sampler
+    min_weighted_share: float = 0.2  # Smallest effective share of draws after reweighting to another density
+    walkers_per_ensemble: int = 4  # Number of walkers in each ensemble. They move independently of each other.
+    hamiltonian_steps_per_round: int = 200  # Number of steps between two tests of convergence
+    # The sampler gives up after this many steps and reports that it has not converged.
+    hamiltonian_max_steps: int = 4000
+    first_stride: float = 0.5  # Leapfrog stride before adaptation, in standard deviations of the density
+    # A step makes a random number of leapfrog strides, up to this many, so that it never resonates with a period of the
+    # density.
+    max_strides_per_step: int = 6
+    # Each step multiplies the stride by a random factor in this range, so that some steps are short enough where the
+    # density is narrow.
+    stride_jitter_bounds: tuple[float, float] = (0.5, 1.1)
+    target_acceptance_share: float = 0.8  # The stride is adapted until this share of the steps is accepted
 
-DEFAULT_MAX_STEPS = 8000
-"""The sampler gives up after this many steps and reports that it has not converged."""
 
-BURN_IN_SHARE = 0.25
-"""The first quarter of the steps is discarded as burn-in."""
-
-MIN_AUTOCORRELATION_TIMES = 20.0
-"""The steps kept after burn-in must span at least this many autocorrelation times."""
-
-MIN_INDEPENDENT_DRAWS = 1000
-"""Smallest effective sample size. With fewer draws the 2.5 % quantiles depend on the seed."""
-
-MAX_R_HAT = 1.005
-"""Largest Gelman-Rubin statistic of a converged sampler."""
-
-MIN_WEIGHTED_SHARE = 0.2
-"""Smallest effective share of draws after reweighting to another density."""
+SAMPLER_SETTINGS = SamplerSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,32 +73,31 @@ class Draws:
     @property
     def unsettled(self) -> str:
         """The reasons why the draws must not be used; empty if the sampler converged."""
-        said = []
-        if not self.apart < MAX_R_HAT:
-            said.append(f"halves of the ensembles disagree (R-hat {self.apart:.3f}, expected below {MAX_R_HAT})")
-        if not self.independent >= MIN_INDEPENDENT_DRAWS:
-            said.append(f"{self.independent:.0f} independent draws, expected {MIN_INDEPENDENT_DRAWS}")
-        if not self.steps * (1.0 - BURN_IN_SHARE) >= MIN_AUTOCORRELATION_TIMES * self.memory:
+        limits, said = SAMPLER_SETTINGS, []
+        if not self.apart < limits.max_r_hat:
+            said.append(f"halves of the ensembles disagree (R-hat {self.apart:.3f}, expected below {limits.max_r_hat})")
+        if not self.independent >= limits.min_independent_draws:
+            said.append(f"{self.independent:.0f} independent draws, expected {limits.min_independent_draws}")
+        if not self.steps * (1.0 - limits.burn_in_share) >= limits.min_autocorrelation_times * self.memory:
             said.append(
                 f"{self.steps} steps with an autocorrelation time of {self.memory:.0f}, expected "
-                f"{MIN_AUTOCORRELATION_TIMES:.0f} times as many steps after burn-in"
+                f"{limits.min_autocorrelation_times:.0f} times as many steps after burn-in"
             )
-        if not self.weighed >= MIN_WEIGHTED_SHARE:
-            said.append(f"{100 * self.weighed:.0f} % of the draws count, expected {100 * MIN_WEIGHTED_SHARE:.0f} %")
+        if not self.weighed >= limits.min_weighted_share:
+            said.append(
+                f"{100 * self.weighed:.0f} % of the draws count, expected {100 * limits.min_weighted_share:.0f} %"
+            )
         return "; ".join(said)
 
     @property
     def sentence(self) -> str:
         """A sentence on the sampler's convergence, with its figures."""
         said = (
-            f"{ENSEMBLE_COUNT} ensembles, {self.independent:.0f} independent draws, autocorrelation time "
-            f"{self.memory:.0f} of {self.steps} steps, R-hat {self.apart:.4f}"
+            f"{SAMPLER_SETTINGS.ensemble_count} ensembles, {self.independent:.0f} independent draws, autocorrelation "
+            f"time {self.memory:.0f} of {self.steps} steps, R-hat {self.apart:.4f}"
         )
-        return (
-            said
-            if self.weighed == 1.0
-            else f"{said}; {100.0 * self.weighed:.0f} % of the draws count where the model bends"
-        )
+        counted = f"; {100.0 * self.weighed:.0f} % of the draws count where the model bends"
+        return said if self.weighed == 1.0 else said + counted
 
 
 def drawn(
@@ -100,7 +105,7 @@ def drawn(
     start: Callable[[np.random.Generator, int], np.ndarray],
     *,
     seed: int = SEED,
-    most: int = DEFAULT_MAX_STEPS,
+    most: int = SAMPLER_SETTINGS.default_max_steps,
 ) -> Draws:
     """Sample a density until the sampler converges, or for `most` steps.
 
@@ -112,15 +117,17 @@ def drawn(
     d = start(rng, 1).shape[1]
     moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.DESnookerMove(), 0.1)]
     ensembles, states = [], []
-    for number in range(ENSEMBLE_COUNT):
-        sampler = emcee.EnsembleSampler(WALKERS_PER_DIMENSION * d, d, log_density, moves=moves, vectorize=True)
+    for number in range(SAMPLER_SETTINGS.ensemble_count):
+        sampler = emcee.EnsembleSampler(
+            SAMPLER_SETTINGS.walkers_per_dimension * d, d, log_density, moves=moves, vectorize=True
+        )
         sampler.random_state = np.random.RandomState(seed + number).get_state()
         ensembles.append(sampler)
-        states.append(start(rng, WALKERS_PER_DIMENSION * d))
+        states.append(start(rng, SAMPLER_SETTINGS.walkers_per_dimension * d))
     found = None
     while found is None or (found.unsettled and found.steps < most):
         for number, sampler in enumerate(ensembles):
-            states[number] = sampler.run_mcmc(states[number], STEPS_PER_ROUND)
+            states[number] = sampler.run_mcmc(states[number], SAMPLER_SETTINGS.steps_per_round)
         found = settled([sampler.get_chain() for sampler in ensembles])
     return found
 
@@ -129,7 +136,7 @@ def settled(chains: list[np.ndarray]) -> Draws:
     """Return the draws of several chains, each of shape (steps, walkers, d), without burn-in, and their convergence."""
     time = require_sampler().autocorr.integrated_time
     steps = len(chains[0])
-    kept = [chain[round(BURN_IN_SHARE * steps) :] for chain in chains]
+    kept = [chain[round(SAMPLER_SETTINGS.burn_in_share * steps) :] for chain in chains]
     together = np.concatenate(kept, axis=1)
     if any(np.any(np.ptp(chain, axis=0).max(axis=0) == 0.0) for chain in kept):  # no walker ever moved
         return Draws(together.reshape(-1, together.shape[2]), steps, np.inf, 0.0, np.inf)
@@ -156,35 +163,17 @@ def require_sampler():
     return emcee
 
 
-WALKERS_PER_ENSEMBLE = 4
-"""Number of walkers in each ensemble. They move independently of each other."""
-
-HAMILTONIAN_STEPS_PER_ROUND = 200
-"""Number of steps between two tests of convergence."""
-
-HAMILTONIAN_MAX_STEPS = 4000
-"""The sampler gives up after this many steps and reports that it has not converged."""
-
-FIRST_STRIDE = 0.5
-"""Leapfrog stride before adaptation, in standard deviations of the density."""
-
-MAX_STRIDES_PER_STEP = 6
-"""A step makes a random number of leapfrog strides, up to this many, so that it never resonates with a period of the
-density."""
-
-STRIDE_JITTER_BOUNDS = (0.5, 1.1)
-"""Each step multiplies the stride by a random factor in this range, so that some steps are short enough where the
-density is narrow."""
-
-TARGET_ACCEPTANCE_SHARE = 0.8
-"""The stride is adapted until this share of the steps is accepted."""
-
 Density = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A function from places, shape (w, d), to the logarithm of a density, (w,), and its gradient, (w, d)."""
 
 
 def drawn_by_gradients(
-    density: Density, mode: np.ndarray, covariance: np.ndarray, *, seed: int = SEED, most: int = HAMILTONIAN_MAX_STEPS
+    density: Density,
+    mode: np.ndarray,
+    covariance: np.ndarray,
+    *,
+    seed: int = SEED,
+    most: int = SAMPLER_SETTINGS.hamiltonian_max_steps,
 ) -> Draws:
     """Sample a `density` until the sampler converges, or for `most` steps.
 
@@ -193,8 +182,12 @@ def drawn_by_gradients(
     require_sampler()  # the package that computes autocorrelation times
     rng = np.random.default_rng(seed)
     root = np.linalg.cholesky(covariance)
-    x = mode + rng.standard_normal((ENSEMBLE_COUNT * WALKERS_PER_ENSEMBLE, len(mode))) @ root.T
-    x, stride, seen = _run(density, rng, x, root, FIRST_STRIDE, adapt=True)
+    x = (
+        mode
+        + rng.standard_normal((SAMPLER_SETTINGS.ensemble_count * SAMPLER_SETTINGS.walkers_per_ensemble, len(mode)))
+        @ root.T
+    )
+    x, stride, seen = _run(density, rng, x, root, SAMPLER_SETTINGS.first_stride, adapt=True)
     # The density may be wider far from its mode, so the covariance of the first round is mixed in.
     root = np.linalg.cholesky(0.5 * covariance + 0.5 * np.cov(seen.reshape(-1, len(mode)).T))
     x, stride, _ = _run(density, rng, x, root, stride, adapt=True)
@@ -204,7 +197,10 @@ def drawn_by_gradients(
         taken.append(seen)
         chain = np.concatenate(taken)
         found = settled(
-            [chain[:, i * WALKERS_PER_ENSEMBLE : (i + 1) * WALKERS_PER_ENSEMBLE] for i in range(ENSEMBLE_COUNT)]
+            [
+                chain[:, i * SAMPLER_SETTINGS.walkers_per_ensemble : (i + 1) * SAMPLER_SETTINGS.walkers_per_ensemble]
+                for i in range(SAMPLER_SETTINGS.ensemble_count)
+            ]
         )
     return found
 
@@ -212,7 +208,7 @@ def drawn_by_gradients(
 def _run(
     density: Density, rng: np.random.Generator, x: np.ndarray, root: np.ndarray, stride: float, adapt: bool = False
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Run one round; return the walkers' places, (w, d), the stride, and all places, (`STEPS_PER_ROUND`, w, d)."""
+    """Run one round; return the walkers' places, (w, d), the stride, and all places, (steps, w, d)."""
 
     def pulled(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         logs, slopes = density(at)
@@ -220,12 +216,12 @@ def _run(
         return np.where(good, logs, -np.inf), np.where(good[:, None], slopes @ root, 0.0)
 
     logs, pull = pulled(x)
-    seen = np.empty((HAMILTONIAN_STEPS_PER_ROUND, *x.shape))
-    for i in range(HAMILTONIAN_STEPS_PER_ROUND):
+    seen = np.empty((SAMPLER_SETTINGS.hamiltonian_steps_per_round, *x.shape))
+    for i in range(SAMPLER_SETTINGS.hamiltonian_steps_per_round):
         momentum = rng.standard_normal(x.shape)
         energy = logs - 0.5 * np.sum(momentum**2, axis=1)
-        at, high, steep, step = x, logs, pull, stride * rng.uniform(*STRIDE_JITTER_BOUNDS)
-        for _ in range(rng.integers(1, MAX_STRIDES_PER_STEP + 1)):
+        at, high, steep, step = x, logs, pull, stride * rng.uniform(*SAMPLER_SETTINGS.stride_jitter_bounds)
+        for _ in range(rng.integers(1, SAMPLER_SETTINGS.max_strides_per_step + 1)):
             momentum = momentum + 0.5 * step * steep
             at = at + step * momentum @ root.T
             high, steep = pulled(at)
@@ -236,5 +232,5 @@ def _run(
         logs = np.where(stays, high, logs)
         seen[i] = x
         if adapt:
-            stride *= np.exp(0.1 * (kept.mean() - TARGET_ACCEPTANCE_SHARE))
+            stride *= np.exp(0.1 * (kept.mean() - SAMPLER_SETTINGS.target_acceptance_share))
     return x, stride, seen

@@ -24,23 +24,20 @@ from ..._errors import PellucidError
 from .excitation import trapezoid
 from .tree_limits import TreeLimits
 
-_LIMIT_SHARE = 0.95
-"""Steps use this share of each limit."""
 
-_RANGE_SAMPLE_COUNT = 41
-"""Number of positions at which a joint's free range is checked."""
+@dataclass(frozen=True)
+class StepSettings:
+    """How close to the limits steps go, and how they are tried."""
 
-_MAX_CHECK_RATE_HZ = 200.0
-"""Limits along a step are verified at most at this rate [Hz]."""
+    limit_share: float = 0.95  # Steps use this share of each limit
+    range_sample_count: int = 41  # Number of positions at which a joint's free range is checked
+    max_check_rate_hz: float = 200.0  # Limits along a step are verified at most at this rate [Hz]
+    vigour_factor: float = 0.85  # A step that exceeds a limit is tried again with its vigour multiplied by this factor
+    max_tries: int = 20  # A step is left out after this many tries
+    ease_duration_s: float = 2.0  # Time in which a sweep grows at its start and fades at its end [s]
 
-_VIGOUR_FACTOR = 0.85
-"""A step that exceeds a limit is tried again with its vigour multiplied by this factor."""
 
-_MAX_TRIES = 20
-"""A step is left out after this many tries."""
-
-_EASE_DURATION_S = 2.0
-"""Time in which a sweep grows at its start and fades at its end [s]."""
+STEP_SETTINGS = StepSettings()
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ def step_by_step(
     def add(kind: str, joints: tuple[int, ...], made: Callable[[float], np.ndarray]) -> None:
         """Append a step; `made` returns the joints' offsets from the posture, (n, joints), for a vigour of 0 to 1."""
         vigour, passed = 1.0, None
-        for _ in range(_MAX_TRIES):
+        for _ in range(STEP_SETTINGS.max_tries):
             path = np.tile(at, (len(moved := made(vigour)), 1))
             path[:, joints] += moved
             passed = _first_passed_limit(path, limits, rate)
@@ -108,13 +105,16 @@ def step_by_step(
                 pieces.append(path)
                 steps.append(Step(kind, joints, first, first + len(path)))
                 return
-            vigour *= _VIGOUR_FACTOR
+            vigour *= STEP_SETTINGS.vigour_factor
         left_out.append(f"{kind} of {' and '.join(limits.names[k] for k in joints)}: {passed}")
 
     ways = [_free_range(limits, at, k) for k in range(count)]
     for k in range(count):
         low, high = ways[k] - at[k]
-        speed, change = _LIMIT_SHARE * limits.velocity[k], _LIMIT_SHARE * limits.acceleration[k]
+        speed, change = (
+            STEP_SETTINGS.limit_share * limits.velocity[k],
+            STEP_SETTINGS.limit_share * limits.acceleration[k],
+        )
         go = _JointTravel(rate, speed, change)
         places = np.linspace(low, high, angles) if angles else np.zeros(0)
         add("hold", (k,), partial(_visit, go, places, hold))
@@ -187,7 +187,7 @@ def _sweep_joints(
     """Return swept sines about the posture, (n, joints): the first joint from slow to fast, the second reversed."""
     time = np.arange(round(duration * rate)) / rate
     slow, fast = frequencies
-    ease = np.clip(np.minimum(time, time[-1] - time) / min(_EASE_DURATION_S, 0.25 * duration), 0.0, 1.0)
+    ease = np.clip(np.minimum(time, time[-1] - time) / min(STEP_SETTINGS.ease_duration_s, 0.25 * duration), 0.0, 1.0)
     ease = ease**3 * (10.0 - 15.0 * ease + 6.0 * ease**2)
     made = []
     for i, k in enumerate(joints):
@@ -195,21 +195,21 @@ def _sweep_joints(
         phase = (first + 0.5 * (last - first) * time / duration) * time
         room = min(at[k] - ways[k][0], ways[k][1] - at[k])
         size = min(room, limits.velocity[k] / fast, limits.acceleration[k] / fast**2)
-        made.append(_LIMIT_SHARE * vigour * size * ease * np.sin(phase))
+        made.append(STEP_SETTINGS.limit_share * vigour * size * ease * np.sin(phase))
     return np.stack(made, axis=1)
 
 
 def _free_range(limits: TreeLimits, at: np.ndarray, joint: int) -> np.ndarray:
     """Return the range in which a joint may rest while the others keep the posture, (2,)."""
     middle = 0.5 * (limits.low[joint] + limits.high[joint])
-    half = 0.5 * _LIMIT_SHARE * (limits.high[joint] - limits.low[joint])
+    half = 0.5 * STEP_SETTINGS.limit_share * (limits.high[joint] - limits.low[joint])
     ends = []
     for end in (min(middle - half, at[joint]), max(middle + half, at[joint])):
-        places = np.tile(at, (_RANGE_SAMPLE_COUNT, 1))
-        places[:, joint] = np.linspace(at[joint], end, _RANGE_SAMPLE_COUNT)
+        places = np.tile(at, (STEP_SETTINGS.range_sample_count, 1))
+        places[:, joint] = np.linspace(at[joint], end, STEP_SETTINGS.range_sample_count)
         free = (limits.slacks(places, np.zeros_like(places), np.zeros_like(places)) > 0.0).all(axis=1)
         blocked = np.flatnonzero(~free)
-        last = blocked[0] - 1 if blocked.size else _RANGE_SAMPLE_COUNT - 1
+        last = blocked[0] - 1 if blocked.size else STEP_SETTINGS.range_sample_count - 1
         ends.append(places[max(last, 0), joint])
     return np.array(ends)
 
@@ -220,5 +220,5 @@ def _first_passed_limit(path: np.ndarray, limits: TreeLimits, rate: float) -> st
         return "no room to move"
     velocity = np.gradient(path, 1.0 / rate, axis=0)
     acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
-    every = max(1, int(rate / _MAX_CHECK_RATE_HZ))
+    every = max(1, int(rate / STEP_SETTINGS.max_check_rate_hz))
     return limits.passed(path[::every], velocity[::every], acceleration[::every])

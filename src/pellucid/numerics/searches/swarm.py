@@ -25,21 +25,24 @@ from .adam import CostAndGradient
 Cost = Callable[[np.ndarray], float]
 """A function from parameters of shape (p,) to a cost."""
 
-_MIN_DECREASE_SHARE = 1e-4
-"""A step must reduce the cost by at least this share of the decrease that the slope predicts (Armijo's condition)."""
 
-_SHRINK_BOUNDS = (0.1, 0.5)
-"""After a failed try, a line search shortens the step by a factor within these bounds."""
+@dataclass(frozen=True)
+class LineSearchSettings:
+    """Armijo's condition, and how far a line search goes."""
 
-_MAX_LINE_SEARCH_TRIES = 30
-"""A line search gives up after this many tries."""
+    # A step must reduce the cost by at least this share of the decrease that the slope predicts (Armijo's condition).
+    min_decrease_share: float = 1e-4
+    # After a failed try, a line search shortens the step by a factor within these bounds.
+    shrink_bounds: tuple[float, float] = (0.1, 0.5)
+    max_tries: int = 30  # A line search gives up after this many tries
+    # A fine line search ends within this share of the step from the minimum of its parabola.
+    fine_tolerance: float = 0.01
+    # A coarse line search, used between two swarms, ends within this share of the step. It needs fewer evaluations, but
+    # its directions do not stay conjugate.
+    coarse_tolerance: float = 0.1
 
-_FINE_LINE_TOLERANCE = 0.01
-"""A fine line search ends within this share of the step from the minimum of its parabola."""
 
-_COARSE_LINE_TOLERANCE = 0.1
-"""A coarse line search, used between two swarms, ends within this share of the step. It needs fewer evaluations, but
-its directions do not stay conjugate."""
+LINE_SEARCH = LineSearchSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +118,7 @@ def conjugate_gradient(
         np.full(start.shape, np.inf) if upper is None else upper,
     )
     counted = _CountedCost(value, cost)
-    _descend(counted, start, low, high, iterations, tolerance, _FINE_LINE_TOLERANCE)
+    _descend(counted, start, low, high, iterations, tolerance, LINE_SEARCH.fine_tolerance)
     return counted.search()
 
 
@@ -138,7 +141,7 @@ def swarm_with_gradients(
     for _ in range(rounds):
         _swarm(counted, low, high, rng, particles, iterations, pull, counted.best)
         if counted.best is not None:
-            _descend(counted, counted.best, low, high, descent, 1e-8, _COARSE_LINE_TOLERANCE)
+            _descend(counted, counted.best, low, high, descent, 1e-8, LINE_SEARCH.coarse_tolerance)
     return counted.search()
 
 
@@ -202,11 +205,11 @@ def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
 def _line_search(counted, x, value, gradient, direction, step, low, high, near):
     """Return point, step, cost and gradient after a step that satisfies Armijo's condition; None if none does."""
     slope, best, length = float(gradient @ direction), None, step
-    for _ in range(_MAX_LINE_SEARCH_TRIES):
+    for _ in range(LINE_SEARCH.max_tries):
         point = np.clip(x + length * direction, low, high)
         found = counted.value(point)
         promise = float(gradient @ (point - x))
-        if found <= value + _MIN_DECREASE_SHARE * promise and promise < 0.0:
+        if found <= value + LINE_SEARCH.min_decrease_share * promise and promise < 0.0:
             if best is not None and found >= best[1]:
                 break
             best = (length, found)
@@ -221,7 +224,7 @@ def _line_search(counted, x, value, gradient, direction, step, low, high, near):
         else:
             curve = found - value - slope * length
             ahead = -slope * length**2 / (2.0 * curve) if np.isfinite(curve) and curve > 0.0 else 0.0
-            length = float(np.clip(ahead, _SHRINK_BOUNDS[0] * length, _SHRINK_BOUNDS[1] * length))
+            length = float(np.clip(ahead, LINE_SEARCH.shrink_bounds[0] * length, LINE_SEARCH.shrink_bounds[1] * length))
     if best is None:
         return None
     point = np.clip(x + best[0] * direction, low, high)

@@ -23,7 +23,7 @@ from scipy.signal import lfilter
 
 from ..._errors import IdentificationError
 from ...models.estimates import Parameter
-from ...numerics.posterior.ensemble import MIN_WEIGHTED_SHARE
+from ...numerics.posterior.ensemble import SAMPLER_SETTINGS
 from ...numerics.posterior.posterior import LinearisedModel, Noise, Posterior, Prior, summary
 from .coupled_impedance import CouplingFit, Spectrum, StrapPoint, StrapProblem, StrapTrial, decay_time
 from .strap_model import StrappedSwing, StrapTorque
@@ -140,7 +140,7 @@ def strap_posterior(
     weak = noise.variance / np.concatenate([[np.inf, np.inf], spread[2:]]) ** 2
     covariance = noise.variance * np.linalg.inv(jacobian.T @ jacobian + np.diag(weak))
     found = straight.draws(likelihood, covariance, left_over, **sampling)
-    if found.weighed < MIN_WEIGHTED_SHARE:
+    if found.weighed < SAMPLER_SETTINGS.min_weighted_share:
         # Too few draws count after reweighting: linearise again at their median, which is far from least squares.
         values = np.median(found.values[:, : len(values)], axis=0)
         residual, jacobian, _ = problem.about(_point(values), at=point)
