@@ -49,8 +49,9 @@ def made() -> dict[str, tuple]:
     return {
         "paired-errors": (figures.paired_errors, errors, PROTOCOLS),
         "current": (
-            figures.current_trace, time, current, predictions, speed, "Motor current in one trial: measured and modelled.",
-        ),  # fmt: skip
+            figures.current_trace, time, current, predictions, speed,
+            "Motor current in one trial: measured and modelled.",
+        ),
         "gravity": (
             figures.gravity_by_direction,
             degrees,

@@ -5,7 +5,7 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.joint.slider.slider_fit import TURN_BAND_RAD, find_turns, presliding_travel
+from pellucid.joint.slider.slider_fit import TRAVEL_SEARCH, find_turns, presliding_travel
 from pellucid.joint.slider.study.identify_slider import travel_of
 from pellucid_lab.elbow.protocol import trials
 from pellucid_lab.elbow.rig import able_elbow
@@ -29,7 +29,7 @@ def test_turns_are_found_and_the_first_is_left_out():
     t = np.arange(8000) / FS
     found = find_turns(0.15 * np.cos(2 * np.pi * t / 10))
     assert [round(turn / FS) for _, turn, _ in found] == [10, 15, 20, 25, 30, 35]
-    assert find_turns(0.4 * TURN_BAND_RAD * np.cos(t)) == []
+    assert find_turns(0.4 * TRAVEL_SEARCH.turn_band_rad * np.cos(t)) == []
 
 
 @pytest.mark.parametrize("travel", [3e-4, 1e-3, 3e-3])

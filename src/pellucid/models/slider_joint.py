@@ -89,7 +89,7 @@ class DirectionalSliderModel:
         terms = columns(position, velocity, acceleration, slider)
         return np.where(velocity > 0.0, terms @ self.up, terms @ self.down)
 
-    def gravity(self, direction: str, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+    def gravity(self, direction: str, slider: np.ndarray | float, position: np.ndarray) -> np.ndarray:
         """The set's gravity torque. `slider`, `position` [m], [rad]; gives [N*m]."""
         s1, s0, c = (self.up if direction == "up" else self.down)[GRAVITY_TERMS]
         return GRAVITY * ((s1 * slider + s0) * np.sin(position) + c * np.cos(position))
@@ -209,7 +209,7 @@ class SliderJointModel:
         j, h, m = (self.value(values, n) for n in ("inertia", "carriage_moment", "carriage_mass"))
         return j + 2.0 * h * slider + m * slider**2
 
-    def gravity(self, values: np.ndarray, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+    def gravity(self, values: np.ndarray, slider: np.ndarray | float, position: np.ndarray) -> np.ndarray:
         """Gravity torque. `values` (p,); `slider`, `position` [m], [rad]; gives [N*m]."""
         g, c, m = (self.value(values, n) for n in ("gravity", "gravity_cosine", "carriage_mass"))
         return (g + GRAVITY * m * slider) * np.sin(position) + c * np.cos(position)

@@ -18,7 +18,7 @@ from ..numerics.filters import runs
 from ..numerics.motion import MIN_LONG_SAMPLES, Filtering, Motion, motion_of, pieces, shortest
 from .drive_channel import DRIVE_CHANNELS
 from .study import Study
-from .study_file import Drive, JointTable, Processing
+from .study_file import Drive, JointTable, Processing, SeveralJoints
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class DriveModel:
     effort_unit: str  # "N*m", "N", or the command's own unit "A" or "V" where the constant is unknown
 
 
-def drive_model(rig: JointTable) -> DriveModel:
+def drive_model(rig: JointTable | SeveralJoints) -> DriveModel:
     """The drive's effort per command, from the rig's constants.
 
     A voltage drive with resistance R and joint-side constant K = gear ratio x torque constant gives
@@ -48,7 +48,7 @@ def drive_model(rig: JointTable) -> DriveModel:
     return DriveModel(constant, 0.0, si)
 
 
-def command_of(recording: Recording, rig: JointTable) -> np.ndarray:
+def command_of(recording: Recording, rig: JointTable | SeveralJoints) -> np.ndarray:
     """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
     Gives (n,) [N*m], [N], [A], [V]."""
     drive = rig.drive

@@ -32,7 +32,7 @@ from .results import ResultRow, read_rows
 if TYPE_CHECKING:
     from ..files.readers import Columns
     from .study_fields import Table
-    from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
+    from .study_file import ChannelSpec, Model, OneJoint, Processing, RecordingEntry, RigJoint, SeveralJoints, StudyFile
 
 @dataclass(frozen=True)
 class StudyPlace:
@@ -120,7 +120,7 @@ class Study:
         return self.config.name
 
     @property
-    def rig(self) -> JointTable | SeveralJoints:
+    def rig(self) -> OneJoint | RigJoint | SeveralJoints:
         """The machine: its joint, or several joints in `joints`."""
         return self.config.rig
 

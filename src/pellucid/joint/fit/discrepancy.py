@@ -41,21 +41,34 @@ import numpy as np
 from ...models.friction_terms import SEPARATE_LOAD_FEATURE, features_of, is_friction, shape_index
 from ...numerics.motion import SLOW_SHARE
 from ...numerics.regression import FittedMotion, Stack, column_norms
-from .unknown_payload import NORMAL_DRAW_SEED, SteadyStates, carried_friction, draw_normal, standard_draws
+from .unknown_payload import FRICTION_DRAWS, SteadyStates, carried_friction, draw_normal, standard_draws
 
-MAX_ROWS = 50_000
-"""Rows beyond this number are thinned. The neglected effects are smooth in the states, so thinning loses little."""
 
-STANDSTILL_SPEED_SHARE = 0.05
-"""Below this share of the root mean square speed a joint counts as standing still, unless a dead band is given."""
+@dataclass(frozen=True)
+class DiscrepancySettings:
+    """Settings of the estimate of neglected effects."""
 
-SNAP_CUTOFF_SHARE = 0.35
-"""The snap is low-passed at this share of the motion's cut-off. Differentiated four times, an encoder's noise exceeds
-the motion near the cut-off, and the residual contains the same noise in the acceleration: a spring would be found in
-it."""
+    # Rows beyond this number are thinned. The neglected effects are smooth in the states, so thinning loses little.
+    max_rows: int = 50_000
+    # Below this share of the root mean square speed a joint counts as standing still, unless a dead band is given.
+    standstill_speed_share: float = 0.05
+    # The snap is low-passed at this share of the motion's cut-off. Differentiated four times, an encoder's noise
+    # exceeds the motion near the cut-off, and the residual contains the same noise in the acceleration: a spring would
+    # be found in it.
+    snap_cutoff_share: float = 0.35
+    # At this share of the root mean square speed, boundary friction has fallen to 1/e.
+    stribeck_speed_share: float = 0.25
+    validation_block_count: int = 10  # Number of blocks of time over which a single cause is cross-validated
+    # A single cause counts as present if the mean fall of the squared error over blocks held out exceeds its standard
+    # error at least so many times.
+    min_validation_z: float = 2.0
+    share_sweep_count: int = 3  # Each group's s is chosen anew so many times, with those of the others as they are
+    # An effect counts as part of the model if less than this share of its column lies outside the model's span.
+    min_column_remainder: float = 0.05
 
-STRIBECK_SPEED_SHARE = 0.25
-"""At this share of the root mean square speed, boundary friction has fallen to 1/e."""
+
+DISCREPANCY_SETTINGS = DiscrepancySettings()
+
 
 DISCREPANCY_SHARE_GRID = np.geomspace(0.001, 1.0, 13)
 """Values of s among which marginal likelihood chooses."""
@@ -91,7 +104,7 @@ class States:
     @property
     def boundary(self) -> np.ndarray:
         """Share of boundary lubrication: 1 at rest, tending to 0 at speed."""
-        top = STRIBECK_SPEED_SHARE * float(np.sqrt(np.mean((self.like or self).velocity ** 2)))
+        top = DISCREPANCY_SETTINGS.stribeck_speed_share * float(np.sqrt(np.mean((self.like or self).velocity ** 2)))
         return np.exp(-np.abs(self.velocity) / max(top, np.finfo(float).tiny))
 
 
@@ -121,21 +134,8 @@ CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
 )
 """Groups of effects with a common s: all friction is one physical cause, the others are one each."""
 
-VALIDATION_BLOCK_COUNT = 10
-"""Number of blocks of time over which a single cause is cross-validated."""
-
-MIN_VALIDATION_Z = 2.0
-"""A single cause counts as present if the mean fall of the squared error over blocks held out exceeds its standard
-error at least so many times."""
-
-SHARE_SWEEP_COUNT = 3
-"""Each group's s is chosen anew so many times, with those of the others as they are."""
-
 STICTION_CAUSE = "sticking at standstill"
 """Cause that is stated where no column of the neglected effects explains the shift of a parameter."""
-
-MIN_COLUMN_REMAINDER = 0.05
-"""An effect counts as part of the model if less than this share of its column lies outside the model's span."""
 
 COMMON_LOAD_COEFFICIENT = "load_friction"
 """Name of the coefficient that describes the losses in lifting and in lowering by one share of the load."""
@@ -190,7 +190,9 @@ KINEMATIC_SIGNALS: tuple[Callable[[DifferentiatedMotion, float], np.ndarray], ..
     lambda m, slow: m.position,
     lambda m, slow: m.velocity,
     lambda m, slow: m.acceleration,
-    lambda m, slow: np.gradient(np.gradient(m.smooth(m.acceleration, SNAP_CUTOFF_SHARE))) * m.fs**2,
+    lambda m, slow: (
+        np.gradient(np.gradient(m.smooth(m.acceleration, DISCREPANCY_SETTINGS.snap_cutoff_share))) * m.fs**2
+    ),
     lambda m, slow: np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float))),
 )
 """Signals of a motion that no model changes: position, velocity, acceleration, snap, and the share of each sample that
@@ -212,7 +214,7 @@ def collect_states(
     if "_kinematics" not in known:  # computed once, because every model of these recordings has the same kinematics
         power = sum(float(m.velocity @ m.velocity) for m in data.motions)
         usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
-        slow = dead_band if dead_band > 0.0 else STANDSTILL_SPEED_SHARE * float(usual)
+        slow = dead_band if dead_band > 0.0 else DISCREPANCY_SETTINGS.standstill_speed_share * float(usual)
         known["_kinematics"] = tuple(
             np.concatenate([m.rows(signal(m, slow)) for m in data.motions]) for signal in KINEMATIC_SIGNALS
         )
@@ -278,7 +280,7 @@ def neglected_columns(
         kept = states.standstill <= np.median(states.standstill)
     if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS)):
         return None
-    rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MAX_ROWS)]
+    rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // DISCREPANCY_SETTINGS.max_rows)]
     columns, words, sizes = _effect_columns(
         states, rows, w[rows], size, "" if SEPARATE_LOAD_FEATURE in features_of(names) else UNEQUAL_LOAD_LOSSES
     )
@@ -354,7 +356,7 @@ def estimate_discrepancy(
     rubbing = friction.beside(words[:-1]) * sizes
     forces = drawn[:, friction.at] @ friction.terms.T + steps[:, count:] @ rubbing.T
     # The whole least-squares residual may be friction.
-    forces += size * standard_draws(forces.shape[1], NORMAL_DRAW_SEED + 1)
+    forces += size * standard_draws(forces.shape[1], FRICTION_DRAWS.seed + 1)
     causes = tuple(words[next(cause)] if f else "" for f in free)
     return Discrepancy(tuple(names), covariance, causes, friction.carried(forces))
 
@@ -411,7 +413,7 @@ def _effect_columns(
         column = physics(states)[rows]
         norm = float(np.linalg.norm(column))
         beside = float(np.linalg.norm(column - basis @ (basis.T @ column)))
-        if norm > 0.0 and (beside > MIN_COLUMN_REMAINDER * norm or name == unseen):
+        if norm > 0.0 and (beside > DISCREPANCY_SETTINGS.min_column_remainder * norm or name == unseen):
             sizes.append(size * np.sqrt(len(column)) / (norm if name == unseen else beside))
             made.append(sizes[-1] * column[:, None])
             words.append(name)
@@ -456,7 +458,7 @@ def fit_discrepancy_shares(
         return np.einsum("ij,ij->i", pull, solved) - np.linalg.slogdet(scaled)[1]
 
     shares = np.full(len(score), DISCREPANCY_SHARE_GRID[0])
-    for _ in range(SHARE_SWEEP_COUNT):
+    for _ in range(DISCREPANCY_SETTINGS.share_sweep_count):
         for group in groups:
             if not len(group):
                 continue
@@ -477,12 +479,12 @@ def is_cause_validated(lacks: NeglectedColumns, index: int) -> bool:
     wide = np.column_stack([lacks.own, lacks.columns[:, index]])
     falls = lacks.own_errors - _left_out_errors(wide, lacks.target)
     error = float(falls.std(ddof=1)) / np.sqrt(len(falls))
-    return bool(falls.mean() > MIN_VALIDATION_Z * error)
+    return bool(falls.mean() > DISCREPANCY_SETTINGS.min_validation_z * error)
 
 
 def _left_out_errors(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the squared error of each block of a `target`, (m,), by a fit of `columns`, (m, p), to the others."""
-    blocks = np.array_split(np.arange(len(columns)), VALIDATION_BLOCK_COUNT)
+    blocks = np.array_split(np.arange(len(columns)), DISCREPANCY_SETTINGS.validation_block_count)
     grams = [columns[rows].T @ columns[rows] for rows in blocks]
     moments = [columns[rows].T @ target[rows] for rows in blocks]
     gram, moment = sum(grams), sum(moments)

@@ -7,7 +7,7 @@ is found by profiling.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,24 @@ from ...numerics.regression import (
 
 BLOCK_COUNT = 10
 """Number of blocks into which all data are cut; a block never spans two recordings."""
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """Steps and tolerances of the fits of a family, and where approximations do."""
+
+    # Starting value of load coefficients, and of any other parameter outside the linear part.
+    initial_load_coefficient: float = 0.05
+    motion_subsampling: int = 8  # First steps over much data use one motion in this many
+    min_subsampled_motions: int = 4  # First steps use part of the motions only if that part has at least this many
+    max_steps: int = 8  # Largest number of Gauss-Newton steps over much data
+    step_tolerance: float = 5e-4  # Gauss-Newton steps stop when one changes the effort by less than this share of it
+    refining_step_tolerance: float = 2e-3  # The same tolerance for steps over all motions after steps over part of them
+    equal_cost_share: float = 1e-9  # Costs that differ by at most this share are equal but for rounding
+    speed_bins: int = 8  # Number of speed bands, each with a weight of its own in every recording
+
+
+SOLVER_SETTINGS = SolverSettings()
 
 
 def block_labels(lengths: Sequence[int]) -> list[np.ndarray]:
@@ -101,30 +119,9 @@ def cross_validated_residuals(found: Solution, lengths: Sequence[int]) -> tuple[
     return tuple(np.split(crossed, np.cumsum(lengths)[:-1]))
 
 
-INITIAL_LOAD_COEFFICIENT = 0.05
-"""Starting value of load coefficients, and of any other parameter outside the linear part."""
-
 MAX_REFITTED_ROWS = 50_000
 """Up to this many rows a family is fitted anew without each block. With more, a block hardly moves the solution, and
 one linear step gives the same."""
-
-MOTION_SUBSAMPLING = 8
-"""First steps over much data use one motion in this many."""
-
-MIN_SUBSAMPLED_MOTIONS = 4
-"""First steps use part of the motions only if that part has at least this many."""
-
-MAX_STEPS = 8
-"""Largest number of Gauss-Newton steps over much data."""
-
-STEP_TOLERANCE = 5e-4
-"""Gauss-Newton steps stop when one changes the effort by less than this share of it."""
-
-EQUAL_COST_SHARE = 1e-9
-"""Costs that differ by at most this share are equal but for rounding."""
-
-REFINING_STEP_TOLERANCE = 2e-3
-"""The same tolerance for steps over all motions after steps over part of them."""
 
 
 def solve_family(
@@ -192,15 +189,16 @@ def cross_validate_family(model: JointModel, data: Stack[Motion], found: Solutio
 def solve_from_part(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:
     """Minimise over much `data` from the solution `found` on a part of it.
 
-    Linear families take one step. Others take Gauss-Newton steps, first on one motion in `MOTION_SUBSAMPLING`.
+    Linear families take one step. Others take Gauss-Newton steps, first on a part of the motions (`motion_subsampling`).
     """
     if model.linear:
         return solve_family(model, data)
-    values, fewer = found.values, Stack(data.motions[::MOTION_SUBSAMPLING], data.targets[::MOTION_SUBSAMPLING])
-    if len(fewer.motions) >= MIN_SUBSAMPLED_MOTIONS:
-        values = _gauss_newton_steps(model, fewer, values, STEP_TOLERANCE).values
-        return _gauss_newton_steps(model, data, values, REFINING_STEP_TOLERANCE)
-    return _gauss_newton_steps(model, data, values, STEP_TOLERANCE)
+    some = slice(None, None, SOLVER_SETTINGS.motion_subsampling)
+    values, fewer = found.values, Stack(data.motions[some], data.targets[some])
+    if len(fewer.motions) >= SOLVER_SETTINGS.min_subsampled_motions:
+        values = _gauss_newton_steps(model, fewer, values, SOLVER_SETTINGS.step_tolerance).values
+        return _gauss_newton_steps(model, data, values, SOLVER_SETTINGS.refining_step_tolerance)
+    return _gauss_newton_steps(model, data, values, SOLVER_SETTINGS.step_tolerance)
 
 
 def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarray, close: float) -> Solution:
@@ -210,7 +208,7 @@ def _gauss_newton_steps(model: JointModel, data: Stack[Motion], values: np.ndarr
     residual from after it.
     """
     lower, upper = model.bounds()
-    for iteration in range(1, MAX_STEPS + 1):  # noqa: B007
+    for iteration in range(1, SOLVER_SETTINGS.max_steps + 1):  # noqa: B007
         jacobian, effort = regression_rows(model, values, data)
         residual = data.target - effort
         # A Stribeck velocity without a Stribeck level has no effect at all.
@@ -244,7 +242,7 @@ def _from_linear_part(model: JointModel, data: Stack[Motion], weights: np.ndarra
     """Return starting values, (p,), from the fit of the model's linear part."""
     linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
     base = dict(zip(linear.names, solve(linear, data, weights=weights).values, strict=True))
-    return np.array([base.get(name, INITIAL_LOAD_COEFFICIENT) for name in model.names])
+    return np.array([base.get(name, SOLVER_SETTINGS.initial_load_coefficient) for name in model.names])
 
 
 def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:
@@ -302,7 +300,7 @@ def _profile_stribeck_velocity(
         # Without a Stribeck level all velocities are alike but for rounding. The largest is hardest to tell from
         # viscous friction, so the other intervals are the widest that any velocity would give them.
         lowest = cost_of[velocity]
-        velocity = max(v for v, each in cost_of.items() if each <= (1.0 + EQUAL_COST_SHARE) * lowest)
+        velocity = max(v for v, each in cost_of.items() if each <= (1.0 + SOLVER_SETTINGS.equal_cost_share) * lowest)
     found = tried[velocity]
     values = np.insert(found.values, at, velocity)
     held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
@@ -352,19 +350,16 @@ def _stribeck_index(model: JointModel) -> int:
     return names.index(STRIBECK_VELOCITY.shapes)
 
 
-SPEED_BINS = 8
-"""Number of speed bands, each with a weight of its own in every recording."""
-
 def speed_weights(model: JointModel, data: Stack[Motion], residual: np.ndarray) -> np.ndarray:
     """Return weights, (m,): 1 / standard deviation of the residual, per recording and per band of speed.
 
     Friction models err most at low speed, so those samples get less weight. `residual` has shape (m,).
     """
     speed = data.reduced([np.abs(m.velocity) for m in data.motions])
-    edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])
+    edges = np.quantile(speed, np.linspace(0.0, 1.0, SOLVER_SETTINGS.speed_bins + 1)[1:-1])
     band = np.searchsorted(edges, speed)
     owner = np.repeat(np.arange(len(data.motions)), data.lengths)
-    group = owner * SPEED_BINS + band
+    group = owner * SOLVER_SETTINGS.speed_bins + band
     power = np.bincount(group, residual**2)
     count = np.bincount(group)
     free = 1.0 - len(model.symbols) / len(residual)

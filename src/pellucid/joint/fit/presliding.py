@@ -9,8 +9,8 @@ While the contacts bend, friction is its level times s, and s depends on the pat
 Both sides are filtered as in every regression. The load y and the Stribeck velocity are those of the model that slips
 at once. The travel with the smallest squared residual is searched on a grid and refined by a parabola.
 
-Its variance is the sum of two squares. The first is `BOOTSTRAP_ERROR_FACTOR` times the spread of the same search on
-bootstrapped blocks [1]_. The second is the change of the travel when the terms of the level are left out one by one. An
+Its variance is the sum of two squares. The first is a factor times the spread of the same search on bootstrapped blocks
+[1]_. The second is the change of the travel when the terms of the level are left out one by one. An
 error in the level biases the travel in the same way in every stroke, and the bootstrap does not see that. The factor is
 from simulated benches with contacts of this law; for a joint with another law no interval holds. Slow samples, which
 other regressions leave out, are all included, because they show the travel.
@@ -34,36 +34,30 @@ from ...numerics.block_test import SIGNIFICANCE_LEVEL, p_value_of_larger_loss
 from ...numerics.filters import local_cubic
 from ...numerics.motion import Motion
 
-GRID_STEPS_PER_DECADE = 8
-"""Number of travels per decade on the search grid."""
 
-MAX_TRAVEL = 0.1
-"""Largest travel in the search [rad or m]."""
+@dataclass(frozen=True)
+class PreslidingSearch:
+    """Settings of the search for the travel, and of its bootstrap."""
 
-MAX_TRAVEL_RANGE_SHARE = 0.25
-"""Largest travel in the search, as a share of the range of motion."""
+    grid_steps_per_decade: int = 8  # Number of travels per decade on the search grid
+    max_travel: float = 0.1  # Largest travel in the search [rad or m]
+    max_travel_range_share: float = 0.25  # Largest travel in the search, as a share of the range of motion
+    # Number of samples in the cubic smoother that estimates the encoder's resolution.
+    resolution_window_samples: int = 9
+    # A travel is reported only if its interval lies above this many steps of the encoder.
+    min_encoder_steps: float = 2.0
+    bootstrap_draw_count: int = 400  # Number of bootstrap samples
+    bootstrap_seed: int = 20261122  # Random seed of the bootstrap
+    # Length of a bootstrap block [s]. It is about one stroke, over which unmodelled friction stays the same.
+    block_length_s: float = 1.0
+    min_blocks: int = 12  # Smallest number of blocks from which a travel is estimated
+    # Factor on the bootstrap's standard error. On 48 recordings of 16 simulated benches the actual error was 1.6 times
+    # that standard error.
+    bootstrap_error_factor: float = 2.0
 
-RESOLUTION_WINDOW_SAMPLES = 9
-"""Number of samples in the cubic smoother that estimates the encoder's resolution."""
 
-MIN_ENCODER_STEPS = 2.0
-"""A travel is reported only if its interval lies above this many steps of the encoder."""
+PRESLIDING_SEARCH = PreslidingSearch()
 
-BOOTSTRAP_DRAW_COUNT = 400
-"""Number of bootstrap samples."""
-
-BOOTSTRAP_SEED = 20261122
-"""Random seed of the bootstrap."""
-
-BLOCK_LENGTH_S = 1.0
-"""Length of a bootstrap block [s]. It is about one stroke, over which unmodelled friction stays the same."""
-
-MIN_BLOCKS = 12
-"""Smallest number of blocks from which a travel is estimated."""
-
-BOOTSTRAP_ERROR_FACTOR = 2.0
-"""Factor on the bootstrap's standard error. On 48 recordings of 16 simulated benches the actual error was 1.6 times
-that standard error."""
 
 ALWAYS_FREE_TERMS = frozenset({"inertia", "offset", "viscous_positive", "viscous_negative"})
 """Terms of the smooth dynamics that are free in every fit."""
@@ -118,7 +112,8 @@ def position_resolution(motions: Sequence[Motion]) -> float:
     """
     found = [0.0]
     for m in motions:
-        beside = m.raw_position - local_cubic(m.raw_position, RESOLUTION_WINDOW_SAMPLES)
+        assert m.raw_position is not None  # motions of recordings keep it
+        beside = m.raw_position - local_cubic(m.raw_position, PRESLIDING_SEARCH.resolution_window_samples)
         found.append(2.0 * float(np.quantile(np.abs(beside[m.inner]), 0.99)))
     return max(found)
 
@@ -134,12 +129,15 @@ def estimate_presliding(
     from scipy.special import ndtri
 
     resolution = position_resolution(fitted)
-    top = min(MAX_TRAVEL, MAX_TRAVEL_RANGE_SHARE * max(float(np.ptp(m.position[m.inner])) for m in fitted))
+    top = min(
+        PRESLIDING_SEARCH.max_travel,
+        PRESLIDING_SEARCH.max_travel_range_share * max(float(np.ptp(m.position[m.inner])) for m in fitted),
+    )
     bottom = max(0.25 * resolution, 1e-5 * top)
-    if not 2.0 * MIN_ENCODER_STEPS * resolution < top:
+    if not 2.0 * PRESLIDING_SEARCH.min_encoder_steps * resolution < top:
         return Presliding(why="the joint moves by little more than its encoder tells", resolution=resolution)
     strokes = [_make_stroke(model, values, m) for m in fitted]
-    grid = np.geomspace(bottom, top, int(np.ceil(GRID_STEPS_PER_DECADE * np.log10(top / bottom))) + 1)
+    grid = np.geomspace(bottom, top, int(np.ceil(PRESLIDING_SEARCH.grid_steps_per_decade * np.log10(top / bottom))) + 1)
     fewest, most = strokes[0].fixed.shape[1] + 1, strokes[0].fixed.shape[1] + strokes[0].levels.shape[1]
     profiles: dict[int, list[np.ndarray]] = {terms: [] for terms in range(fewest, most + 1)}
     for travel in grid:
@@ -152,8 +150,8 @@ def estimate_presliding(
     sums = np.add.reduceat(profile, starts, axis=1)
     found, nearest = _grid_minimum(grid, sums.sum(axis=1)), int(np.argmin(sums.sum(axis=1)))
     simpler = [_grid_minimum(grid, np.sum(each, axis=1)) for each in profiles.values()]
-    drawn = np.random.default_rng(BOOTSTRAP_SEED).multinomial(
-        len(starts), np.full(len(starts), 1.0 / len(starts)), BOOTSTRAP_DRAW_COUNT
+    drawn = np.random.default_rng(PRESLIDING_SEARCH.bootstrap_seed).multinomial(
+        len(starts), np.full(len(starts), 1.0 / len(starts)), PRESLIDING_SEARCH.bootstrap_draw_count
     )
     draws = [_grid_minimum(grid, sums @ count) for count in drawn]
     low, high = (float(x) for x in np.quantile(draws, [0.5 - 0.5 * level, 0.5 + 0.5 * level]))
@@ -176,16 +174,18 @@ def estimate_presliding(
     p_value = p_value_of_larger_loss(none_fitted, best_fitted)[0] if improved else 1.0
     told = {"resolution": resolution, "slips": slips, "gives": gives, "p_value": p_value}
     farthest = p_value_of_larger_loss(np.split(profile[-1], ends), np.split(profile[nearest], ends))[0]
-    if len(starts) < MIN_BLOCKS or farthest > SIGNIFICANCE_LEVEL or high > grid[-2]:
+    if len(starts) < PRESLIDING_SEARCH.min_blocks or farthest > SIGNIFICANCE_LEVEL or high > grid[-2]:
         return Presliding(why="no reversal shows it, for travels of any length explain the recordings as well", **told)
-    if low <= MIN_ENCODER_STEPS * resolution:
+    if low <= PRESLIDING_SEARCH.min_encoder_steps * resolution:
         return Presliding(
-            below=max(high, MIN_ENCODER_STEPS * resolution), why="the encoder's steps hide shorter ones", **told
+            below=max(high, PRESLIDING_SEARCH.min_encoder_steps * resolution),
+            why="the encoder's steps hide shorter ones",
+            **told,
         )
     if p_value > SIGNIFICANCE_LEVEL:
         return Presliding(why="a joint that slips at once predicts effort as well", **told)
     drawn_anew = max(high - found, found - low) / float(ndtri(0.5 + 0.5 * level))
-    error = float(np.hypot(BOOTSTRAP_ERROR_FACTOR * drawn_anew, max(abs(x - found) for x in simpler)))
+    error = float(np.hypot(PRESLIDING_SEARCH.bootstrap_error_factor * drawn_anew, max(abs(x - found) for x in simpler)))
     return Presliding(Parameter("presliding_travel", UNITS[model.motion]["position"], found, error), **told)
 
 
@@ -251,11 +251,11 @@ def _mean_loss(losses: Sequence[np.ndarray]) -> float:
 
 
 def _block_starts(strokes: Sequence[_Stroke]) -> np.ndarray:
-    """Return the first rows of blocks of about `BLOCK_LENGTH_S`, none of which spans two motions."""
+    """Return the first rows of blocks of about `PRESLIDING_SEARCH.block_length_s`, none of which spans two motions."""
     starts, first = [], 0
     for s in strokes:
         n = len(s.target)
-        count = max(1, round(n * s.motion.filtering.decimate / s.motion.fs / BLOCK_LENGTH_S))
+        count = max(1, round(n * s.motion.filtering.decimate / s.motion.fs / PRESLIDING_SEARCH.block_length_s))
         starts.append(first + np.arange(count) * n // count)
         first += n
     return np.concatenate(starts)

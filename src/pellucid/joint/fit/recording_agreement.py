@@ -10,8 +10,8 @@ so that a fit with both terms free gives :math:`\varphi` with its interval.
 A drift within a recording, as that of a gear that warms up, shows in its residual over time.
 
 Each recording's own estimate is compared with that from all the others. Both estimates are linearised at the joint fit.
-A difference counts if it exceeds `MIN_BODY_STANDARD_ERRORS` standard errors of both, which allow for coloured
-residuals, and a share `MIN_RELATIVE_DIFFERENCE` of the value. Inertia and weight belong to the body and should not
+A difference counts if it exceeds some standard errors of both (`AGREEMENT_THRESHOLDS`), which allow for coloured
+residuals, and a share of the value. Inertia and weight belong to the body and should not
 change. Friction depends on the motion, so an incomplete model finds different friction in different motions; stricter
 thresholds apply to it. The fitted recording that differs most is removed before the others are compared again, because
 a wrong recording also distorts the reference for the right ones. Of two fitted recordings neither can be told to be the
@@ -35,6 +35,32 @@ from ...numerics.regression import Solution, Stack, nearest_feasible, reduce_mot
 from ...numerics.uncertainty import correlation_length, sandwich_covariance
 from .discrepancy import Discrepancy
 from .friction_solver import cross_validated_residuals, solve_family
+
+
+@dataclass(frozen=True)
+class AgreementThresholds:
+    """Thresholds above which a recording contradicts the others."""
+
+    # A body parameter must differ by more than this many standard errors. The threshold is high because all parameters
+    # of many recordings are tested.
+    min_body_standard_errors: float = 5.0
+    # A parameter must differ by more than this share of the larger of its two values.
+    min_relative_difference: float = 1.0 / 3.0
+    # A body parameter's difference must change the effort by more than this share of the recording's RMS effort.
+    min_body_effort_share: float = 0.1
+    # A friction parameter must differ by more than this many standard errors. Chosen by judgement; no measurement is
+    # recorded.
+    min_friction_standard_errors: float = 8.0
+    # A friction parameter's difference must change the effort by more than this share of the recording's RMS effort.
+    # Chosen by judgement; no measurement is recorded.
+    min_friction_effort_share: float = 0.25
+    # A recording has an estimate of its own only with at least this many independent samples per parameter.
+    min_independent_samples: float = 2.0
+    # A recording has no estimate of its own if the condition number of its scaled regressor exceeds this.
+    max_condition_number: float = 50.0
+
+
+AGREEMENT_THRESHOLDS = AgreementThresholds()
 
 
 @dataclass(frozen=True)
@@ -226,32 +252,8 @@ def _share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
 BODY_PARAMETERS = frozenset({"inertia", "gravity", "gravity_cosine"})
 """Parameters of the moving body; the others are friction and the offset."""
 
-MIN_BODY_STANDARD_ERRORS = 5.0
-"""A body parameter must differ by more than this many standard errors. The threshold is high because all parameters of
-many recordings are tested."""
-
-MIN_RELATIVE_DIFFERENCE = 1.0 / 3.0
-"""A parameter must differ by more than this share of the larger of its two values."""
-
 MIN_COSINE_DIFFERENCE = np.sin(np.radians(8.0))
 """The cosine term of gravity must differ by more than this share of the weight, which is a turn of 8 degrees."""
-
-MIN_BODY_EFFORT_SHARE = 0.1
-"""A body parameter's difference must change the effort by more than this share of the recording's RMS effort."""
-
-MIN_FRICTION_STANDARD_ERRORS = 8.0
-"""A friction parameter must differ by more than this many standard errors. Chosen by judgement; no measurement is
-recorded."""
-
-MIN_FRICTION_EFFORT_SHARE = 0.25
-"""A friction parameter's difference must change the effort by more than this share of the recording's RMS effort.
-Chosen by judgement; no measurement is recorded."""
-
-MIN_INDEPENDENT_SAMPLES = 2.0
-"""A recording has an estimate of its own only with at least this many independent samples per parameter."""
-
-MAX_CONDITION_NUMBER = 50.0
-"""A recording has no estimate of its own if the condition number of its scaled regressor exceeds this."""
 
 
 @dataclass(frozen=True)
@@ -338,11 +340,11 @@ def estimate_step(parts: Sequence[RecordingRows]) -> tuple[np.ndarray, np.ndarra
     """
     w, e = np.concatenate([p.w for p in parts]), np.concatenate([p.e for p in parts])
     norms = np.linalg.norm(w, axis=0)
-    if len(w) <= w.shape[1] or not norms.all() or np.linalg.cond(w / norms) > MAX_CONDITION_NUMBER:
+    if len(w) <= w.shape[1] or not norms.all() or np.linalg.cond(w / norms) > AGREEMENT_THRESHOLDS.max_condition_number:
         return None
     step = np.linalg.lstsq(w / norms, e, rcond=None)[0] / norms
     residual = e - w @ step
-    if len(residual) / correlation_length(residual) < MIN_INDEPENDENT_SAMPLES * w.shape[1]:
+    if len(residual) / correlation_length(residual) < AGREEMENT_THRESHOLDS.min_independent_samples * w.shape[1]:
         return None
     lengths = [n for p in parts for n in p.lengths]
     return (step, sandwich_covariance(w, residual, lengths), residual) if max(lengths) > 20 else None
@@ -364,11 +366,24 @@ def _compare(
     weight = [i for i, n in enumerate(names) if n in ("gravity", "gravity_cosine")]
     size[weight] = np.linalg.norm(size[weight])  # a shifted encoder zero turns one into the other
     large = (
-        apart > np.where([n == "gravity_cosine" for n in names], MIN_COSINE_DIFFERENCE, MIN_RELATIVE_DIFFERENCE) * size
+        apart
+        > np.where(
+            [n == "gravity_cosine" for n in names], MIN_COSINE_DIFFERENCE, AGREEMENT_THRESHOLDS.min_relative_difference
+        )
+        * size
     )
     body = np.array([n in BODY_PARAMETERS for n in names])
-    least = np.where(body, MIN_BODY_STANDARD_ERRORS, MIN_FRICTION_STANDARD_ERRORS)
-    told = large & (sure > least) & (shows > np.where(body, MIN_BODY_EFFORT_SHARE, MIN_FRICTION_EFFORT_SHARE))
+    least = np.where(
+        body, AGREEMENT_THRESHOLDS.min_body_standard_errors, AGREEMENT_THRESHOLDS.min_friction_standard_errors
+    )
+    told = (
+        large
+        & (sure > least)
+        & (
+            shows
+            > np.where(body, AGREEMENT_THRESHOLDS.min_body_effort_share, AGREEMENT_THRESHOLDS.min_friction_effort_share)
+        )
+    )
     if not told.any():
         return None
 

@@ -42,6 +42,25 @@ UNTOLD_DISTANCE = "this motion does not tell the payload's inertia well enough: 
 
 
 @dataclass(frozen=True)
+class FrictionDraws:
+    """Steady states and draws at which carried friction is compared with the true friction."""
+
+    # Probability with which the carried friction may exceed the true friction somewhere.
+    exceedance_probability: float = 0.05
+    speed_grid_count: int = 9  # Number of speeds at which friction is compared
+    load_grid_count: int = 5  # Number of loads at which friction is compared
+    count: int = 2000  # Number of draws of the true friction
+    seed: int = 20261122  # Seed of these draws, so that equal fits carry equal friction
+    # Value at which a coefficient's friction per unit is asked of the core: within the bounds of every one.
+    probe_coefficient: float = 0.5
+    # Quantiles of the recorded speeds and loads between which friction counts as known.
+    recorded_quantiles: tuple[float, float] = (0.01, 0.99)
+
+
+FRICTION_DRAWS = FrictionDraws()
+
+
+@dataclass(frozen=True)
 class UnknownPayload:
     """A payload that was estimated from one recording."""
 
@@ -129,28 +148,6 @@ def _as_point(
     )
 
 
-EXCEEDANCE_PROBABILITY = 0.05
-"""Probability with which the carried friction may exceed the true friction somewhere."""
-
-SPEED_GRID_COUNT = 9
-"""Number of speeds at which friction is compared."""
-
-LOAD_GRID_COUNT = 5
-"""Number of loads at which friction is compared."""
-
-NORMAL_DRAW_COUNT = 2000
-"""Number of draws of the true friction."""
-
-NORMAL_DRAW_SEED = 20261122
-"""Seed of these draws, so that equal fits carry equal friction."""
-
-PROBE_COEFFICIENT = 0.5
-"""Value at which a coefficient's friction per unit is asked of the core: within the bounds of every one."""
-
-RECORDED_QUANTILES = (0.01, 0.99)
-"""Quantiles of the recorded speeds and loads between which friction counts as known."""
-
-
 @dataclass(frozen=True)
 class SteadyStates:
     """Steady motion both ways under loads that the drive moves, or is moved by; each (k,), SI."""
@@ -161,10 +158,10 @@ class SteadyStates:
     @classmethod
     def within(cls, velocity: np.ndarray, load: np.ndarray) -> SteadyStates:
         """Over the speeds and loads of a recording, each (m,) [rad/s or m/s], [effort]."""
-        speeds, loads = (np.quantile(np.abs(x), RECORDED_QUANTILES) for x in (velocity, load))
+        speeds, loads = (np.quantile(np.abs(x), FRICTION_DRAWS.recorded_quantiles) for x in (velocity, load))
         v, y, direction, side = np.meshgrid(
-            np.linspace(speeds[0], speeds[1], SPEED_GRID_COUNT),
-            np.linspace(loads[0], loads[1], LOAD_GRID_COUNT),
+            np.linspace(speeds[0], speeds[1], FRICTION_DRAWS.speed_grid_count),
+            np.linspace(loads[0], loads[1], FRICTION_DRAWS.load_grid_count),
             np.array((1.0, -1.0)),
             np.array((1.0, -1.0)),
             indexing="ij",
@@ -180,9 +177,11 @@ class SteadyStates:
             vector = np.zeros(len(PARAMETER_INDEX))
             # An inertia of 1 makes the load the acceleration.
             vector[PARAMETER_INDEX["inertia"]], vector[PARAMETER_INDEX[STRIBECK_VELOCITY.name]] = 1.0, stribeck_velocity
-            vector[[PARAMETER_INDEX[target] for target in SYMBOLS_BY_NAME[name].targets]] = PROBE_COEFFICIENT
+            vector[[PARAMETER_INDEX[target] for target in SYMBOLS_BY_NAME[name].targets]] = (
+                FRICTION_DRAWS.probe_coefficient
+            )
             effort = _core.inverse_dynamics(vector, still, velocity, self.load)
-            made[:, column] = (effort - self.load) * direction / PROBE_COEFFICIENT
+            made[:, column] = (effort - self.load) * direction / FRICTION_DRAWS.probe_coefficient
         return made
 
 
@@ -201,7 +200,7 @@ def carried_friction(
     least = middle
     if unsure.any():
         beyond = np.max((middle - drawn)[:, unsure] / spread[unsure], axis=1)
-        least = middle - np.quantile(beyond, 1.0 - EXCEEDANCE_PROBABILITY) * spread
+        least = middle - np.quantile(beyond, 1.0 - FRICTION_DRAWS.exceedance_probability) * spread
     bounds = [(0.0, x) for x in found]
     made = linprog(-terms.sum(axis=0), A_ub=terms, b_ub=np.maximum(least, 0.0), bounds=bounds, method="highs")
     carried = np.zeros(len(names)) if made.x is None else np.clip(made.x, 0.0, found)
@@ -212,12 +211,12 @@ def draw_normal(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Draws of a normal vector, (n, p), the same every time."""
     spread, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     root = vectors * np.sqrt(np.maximum(spread, 0.0))
-    return mean + standard_draws(len(mean), NORMAL_DRAW_SEED) @ root.T
+    return mean + standard_draws(len(mean), FRICTION_DRAWS.seed) @ root.T
 
 
 @lru_cache(maxsize=8)
 def standard_draws(count: int, seed: int) -> np.ndarray:
     """Draws of `count` independent standard normal variables, (n, count), the same every time, not to be written to."""
-    drawn = np.random.default_rng(seed).standard_normal((NORMAL_DRAW_COUNT, count))
+    drawn = np.random.default_rng(seed).standard_normal((FRICTION_DRAWS.count, count))
     drawn.flags.writeable = False
     return drawn

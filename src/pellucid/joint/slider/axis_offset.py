@@ -22,40 +22,31 @@ from ...numerics.filters import runs
 FREE_CARRIAGE_NAME = "free_carriage"
 """Protocol of recordings in which a wearer moves slowly and the carriage slides freely, as study.toml names it."""
 
-AXIS_TRAVEL_SD_M_RAD = 0.002
-"""Prior standard deviation of how far a limb's axis moves per angle, along either direction [m/rad]."""
 
-AXIS_BEND_SD_M_RAD2 = 0.001
-"""Prior standard deviation of how far its path bends per square of the angle [m/rad^2]."""
+@dataclass(frozen=True)
+class AxisOffsetPriors:
+    """What is assumed of skin, markers and a limb's axis."""
 
-TILT_SD_M = 0.0015
-"""Prior standard deviation of what a tilted axis adds to the carriage's travel twice a turn [m].
+    # Prior standard deviation of how far a limb's axis moves per angle, along either direction [m/rad].
+    axis_travel_sd_m_rad: float = 0.002
+    # Prior standard deviation of how far its path bends per square of the angle [m/rad^2].
+    axis_bend_sd_m_rad2: float = 0.001
+    # Prior standard deviation of what a tilted axis adds to the carriage's travel twice a turn [m]. An axis tilted by β
+    # adds L (1 - cos β) / 2: 1.9 mm for 10 degrees and 0.25 m.
+    tilt_sd_m: float = 0.0015
+    creep_sd_m: float = 0.002  # Prior standard deviation of how far skin gives before the carriage slides [m]
+    limb_gain_sd: float = 0.01  # Prior standard deviation of how much skin turns a limb's markers per angle [1]
+    min_range_rad: float = 0.7  # Smallest range of angles over which an axis can be told from a limb's length [rad]
+    # Speed above which the carriage slides in its direction [m/s]; below it the last direction holds.
+    sliding_speed_m_s: float = 0.001
+    min_error_m: float = 5e-4  # Smallest error that is believed of skin and markers beyond what is fitted [m]
+    # Largest number of errors of a recording that are believed to be independent [1]: skin repeats its errors.
+    max_independent_errors: float = 50.0
+    iteration_count: int = 6  # Number of linearised fits, each about the axis of the one before
+    coverage_factor: float = 1.96  # Half the width of an interval of 95 % in standard deviations [1]
 
-An axis tilted by β adds L (1 - cos β) / 2: 1.9 mm for 10 degrees and 0.25 m."""
 
-CREEP_SD_M = 0.002
-"""Prior standard deviation of how far skin gives before the carriage slides [m]."""
-
-LIMB_GAIN_SD = 0.01
-"""Prior standard deviation of how much skin turns a limb's markers per angle [1]."""
-
-MIN_RANGE_RAD = 0.7
-"""Smallest range of angles over which an axis can be told from a limb's length [rad]."""
-
-SLIDING_SPEED_M_S = 0.001
-"""Speed above which the carriage slides in its direction [m/s]; below it the last direction holds."""
-
-MIN_ERROR_M = 5e-4
-"""Smallest error that is believed of skin and markers beyond what is fitted [m]."""
-
-MAX_INDEPENDENT_ERRORS = 50.0
-"""Largest number of errors of a recording that are believed to be independent [1]: skin repeats its errors."""
-
-ITERATION_COUNT = 6
-"""Number of linearised fits, each about the axis of the one before."""
-
-COVERAGE_FACTOR = 1.96
-"""Half the width of an interval of 95 % in standard deviations [1]."""
+PRIORS = AxisOffsetPriors()
 
 
 @dataclass(frozen=True)
@@ -75,7 +66,7 @@ class AxisOffset:
     @property
     def interval(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the 95 % intervals of `along` and of `across` [m]."""
-        half = COVERAGE_FACTOR * np.sqrt(np.diag(self.covariance))
+        half = PRIORS.coverage_factor * np.sqrt(np.diag(self.covariance))
         return (
             (self.along - float(half[0]), self.along + float(half[0])),
             (self.across - float(half[1]), self.across + float(half[1])),
@@ -103,7 +94,7 @@ def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.nd
     Raises
     ------
     IdentificationError
-        If the shapes differ, samples are missing, or the joint turns by less than `MIN_RANGE_RAD`.
+        If the shapes differ, samples are missing, or the joint turns by less than `PRIORS.min_range_rad`.
 
     Examples
     --------
@@ -123,24 +114,24 @@ def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.nd
     if not (np.isfinite(q) & np.isfinite(x) & np.isfinite(theta)).all():
         raise IdentificationError("axis offset: found missing samples, expected a stretch without any")
     turned = float(np.ptp(q)) if len(q) else 0.0
-    if not turned >= MIN_RANGE_RAD:
+    if not turned >= PRIORS.min_range_rad:
         raise IdentificationError(
-            f"axis offset: found a range of {turned:.2g} rad, expected at least {MIN_RANGE_RAD:g} rad: over less an "
-            "axis cannot be told from a limb's length"
+            f"axis offset: found a range of {turned:.2g} rad, expected at least {PRIORS.min_range_rad:g} rad: over "
+            "less an axis cannot be told from a limb's length"
         )
     middle = q - 0.5 * (q.min() + q.max())
     nothing, one, sliding = np.zeros(len(q)), np.ones(len(q)), _sliding_direction(x, fs)
     cuff, axis = x * np.exp(1j * q), 0j
-    turn = LIMB_GAIN_SD * float(np.mean(x))
+    turn = PRIORS.limb_gain_sd * float(np.mean(x))
     prior_sd = np.array(
         [1.0] * 4
-        + [AXIS_TRAVEL_SD_M_RAD] * 2
-        + [AXIS_BEND_SD_M_RAD2] * 2
-        + [TILT_SD_M] * 2
-        + [CREEP_SD_M, turn, 0.5 * turn]
+        + [PRIORS.axis_travel_sd_m_rad] * 2
+        + [PRIORS.axis_bend_sd_m_rad2] * 2
+        + [PRIORS.tilt_sd_m] * 2
+        + [PRIORS.creep_sd_m, turn, 0.5 * turn]
     )
-    variances = [MIN_ERROR_M**2 * len(q) / MAX_INDEPENDENT_ERRORS] * 2
-    for _ in range(ITERATION_COUNT):
+    variances = [PRIORS.min_error_m**2 * len(q) / PRIORS.max_independent_errors] * 2
+    for _ in range(PRIORS.iteration_count):
         reach, angle = np.abs(cuff - axis), np.unwrap(np.angle(cuff - axis))
         length, cosine, sine = float(np.mean(reach)), np.cos(angle), np.sin(angle)
         # Along the limb and across it: axis, length, zero of the limb's angle, path of the axis, its tilt, creeping
@@ -162,15 +153,15 @@ def estimate_axis_offset(position: np.ndarray, carriage: np.ndarray, limb: np.nd
         axis += values[0] + 1j * values[1]
         # Neighbouring errors are alike: as many samples count as there are independent ones.
         errors = [seen - columns @ values for columns, seen in sides]
-        alike = len(q) / MAX_INDEPENDENT_ERRORS
-        variances = [max(float(np.mean(e**2)) * _samples_per_error(e), MIN_ERROR_M**2 * alike) for e in errors]
+        alike = len(q) / PRIORS.max_independent_errors
+        variances = [max(float(np.mean(e**2)) * _samples_per_error(e), PRIORS.min_error_m**2 * alike) for e in errors]
     return AxisOffset(axis.real, axis.imag, np.linalg.inv(precision)[:2, :2], float(values[2]))
 
 
 def _sliding_direction(carriage: np.ndarray, fs: float) -> np.ndarray:
     """Return the direction in which the carriage slides or slid last, (n,), -1 to 1."""
     speed = np.gradient(carriage) * fs
-    slides = np.abs(speed) > SLIDING_SPEED_M_S
+    slides = np.abs(speed) > PRIORS.sliding_speed_m_s
     last = np.maximum.accumulate(np.where(slides, np.arange(len(speed)), -1))
     return np.where(last >= 0, np.sign(speed)[np.maximum(last, 0)], 0.0)
 

@@ -20,41 +20,34 @@ from ...files.optical import OpticalRecording
 from ...files.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
 from ...files.recording import Recording
 
-MAX_SEARCHED_DELAY_S = 0.25
-"""Delays between the clocks are searched up to this time in either direction."""
 
-COARSE_STEP = 0.025
-"""Delays are first tried this far apart [s]: a tenth of the fastest joint's quarter period."""
+@dataclass(frozen=True)
+class MarkerLimits:
+    """Limits of what markers and clocks may show, and of the searches in them."""
 
-COARSE_FRAMES = 1500
-"""Number of evenly picked frames in the first search."""
+    max_searched_delay_s: float = 0.25  # Delays between the clocks are searched up to this time in either direction
+    # Delays are first tried this far apart [s]: a tenth of the fastest joint's quarter period.
+    coarse_step: float = 0.025
+    coarse_frames: int = 1500  # Number of evenly picked frames in the first search
+    # Number of evenly picked frames in the final search. More would improve the delay by microseconds only.
+    fine_frames: int = 6000
+    min_turn_rad: float = 0.1  # A joint must turn by at least this to show its axis and the delay between two clocks
+    # Two clocks are aligned only if the standard error of their delay is below this: half a frame.
+    max_delay_error_s: float = 0.003
+    # A drift with a larger standard error is set to 0; quartz clocks differ by a few times this value.
+    max_drift_error: float = 10e-6
+    # A marker with a larger RMS residual did not turn with the segment: ten times a motion capture's noise.
+    max_marker_residual_m: float = 0.003
+    # A marker on a smaller circle is fixed to the room and carries no information on the axis.
+    min_circle_radius_m: float = 0.005
+    # A marker further than this from its place in the other recordings was moved, or has another marker's name.
+    min_moved_distance_m: float = 0.005
+    min_reported_delay_s: float = 0.003  # Delays above this are reported: half a frame
+    # Smallest share of gravity in the plane of rotation (10 degrees); below it the hanging direction is undefined.
+    min_gravity_share: float = 0.17
 
-FINE_FRAMES = 6000
-"""Number of evenly picked frames in the final search. More would improve the delay by microseconds only."""
 
-MIN_TURN_RAD = 0.1
-"""A joint must turn by at least this to show its axis and the delay between two clocks."""
-
-MAX_DELAY_ERROR_S = 0.003
-"""Two clocks are aligned only if the standard error of their delay is below this: half a frame."""
-
-MAX_DRIFT_ERROR = 10e-6
-"""A drift with a larger standard error is set to 0; quartz clocks differ by a few times this value."""
-
-MAX_MARKER_RESIDUAL_M = 0.003
-"""A marker with a larger RMS residual did not turn with the segment: ten times a motion capture's noise."""
-
-MIN_CIRCLE_RADIUS_M = 0.005
-"""A marker on a smaller circle is fixed to the room and carries no information on the axis."""
-
-MIN_MOVED_DISTANCE_M = 0.005
-"""A marker further than this from its place in the other recordings was moved, or has another marker's name."""
-
-MIN_REPORTED_DELAY_S = 0.003
-"""Delays above this are reported: half a frame."""
-
-MIN_GRAVITY_SHARE = 0.17
-"""Smallest share of gravity in the plane of rotation (10 degrees); below it the hanging direction is undefined."""
+LIMITS = MarkerLimits()
 
 
 @dataclass(frozen=True)
@@ -159,28 +152,29 @@ def clock_offset(
     """
     known = np.isfinite(time) & np.isfinite(angle)
     time, angle = time[known], angle[known]
-    if len(time) < 2 or np.ptp(angle) < MIN_TURN_RAD:
+    if len(time) < 2 or np.ptp(angle) < LIMITS.min_turn_rad:
         turned = np.ptp(angle) if len(angle) else 0.0
-        return _unknown(f"the joint turns by {turned:.3g} rad, expected at least {MIN_TURN_RAD:g} rad")
+        return _unknown(f"the joint turns by {turned:.3g} rad, expected at least {LIMITS.min_turn_rad:g} rad")
     own = optical_time - optical_time[0]
     inside = np.flatnonzero(
-        (optical_time >= time[0] + MAX_SEARCHED_DELAY_S) & (optical_time <= time[-1] - MAX_SEARCHED_DELAY_S)
+        (optical_time >= time[0] + LIMITS.max_searched_delay_s)
+        & (optical_time <= time[-1] - LIMITS.max_searched_delay_s)
     )
     if len(inside) < MIN_FRAMES // 4:
         return _unknown(f"only {len(inside)} frames stand well within the robot's time")
-    picked = inside[:: max(1, len(inside) // COARSE_FRAMES)]
+    picked = inside[:: max(1, len(inside) // LIMITS.coarse_frames)]
     delay = _coarse_delay(time, angle, optical_time[picked], {m: p[picked] for m, p in markers.items()}, direction)
     if delay is None:
         return _unknown("no marker that turns with the joint was seen often enough")
-    picked = inside[:: max(1, len(inside) // FINE_FRAMES)]
+    picked = inside[:: max(1, len(inside) // LIMITS.fine_frames)]
     found = _fine_delay(
         time, angle, optical_time[picked], own[picked], {m: p[picked] for m, p in markers.items()}, delay
     )
-    if not abs(found.delay) <= MAX_SEARCHED_DELAY_S:
-        return _unknown(f"no delay within {MAX_SEARCHED_DELAY_S:g} s makes the markers follow the joint")
-    if not found.delay_se <= MAX_DELAY_ERROR_S:
+    if not abs(found.delay) <= LIMITS.max_searched_delay_s:
+        return _unknown(f"no delay within {LIMITS.max_searched_delay_s:g} s makes the markers follow the joint")
+    if not found.delay_se <= LIMITS.max_delay_error_s:
         return _unknown(
-            f"the delay is only known to {1e3 * found.delay_se:.2g} ms, expected {1e3 * MAX_DELAY_ERROR_S:g} ms"
+            f"the delay is only known to {1e3 * found.delay_se:.2g} ms, expected {1e3 * LIMITS.max_delay_error_s:g} ms"
         )
     return found
 
@@ -274,7 +268,7 @@ def geometry_faults(geometry: Geometry, rail: Rail | None = None) -> list[Fault]
         _clock_fault(placement, add)
         _marker_faults(placement, geometry.carriage, add)
         if rail is not None:
-            slack = MIN_MOVED_DISTANCE_M + 3.0 * (placement.slider_se if placement.optical else 0.0)
+            slack = LIMITS.min_moved_distance_m + 3.0 * (placement.slider_se if placement.optical else 0.0)
             if not rail.low - slack <= placement.slider <= rail.high + slack:
                 found = f"the carriage at {1e3 * placement.slider:.1f} mm"
                 expected = f"{1e3 * rail.low:.0f} mm to {1e3 * rail.high:.0f} mm as [rig.slider] says"
@@ -288,7 +282,7 @@ def _clock_fault(placement: Placement, add) -> None:
     if not placement.aligned:
         taken = f"a delay of {1e3 * placement.delay:.1f} ms is taken"
         add("note", "clock", "time", f"no delay: {placement.reason}", f"a motion that aligns the clocks; {taken}")
-    elif abs(placement.delay) > MIN_REPORTED_DELAY_S:
+    elif abs(placement.delay) > LIMITS.min_reported_delay_s:
         way = "later" if placement.delay > 0 else "earlier"
         drift = f", {1e6 * placement.drift:+.0f} ppm" if placement.drift else ""
         found = (
@@ -300,10 +294,12 @@ def _clock_fault(placement: Placement, add) -> None:
 
 def _marker_faults(placement: Placement, carriage: str, add) -> None:
     for marker, residual in placement.residuals.items():
-        if residual > MAX_MARKER_RESIDUAL_M:
+        if residual > LIMITS.max_marker_residual_m:
             found = f"it {1e3 * residual:.1f} mm rms off a rotation about the axis"
             severity = "refuse" if marker == carriage else "note"
-            expected = f"at most {1e3 * MAX_MARKER_RESIDUAL_M:g} mm: markers that swapped names, or one that came loose"
+            expected = (
+                f"at most {1e3 * LIMITS.max_marker_residual_m:g} mm: markers that swapped names, or one that came loose"
+            )
             add(severity, "marker", marker, found, expected)
     for marker, distance in placement.moved.items():
         if marker == carriage:
@@ -315,12 +311,12 @@ def _marker_faults(placement: Placement, carriage: str, add) -> None:
                 "marker",
                 marker,
                 found,
-                f"at most {1e3 * MIN_MOVED_DISTANCE_M:g} mm: it was moved, or bears another's name",
+                f"at most {1e3 * LIMITS.min_moved_distance_m:g} mm: it was moved, or bears another's name",
             )
     if (
         placement.optical
         and placement.ruler is not None
-        and abs(placement.slider - placement.ruler) > MIN_MOVED_DISTANCE_M
+        and abs(placement.slider - placement.ruler) > LIMITS.min_moved_distance_m
     ):
         found = f"the carriage at {1e3 * placement.slider:.1f} mm"
         add("note", "place", carriage, found, f"{1e3 * placement.ruler:.1f} mm as the ruler says")
@@ -332,8 +328,8 @@ def _unknown(reason: str) -> ClockOffset:
 
 def _coarse_delay(time, angle, optical_time, markers, direction) -> float | None:
     """The delay among a few that leaves least, all tried at once."""
-    half = round(MAX_SEARCHED_DELAY_S / COARSE_STEP)
-    delays = COARSE_STEP * np.arange(-half, half + 1)
+    half = round(LIMITS.max_searched_delay_s / LIMITS.coarse_step)
+    delays = LIMITS.coarse_step * np.arange(-half, half + 1)
     q = np.interp(optical_time - delays[:, None], time, angle)
     basis = np.stack([np.ones_like(q), np.cos(q), np.sin(q)], axis=2)
     left, turns = np.zeros(len(delays)), np.zeros((len(delays), 3))
@@ -394,13 +390,13 @@ def _fine_delay(time, angle, optical_time, own, markers, delay) -> ClockOffset:
             move = np.array([slope[0] / curvature[0, 0], 0.0])
             # A drift is looked for where it can be told, once the delay is found.
             if abs(move[0]) < 1e-4 or step == 4:
-                drifting = _drift_error(curvature, variance) < MAX_DRIFT_ERROR
+                drifting = _drift_error(curvature, variance) < LIMITS.max_drift_error
                 if drifting:
                     move = np.linalg.solve(curvature, slope)
         else:
             move = np.linalg.solve(curvature, slope)
         delay, drift = delay + float(move[0]), drift + float(move[1])
-        if not abs(delay) < 2 * MAX_SEARCHED_DELAY_S:
+        if not abs(delay) < 2 * LIMITS.max_searched_delay_s:
             break
         if abs(move[0]) < 1e-7 and abs(move[1]) < 1e-8:
             break
@@ -454,7 +450,7 @@ class _Track:
         within = np.isfinite(self.angle)
         self.basis = np.column_stack([np.ones(len(within)), np.cos(self.angle), np.sin(self.angle)])
         turned = float(np.ptp(self.angle[within])) if within.any() else 0.0
-        self.moves = turned >= MIN_TURN_RAD
+        self.moves = turned >= LIMITS.min_turn_rad
         self.frames = {m: _one_stretch(within & np.isfinite(p[:, 0])) for m, p in markers.items()}
         self.circles = [c for m in markers if (c := self._circle(m)) is not None]
 
@@ -489,14 +485,13 @@ def _axis(tracks: Sequence[_Track]) -> Axis:
         for t in tracks
         if t.moves
         for c in t.circles
-        if np.hypot(*np.linalg.norm(c.swing, axis=1)) > MIN_CIRCLE_RADIUS_M
+        if np.hypot(*np.linalg.norm(c.swing, axis=1)) > LIMITS.min_circle_radius_m
     ]
-    sound = [c for c in circles if c.variance < MAX_MARKER_RESIDUAL_M**2] or circles
+    sound = [c for c in circles if c.variance < LIMITS.max_marker_residual_m**2] or circles
     if not sound:
         raise RecordingError(
-            f"found no recording in which the joint turns by {MIN_TURN_RAD:g} rad and a marker with it, with both "
-            "clocks "
-            "aligned; expected one at least, to show the joint's axis"
+            f"found no recording in which the joint turns by {LIMITS.min_turn_rad:g} rad and a marker with it, with "
+            "both clocks aligned; expected one at least, to show the joint's axis"
         )
     swings, sense = np.zeros((3, 3)), np.zeros(3)
     for c in sound:
@@ -586,7 +581,7 @@ def _hanging(direction: np.ndarray, optical: OpticalRecording) -> tuple[np.ndarr
     """Where a hanging segment points, and where it goes when it is lifted, each shape (3,)."""
     x0 = optical.down - (optical.down @ direction) * direction
     share = float(np.linalg.norm(x0))
-    if share < MIN_GRAVITY_SHARE:
+    if share < LIMITS.min_gravity_share:
         raise RecordingError(
             f"{optical.path.name}: found an axis within {np.degrees(np.arcsin(share)):.2g} degrees of [optical] down, "
             "expected one across it: no angle of the joint hangs"
@@ -627,7 +622,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[ClockOffset]:
 def _way(recording: Recording, clock: ClockOffset) -> np.ndarray:
     """About what direction the markers turn, of length 1, shape (3,)."""
     optical = _optical_of(recording)
-    few = slice(None, None, max(1, len(optical) // COARSE_FRAMES))
+    few = slice(None, None, max(1, len(optical) // LIMITS.coarse_frames))
     sound = recording.sound
     angle = np.interp(clock.robot_time(optical.time)[few], recording.time[sound], recording["position"][sound])
     turned = sum(
@@ -672,11 +667,11 @@ def _usual_places(places: Sequence[Mapping[str, _Place]], carriages: set[str]) -
 
 def _moved(place: Mapping[str, _Place], usually: Mapping[str, np.ndarray], carriage: str) -> dict[str, float]:
     distances = {m: float(np.linalg.norm(place[m].at - at)) for m, at in usually.items() if m in place}
-    moved = {m: distance for m, distance in sorted(distances.items()) if distance > MIN_MOVED_DISTANCE_M}
+    moved = {m: distance for m, distance in sorted(distances.items()) if distance > LIMITS.min_moved_distance_m}
     for marker, at in usually.items():
         # The carriage on another marker's place, while that one is elsewhere: they have swapped names.
         distance = float(np.linalg.norm(place[carriage].at - at))
-        if distance < MIN_MOVED_DISTANCE_M and marker in moved:
+        if distance < LIMITS.min_moved_distance_m and marker in moved:
             moved[carriage] = distance
     return moved
 

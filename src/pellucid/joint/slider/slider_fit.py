@@ -80,6 +80,25 @@ SETTLED_HOLD_SHARE = 0.6
 
 
 @dataclass(frozen=True)
+class TravelSearch:
+    """Settings of the search for the presliding travel in slow reversals."""
+
+    # Cut-off of the low-pass on position and effort. A joint breaks away within a tenth of a second.
+    lowpass_hz: float = 15.0
+    # Range of motion on either side of a reversal that is used. The largest travel is less than half of it.
+    turn_band_rad: float = 12e-3
+    min_travel_rad: float = 2e-5  # Smallest travel that is tried, below the resolution of most encoders
+    max_travel_rad: float = 4.8e-3  # Largest travel that is tried
+    candidate_count: int = 25  # Number of travels that are tried before the search is refined
+    # Last share of the band before a reversal that is fitted. Before it, some contacts are not yet dragged along.
+    kept_band_share: float = 0.6
+    min_turn_count: int = 6  # Smallest number of reversals, from which the median has a 95 % interval
+
+
+TRAVEL_SEARCH = TravelSearch()
+
+
+@dataclass(frozen=True)
 class SliderMotion:
     """One recording with the carriage at one place."""
 
@@ -216,28 +235,6 @@ def derivative(samples: np.ndarray, fs: float) -> np.ndarray:
     return rate
 
 
-LOWPASS_HZ = 15.0
-"""Cut-off of the low-pass on position and effort. A joint breaks away within a tenth of a second."""
-
-TURN_BAND_RAD = 12e-3
-"""Range of motion on either side of a reversal that is used. The largest travel is less than half of it."""
-
-MIN_TRAVEL_RAD = 2e-5
-"""Smallest travel that is tried, below the resolution of most encoders."""
-
-MAX_TRAVEL_RAD = 4.8e-3
-"""Largest travel that is tried."""
-
-TRAVEL_CANDIDATE_COUNT = 25
-"""Number of travels that are tried before the search is refined."""
-
-KEPT_BAND_SHARE = 0.6
-"""Last share of the band before a reversal that is fitted. Before it, some contacts are not yet dragged along."""
-
-MIN_TURN_COUNT = 6
-"""Smallest number of reversals, from which the median has a 95 % interval."""
-
-
 def find_turns(position: np.ndarray) -> list[tuple[int, int, int]]:
     """Find the reversals of a motion, shape (n,) [rad], that move by more than the band on either side.
 
@@ -247,12 +244,12 @@ def find_turns(position: np.ndarray) -> list[tuple[int, int, int]]:
     found, far, up = [], 0, None
     for k, here in enumerate(position):
         if up is None:
-            if abs(here - position[0]) > TURN_BAND_RAD:
+            if abs(here - position[0]) > TRAVEL_SEARCH.turn_band_rad:
                 far, up = k, here > position[0]
         elif (here > position[far]) == up:
             far = k
-        elif abs(here - position[far]) > TURN_BAND_RAD:
-            before = np.flatnonzero(np.abs(position[:far] - position[far]) > TURN_BAND_RAD)
+        elif abs(here - position[far]) > TRAVEL_SEARCH.turn_band_rad:
+            before = np.flatnonzero(np.abs(position[:far] - position[far]) > TRAVEL_SEARCH.turn_band_rad)
             if len(before):
                 found.append((int(before[-1]), far, k))
             far, up = k, not up
@@ -264,7 +261,9 @@ def travel_of_turn(position: np.ndarray, velocity: np.ndarray, effort: np.ndarra
 
     `position`, `velocity` and `effort`, each of shape (n,), are the samples around it, and `turn` is its sample.
     """
-    kept = (np.abs(position - position[turn]) < KEPT_BAND_SHARE * TURN_BAND_RAD) | (np.arange(len(position)) > turn)
+    kept = (np.abs(position - position[turn]) < TRAVEL_SEARCH.kept_band_share * TRAVEL_SEARCH.turn_band_rad) | (
+        np.arange(len(position)) > turn
+    )
     plain = np.column_stack([np.ones(len(position)), position - position[turn], velocity])
 
     def left(travel: float) -> float:
@@ -274,9 +273,9 @@ def travel_of_turn(position: np.ndarray, velocity: np.ndarray, effort: np.ndarra
 
     from scipy.optimize import minimize_scalar
 
-    tried = np.geomspace(MIN_TRAVEL_RAD, MAX_TRAVEL_RAD, TRAVEL_CANDIDATE_COUNT)
+    tried = np.geomspace(TRAVEL_SEARCH.min_travel_rad, TRAVEL_SEARCH.max_travel_rad, TRAVEL_SEARCH.candidate_count)
     best = int(np.argmin([left(x) for x in tried]))
-    ends = np.log(tried[[max(best - 1, 0), min(best + 1, TRAVEL_CANDIDATE_COUNT - 1)]])
+    ends = np.log(tried[[max(best - 1, 0), min(best + 1, TRAVEL_SEARCH.candidate_count - 1)]])
     return float(np.exp(minimize_scalar(lambda x: left(np.exp(x)), bounds=tuple(ends), method="bounded").x))
 
 
@@ -287,19 +286,19 @@ def presliding_travel(recorded: Sequence[tuple[np.ndarray, np.ndarray, float]]) 
     """
     found = []
     for position, effort, fs in recorded:
-        thin = max(int(fs / (13.0 * LOWPASS_HZ)), 1)
-        q, tau = (zero_phase_lowpass(x, LOWPASS_HZ, 2, fs)[::thin] for x in (position, effort))
+        thin = max(int(fs / (13.0 * TRAVEL_SEARCH.lowpass_hz)), 1)
+        q, tau = (zero_phase_lowpass(x, TRAVEL_SEARCH.lowpass_hz, 2, fs)[::thin] for x in (position, effort))
         velocity = np.gradient(q) * (fs / thin)
         for first, turn, last in find_turns(q):
             part = slice(first, last)
             found.append(travel_of_turn(q[part], velocity[part], tau[part], turn - first))
-    if len(found) < MIN_TURN_COUNT:
+    if len(found) < TRAVEL_SEARCH.min_turn_count:
         return None
     low, high = _median_interval(np.sort(found))
     value = float(np.median(found))
     # A card's interval is symmetric. The wider half of the interval is used, so that no law underestimates the travel.
     error = max(high - value, value - low) / 1.959964
-    return Parameter("presliding_travel", "rad", value, error, at_bound=value < 2.0 * MIN_TRAVEL_RAD)
+    return Parameter("presliding_travel", "rad", value, error, at_bound=value < 2.0 * TRAVEL_SEARCH.min_travel_rad)
 
 
 def _median_interval(ordered: np.ndarray) -> tuple[float, float]:
@@ -380,6 +379,19 @@ class SliderFit:
         return self.estimates[method]
 
     @property
+    def sets(self) -> DirectionalSliderModel:
+        """Model of the three steps with a set of parameters for each direction."""
+        model = self["dissociated"].model
+        assert isinstance(model, DirectionalSliderModel)
+        return model
+
+    def body(self, method: str) -> SliderJointModel:
+        """Return the model of one coherent body by a `method`."""
+        model = self[method].model
+        assert isinstance(model, SliderJointModel)
+        return model
+
+    @property
     def evaluated_split(self) -> str:
         """Split on which methods are evaluated: "heldout" if any held-out trial has an error, else "fitted"."""
         held = any(e.split == "heldout" and np.isfinite(e.current) for errors in self.errors.values() for e in errors)
@@ -393,16 +405,6 @@ class SliderFit:
     def evaluated_error(self, method: str) -> float:
         """Return the mean over those trials of the mean absolute current error [A]; NaN if there are none."""
         return float(np.mean([e.current for e in self.evaluated(method)] or [np.nan]))
-
-    def mean_error(self, method: str, recordings: tuple[str, ...] | None = None) -> float:
-        """Return the mean over trials of the mean absolute current error [A], over `recordings` or all held-out
-        ones."""
-        chosen = [
-            e.current
-            for e in self.errors[method]
-            if (e.split == "heldout" if recordings is None else e.recording in recordings)
-        ]
-        return float(np.mean(chosen)) if chosen else float("nan")
 
 
 STEP_PROTOCOLS = ("constant_velocity", "swept_sine")
@@ -445,9 +447,7 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
     return make_parameters(names, units, values, covariance)
 
 
-def three_steps(
-    motions: Sequence[SliderMotion], *, dissociated: bool, method: str = ""
-) -> SliderEstimate:
+def three_steps(motions: Sequence[SliderMotion], *, dissociated: bool, method: str = "") -> SliderEstimate:
     """Run steps 2 and 3 of the published identification."""
     steady, swept = ([m for m in motions if m.protocol == step] for step in STEP_PROTOCOLS)
     require_both_directions(steady)
@@ -470,9 +470,7 @@ def three_steps(
     return _estimate(method, sets, covariance, samples + len(left), left - inertia @ found3)
 
 
-def all_at_once(
-    motions: Sequence[SliderMotion], *, dissociated: bool, method: str = ""
-) -> SliderEstimate:
+def all_at_once(motions: Sequence[SliderMotion], *, dissociated: bool, method: str = "") -> SliderEstimate:
     """Fit the same model in one regression over motions that excite all of its terms."""
     require_both_directions(motions)
     require_places(motions)
@@ -543,9 +541,7 @@ def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
     return np.hstack([part[:, terms] for part in sets])
 
 
-def _solve(
-    w: np.ndarray, y: np.ndarray, lengths: list[int], terms: slice, where: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _solve(w: np.ndarray, y: np.ndarray, lengths: list[int], terms: slice, where: str) -> tuple[np.ndarray, np.ndarray]:
     copies = w.shape[1] // (terms.stop - terms.start)
     names = [name + suffix for suffix in _suffixes(copies) for name in PARAMETER_NAMES[terms]]
     require_full_rank(names, w, where)

@@ -31,6 +31,26 @@ STRETCH_COUNT = 4
 """Number of stretches that are used of a long recording."""
 
 
+@dataclass(frozen=True)
+class ClockSearch:
+    """Settings of the search for the offset and the drift of a joined clock."""
+
+    max_offset_distance_s: float = 60.0  # Largest distance of an offset from the first guess in the search [s]
+    # Distance of neighbouring offsets in the search [s]. Joints swing slower than ten times a second.
+    offset_step_s: float = 0.01
+    # Another offset is ambiguous if its residual share is below this multiple of the best one's.
+    ambiguity_ratio: float = 1.2
+    max_unexplained_share: float = 0.5  # An offset is refused if more than this share of the effort remains unexplained
+    trial_sample_count: int = 1500  # Approximate number of samples with which offsets are tried
+    # A clock drift is used only if it differs from zero by more than this many standard errors.
+    min_drift_standard_errors: float = 4.0
+    max_refinements: int = 3  # Largest number of refinements of an offset
+    offset_tolerance_s: float = 1e-4  # Refinement stops when the offset changes by less than this [s]
+
+
+CLOCK_SEARCH = ClockSearch()
+
+
 def simple_model(study: Study) -> JointModel:
     """Return the model with symmetric friction; payloads are part of the joint if the drive constant is unknown."""
     unit = drive_model(study.rig).effort_unit
@@ -58,31 +78,6 @@ def thin_recordings(recordings: Sequence[Recording], most: int = MAX_SAMPLES) ->
     return made
 
 
-MAX_OFFSET_DISTANCE_S = 60.0
-"""Largest distance of an offset from the first guess in the search [s]."""
-
-OFFSET_STEP_S = 0.01
-"""Distance of neighbouring offsets in the search [s]. Joints swing slower than ten times a second."""
-
-AMBIGUITY_RATIO = 1.2
-"""Another offset is ambiguous if its residual share is below this multiple of the best one's."""
-
-MAX_UNEXPLAINED_SHARE = 0.5
-"""An offset is refused if more than this share of the effort remains unexplained."""
-
-TRIAL_SAMPLE_COUNT = 1500
-"""Approximate number of samples with which offsets are tried."""
-
-MIN_DRIFT_STANDARD_ERRORS = 4.0
-"""A clock drift is used only if it differs from zero by more than this many standard errors."""
-
-MAX_REFINEMENTS = 3
-"""Largest number of refinements of an offset."""
-
-OFFSET_TOLERANCE_S = 1e-4
-"""Refinement stops when the offset changes by less than this [s]."""
-
-
 @dataclass(frozen=True)
 class Clock:
     """A joined stream's clock, which shows time * (1 + `drift`) + `offset` [s]."""
@@ -108,7 +103,8 @@ class Clock:
         if self.drift:
             runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
         elif np.isfinite(self.drift_error):
-            runs = f"; a drift below {MIN_DRIFT_STANDARD_ERRORS * 1e6 * self.drift_error:.2g} millionths would not show"
+            least = CLOCK_SEARCH.min_drift_standard_errors * 1e6 * self.drift_error
+            runs = f"; a drift below {least:.2g} millionths would not show"
         if self.others:
             alike = ", ".join(f"{x:.2f} s" for x in self.others[:4]) + (" and more" if len(self.others) > 4 else "")
             alike = (
@@ -130,12 +126,10 @@ class Clock:
 def clocks_to_find(recording: Recording, study: Study) -> tuple[str, ...]:
     """Return the joined streams of a recording whose offset study.toml does not state."""
     entry = study.config.entry_of(recording.name)
-    tables = study.config.streams
-    return tuple(
-        stream
-        for stream in (entry.streams if entry is not None else ())
-        if tables[stream].join and tables[stream].offset == "auto" and stream not in entry.offsets
-    )
+    if entry is None:
+        return ()
+    joined = [stream for stream in entry.streams if study.config.streams[stream].join]
+    return tuple(s for s in joined if study.config.streams[s].offset == "auto" and s not in entry.offsets)
 
 
 def find_clocks(study: Study) -> tuple[Clock, ...]:
@@ -176,27 +170,29 @@ def _find_clock(recording: Recording, name: str, study: Study) -> Clock:
     def unknown(why: str) -> Clock:
         return Clock(recording.name, name, stream.path.name, first, drift=given, why=why)
 
-    drives = DRIVE_CHANNELS[study.rig.drive.kind]
+    assert study.rig.drive is not None  # without a drive no joint is identified
     # A positive delay means that the drive's file is late, or that the position's file is early.
-    sense = 1.0 if any(channel in stream for channel in drives) else -1.0
+    sense = 1.0 if any(channel in stream for channel in DRIVE_CHANNELS[study.rig.drive.kind]) else -1.0
     try:
         rough, left = _search_offsets(recording, apart, stream, first, sense, study)
-        if not len(left) or left[0] > MAX_UNEXPLAINED_SHARE:
+        if not len(left) or left[0] > CLOCK_SEARCH.max_unexplained_share:
             return unknown("its drive explains no motion that was recorded")
-        alike = rough[left < AMBIGUITY_RATIO * left[0]]
+        alike = rough[left < CLOCK_SEARCH.ambiguity_ratio * left[0]]
         # A periodic motion has several possible offsets; the one nearest to the first guess is chosen.
         offset, *others = alike[np.argsort(np.abs(alike - first), kind="stable")].tolist()
-        for _ in range(MAX_REFINEMENTS):
+        found: Delay | None = None
+        for _ in range(CLOCK_SEARCH.max_refinements):
             joined = study.rejoined(recording.name, {name: (offset, given)})
             found = _delay_of([joined], study, 1.0 / joined.fs)
             if found is None:
                 return unknown("its motion does not show it")
             offset += sense * found.value
-            if abs(found.value) < OFFSET_TOLERANCE_S:
+            if abs(found.value) < CLOCK_SEARCH.offset_tolerance_s:
                 break
+        assert found is not None  # there is at least one refinement
         low, high = sorted(offset + sense * (end - found.value) for end in (found.low, found.high))
-        found = Clock(recording.name, name, stream.path.name, offset, low, high, given, others=tuple(others))
-        return _with_drift(found, recording, sense, study) if drift == "auto" else found
+        clock = Clock(recording.name, name, stream.path.name, offset, low, high, given, others=tuple(others))
+        return _with_drift(clock, recording, sense, study) if drift == "auto" else clock
     except (PellucidError, np.linalg.LinAlgError) as error:
         return unknown(str(error))
 
@@ -213,14 +209,14 @@ def _search_offsets(
         regressors.append(model.jacobian(np.zeros(len(model.names)), motion)[1][kept])
         times.append(motion.time[kept])
     w, at = np.concatenate(regressors), np.concatenate(times)
-    some = slice(None, None, max(len(at) // TRIAL_SAMPLE_COUNT, 1))
+    some = slice(None, None, max(len(at) // CLOCK_SEARCH.trial_sample_count, 1))
     source = stream if sense > 0.0 else apart
     command = command_of(source, study.rig)
     # The command is averaged over one step of the search, to remove noise faster than the motion.
-    width = max(int(OFFSET_STEP_S * source.fs), 1)
+    width = max(int(CLOCK_SEARCH.offset_step_s * source.fs), 1)
     smooth = np.convolve(command, np.ones(width) / width, mode="same")
-    reach = min(MAX_OFFSET_DISTANCE_S, max(np.ptp(apart.time), np.ptp(stream.time)))
-    tried = np.arange(-reach, reach + OFFSET_STEP_S, OFFSET_STEP_S)
+    reach = min(CLOCK_SEARCH.max_offset_distance_s, max(np.ptp(apart.time), np.ptp(stream.time)))
+    tried = np.arange(-reach, reach + CLOCK_SEARCH.offset_step_s, CLOCK_SEARCH.offset_step_s)
     start = first if sense > 0.0 else 0.0
 
     def effort(t: np.ndarray) -> np.ndarray:
@@ -251,7 +247,7 @@ def _with_drift(clock: Clock, recording: Recording, sense: float, study: Study) 
         at = 0.5 * float(whole.time[first] + whole.time[stop - 1])
         halves.append(Alignment(sense * found.value, found.error, 1.0, 0.0, 1.0, at))
     drift, error = clock_drift(*halves)
-    if abs(drift) <= MIN_DRIFT_STANDARD_ERRORS * error:
+    if abs(drift) <= CLOCK_SEARCH.min_drift_standard_errors * error:
         return replace(clock, drift_error=error)
     # The offset refers to time zero, while the estimates refer to the middle of each half.
     at = 0.5 * float(whole.time[0] + whole.time[-1])
@@ -343,7 +339,7 @@ def find_alignments(study: Study) -> tuple[Alignment, ...]:
 def _align(recording: Recording, study: Study) -> Recording:
     found = {a.recording: a for a in find_alignments(study) if a.moved} if _has_open_delay(recording, study) else {}
     late = found.get(recording.name, found.get(""))
-    if late is None:
+    if late is None or late.delay is None:
         return recording
     return (undo_lags if late.delay.lag else shift_channels)(recording, {late.channel: late.moved})
 
@@ -366,6 +362,7 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
     if not fitted or is_worn(study):
         return
     channel = drive_channel(fitted[0], study)
+    assert channel is not None  # a recording without the drive's command is refused before
     asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)
     step = max(1.0 / r.fs for r in fitted)
     pooled = _estimate_delay(fitted, study, step)
@@ -382,9 +379,9 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
         yield from (Alignment(channel, d, d.value, asked, name) for name, d in late.items())
         by = 0.0
     else:
-        certain = pooled is not None and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0))
-        certain = certain and not pooled.doubt
-        by = pooled.value if certain else 0.0
+        by = 0.0
+        if pooled is not None and not pooled.doubt and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0)):
+            by = pooled.value
         yield Alignment(channel, pooled, by, asked)
     for r in judged:
         d = each.get(r.name)

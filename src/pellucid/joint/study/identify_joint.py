@@ -20,7 +20,7 @@ from ...study.procedures.procedure import Progress, quiet
 from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study, drive_channel
-from ...study.study_file import JointTable, Processing
+from ...study.study_file import JointTable, Processing, SeveralJoints
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
 from ..fit.estimators import EstimatorChoice
 from ..fit.fit_joint import JointEstimate
@@ -204,7 +204,7 @@ def _processing_sentence(processing: Processing, unit: str) -> str:
     return f"resampled to {processing.resample:g} Hz; {sentence}" if processing.resample else sentence
 
 
-def machine_of(rig: JointTable) -> Machine:
+def machine_of(rig: JointTable | SeveralJoints) -> Machine:
     """Return a rig's drive, with its controller if the rig states one."""
     drive, loop = drive_model(rig), rig.loop
     if loop is None:

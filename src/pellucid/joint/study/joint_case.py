@@ -19,6 +19,7 @@ from ...numerics.regression import Stack, regression_rows, stack
 from ...numerics.uncertainty import sandwich_covariance
 from ...study.pages.quantities import interval_text
 from ...study.study import Study, drive_channel
+from ...study.study_file import Drive
 from ..fit.drive_constant import LoadShares
 from ..fit.friction_family import FamilyContest, FamilyFit
 from ..fit.presliding import Presliding
@@ -62,6 +63,12 @@ class JointCase:
     def judged_on_held_out(self) -> bool:
         """Whether any recording was held out."""
         return any(m.split == "heldout" for m in self.motions)
+
+    @property
+    def drive(self) -> Drive:
+        """The joint's drive; a joint without one is not identified."""
+        assert self.study.rig.drive is not None
+        return self.study.rig.drive
 
     @property
     def rotary(self) -> bool:

@@ -34,7 +34,7 @@ MIN_ROWS_PER_PARAMETER = 10
 """A single recording's sign is checked only with more than this many rows per parameter."""
 
 
-def require_sign(model: JointModel, data: Stack, channel: str) -> None:
+def require_sign(model: JointModel, data: Stack, channel: str | None) -> None:
     """Refuse recordings in which the drive's effort has the wrong sign, in all of them or in one."""
     _refuse_reversed(model, data, channel)
     names = dict.fromkeys(m.recording for m in data.motions)
@@ -45,7 +45,7 @@ def require_sign(model: JointModel, data: Stack, channel: str) -> None:
             _refuse_reversed(model, part, channel, name)
 
 
-def _refuse_reversed(model: JointModel, data: Stack, channel: str, alone: str = "") -> None:
+def _refuse_reversed(model: JointModel, data: Stack, channel: str | None, alone: str = "") -> None:
     """Refuse data with negative work and a negative inertia; `alone` names a single recording."""
     try:
         found = solve_family(model, data, consistent=False)

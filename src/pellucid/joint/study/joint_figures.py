@@ -583,7 +583,7 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
             axis.plot(list(errors.values()), (row, row), color=colour("faint"), linewidth=1.6, zorder=2)
         for split, error in errors.items():
             axis.plot([error], [row], marker="o", markersize=6.5, color=colour(split), zorder=3)
-            right = split == max(errors, key=errors.get)
+            right = split == max(errors, key=errors.__getitem__)
             axis.annotate(
                 f"{percent(error)}", (error, row), xytext=(8 if right else -8, -0.5), textcoords="offset points",
                 ha="left" if right else "right", va="center", color=colour(split), fontsize=9,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -56,14 +56,70 @@ from .joint_case import (
 MIN_ZERO_ERROR_RAD = np.radians(3.0)
 """Smallest zero error that is reported [rad]. Smaller ones cannot be told from errors of the friction model."""
 
-MIN_ZERO_STANDARD_ERRORS = 3.0
-"""A zero error is reported only if it differs from 0 by more than this many standard errors."""
+
+@dataclass(frozen=True)
+class FindingThresholds:
+    """Thresholds of the findings on a joint, by finding."""
+
+    # A zero error is reported only if it differs from 0 by more than this many standard errors.
+    min_zero_standard_errors: float = 3.0
+    # A zero error is reported only if correcting it reduces the effort error by at least this factor.
+    min_error_reduction: float = 1.1
+    # The columns are nearly proportional if the condition number of the scaled regressor exceeds this.
+    max_condition_number: float = 100.0
+    # A recording differs by a factor on the effort if that factor is farther than this from 1.
+    min_scale_difference: float = 0.1
+    # Among at least this many fitted recordings each is tested for a payload, though its own estimate contradicts none:
+    # of two, neither can be told to be the one without it.
+    min_recordings_for_payloads: int = 3
+    # The implied constant contradicts the stated one only if they differ by more than this many standard errors.
+    min_constant_standard_errors: float = 4.0
+    # The implied constant contradicts the stated one only if they differ by more than this share.
+    min_constant_difference: float = 0.1
+    # A difference between two values is reported only if it changes the effort by more than this share (RMS).
+    min_disagreement_effort_share: float = 0.02
+    # An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a
+    # paired test finds it worse.
+    max_estimator_error_ratio: float = 1.2
+    # A drift is told if it is at least this share of the friction at the recording's median speed.
+    min_drift_level_share: float = 0.25
+    min_drift_z_value: float = 4.0  # A drift is told if it is at least this many standard errors
+    min_held_out_recordings: int = 3  # One recording is named only beside at least two others
+    # One recording explains the error if without it at most this share is left. Chosen by judgement; no measurement is
+    # recorded.
+    max_remaining_share: float = 2.0 / 3.0
+    # Two shares are the same if they differ by at most this many standard errors of their difference.
+    max_share_difference_errors: float = 3.0
+    failed_r2: float = 0.5  # A model does not explain the effort if its R2 is below this
+    # Below this number of independent samples the error is stated with a reservation.
+    min_independent_samples: float = 20.0
+    # Coverage is too low if it is below its level by more than this share of samples.
+    max_coverage_shortfall: float = 0.05
+    # The joint's model fails if it leaves at least this share of the effort's variance.
+    min_joint_unexplained_share: float = 0.5
+    # A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
+    # more.
+    max_spring_alike_share: float = 0.01
+    # If the error of the fit exceeds this [%], the model is to blame for a weak parameter and not the motion.
+    max_fit_error_percent: float = 20.0
+    # A parameter differs from 0 statistically by more than this many standard errors.
+    min_parameter_standard_errors: float = 1.96
+    # A parameter is negligible if half the width of its interval changes the effort by less than this share (RMS).
+    negligible_effort_share: float = 0.05
+    # A parameter is hidden by another if the correlation of their estimates exceeds this.
+    min_hiding_correlation: float = 0.9
+    max_half_width_share: float = 1.0 / 3.0  # An interval is wide if half of its width exceeds this share of the value
+    # The motion is to blame for a wide interval if coloured residuals alone make at least this share of its width.
+    min_statistical_share: float = 0.7
+    # The unit is wrong only if reading the angle in degrees reduces the error to at most this share.
+    max_converted_error_ratio: float = 0.5
+
+
+FINDING_THRESHOLDS = FindingThresholds()
+
 
 MAX_STANDARD_ERROR_RAD = np.radians(15.0)
 """No angle is reported if its standard error exceeds this [rad]."""
-
-MIN_ERROR_REDUCTION = 1.1
-"""A zero error is reported only if correcting it reduces the effort error by at least this factor."""
 
 TRIED_FAMILIES = ("symmetric", "directional", "load")
 """Families that are solved fast enough to be tried with a free zero."""
@@ -77,7 +133,8 @@ def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
     if (
         found is None
         or found.standard_error > MAX_STANDARD_ERROR_RAD
-        or abs(found.angle) < max(MIN_ZERO_ERROR_RAD, MIN_ZERO_STANDARD_ERRORS * found.standard_error)
+        or abs(found.angle)
+        < max(MIN_ZERO_ERROR_RAD, FINDING_THRESHOLDS.min_zero_standard_errors * found.standard_error)
     ):
         return
     half = float(np.degrees(ndtri(0.5 + 0.5 * case.level) * found.standard_error))
@@ -87,7 +144,9 @@ def report_angle_zero(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("note", f"{text} ({100 * case.level:g} %).")
         return
     turned = np.cos(found.angle) < 0.0  # both zeros then fit equally well, one of them with a negative weight
-    if not turned and not (found.p_value < SIGNIFICANCE_LEVEL and found.before > MIN_ERROR_REDUCTION * found.after):
+    if not turned and not (
+        found.p_value < SIGNIFICANCE_LEVEL and found.before > FINDING_THRESHOLDS.min_error_reduction * found.after
+    ):
         return
     unit = case.fit.model.effort_unit
     yield Verdict(
@@ -121,14 +180,10 @@ def _zero_advice(case: JointCase, angle: float) -> str:
     return f"offset = {offset:.4g} in [channels] position ({spec.unit}), or {free}"
 
 
-MAX_CONDITION_NUMBER = 100.0
-"""The columns are nearly proportional if the condition number of the scaled regressor exceeds this."""
-
-
 def report_collinear(case: JointCase) -> Iterator[Verdict]:
     """Report a condition number at which parameters trade off."""
     condition = case.fit.estimate.scaled_condition_number
-    if condition > MAX_CONDITION_NUMBER:
+    if condition > FINDING_THRESHOLDS.max_condition_number:
         yield Verdict(
             "warning",
             f"The regressor's columns are nearly collinear (condition number {condition:.0f} with columns of equal "
@@ -149,15 +204,8 @@ def report_coloured_residuals(case: JointCase) -> Iterator[Verdict]:
         )
 
 
-MIN_SCALE_DIFFERENCE = 0.1
-"""A recording differs by a factor on the effort if that factor is farther than this from 1."""
-
 MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
 """A recording differs by its encoder zero if the zeros are farther apart than this [rad]."""
-
-MIN_RECORDINGS_FOR_PAYLOADS = 3
-"""Among at least this many fitted recordings each is tested for a payload, though its own estimate contradicts none: of
-two, neither can be told to be the one without it."""
 
 
 def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
@@ -173,7 +221,7 @@ def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
         if {"gravity", "inertia"} & set(each.own) and case.fit.model.effort_unit == "N*m":
             payload = unstated_payload(*estimate_without(case, [d.recording for d in found]), each.recording, case)
         yield _verdict(case, each, rest, 12.0 - 0.01 * i, payload)
-    if not found and len(fitted) >= MIN_RECORDINGS_FOR_PAYLOADS:
+    if not found and len(fitted) >= FINDING_THRESHOLDS.min_recordings_for_payloads:
         for name in sorted(fitted):
             payload = unstated_payload(*estimate_without(case, [name]), name, case)
             if payload is not None:
@@ -209,7 +257,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
     if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
         sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
-    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > MIN_SCALE_DIFFERENCE:
+    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > FINDING_THRESHOLDS.min_scale_difference:
         sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
         do = f"Check the drive's unit, scale and sign in {which}"
     else:
@@ -217,17 +265,9 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
     return Verdict("wrong", sentence, f"{do}; or leave it out.", weight=weight)
 
 
-MIN_CONSTANT_STANDARD_ERRORS = 4.0
-"""The implied constant contradicts the stated one only if they differ by more than this many standard errors."""
-
-MIN_RELATIVE_DIFFERENCE = 0.1
-"""The implied constant contradicts the stated one only if they differ by more than this share."""
-
-
 def report_drive_constant(case: JointCase) -> Iterator[Verdict]:
     """Report the drive constant from known payloads, or that it is unknown."""
-    drive = case.study.rig.drive
-    if drive.kind == "torque" or drive.constant is not None:
+    if case.drive.kind == "torque" or case.drive.constant is not None:
         yield from _against_stated(case)
     elif case.constant is not None:
         low, high = case.constant.interval(case.level)
@@ -254,13 +294,17 @@ def _against_stated(case: JointCase) -> Iterator[Verdict]:
     if found is None:
         return
     if abs(found.value - _nearest_ratio(case, found.value)) < max(
-        MIN_RELATIVE_DIFFERENCE, MIN_CONSTANT_STANDARD_ERRORS * found.standard_error
+        FINDING_THRESHOLDS.min_constant_difference,
+        FINDING_THRESHOLDS.min_constant_standard_errors * found.standard_error,
     ):
         return
     low, high = found.interval(case.level)
-    drive = case.study.rig.drive
+    drive = case.drive
     what = "torque_constant" if case.rotary else "force_constant"
-    least, error = MIN_RELATIVE_DIFFERENCE, MIN_CONSTANT_STANDARD_ERRORS * found.standard_error
+    least, error = (
+        FINDING_THRESHOLDS.min_constant_difference,
+        FINDING_THRESHOLDS.min_constant_standard_errors * found.standard_error,
+    )
     thousand = any(abs(found.value / k - 1.0) < max(least, error / k) for k in (1e3, 1e-3))
     if thousand and drive.kind == "current":
         do = "That is the step from A to mA: check the unit of [channels] current."
@@ -289,14 +333,6 @@ def _nearest_ratio(case: JointCase, implied: float) -> float:
     mean = sum(lost) / len(lost) if lost else 0.0
     largest = 1.0 / (1.0 - mean) if mean < 1.0 else float("inf")
     return min(max(implied, 1.0 / (1.0 + mean)), largest)
-
-
-MIN_EFFORT_SHARE = 0.02
-"""A difference between two values is reported only if it changes the effort by more than this share (RMS)."""
-
-MAX_ESTIMATOR_ERROR_RATIO = 1.2
-"""An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a
-paired test finds it worse."""
 
 
 def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
@@ -344,7 +380,7 @@ def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimat
             continue
         difference = abs(other.value - parameter.value)
         sure = difference > times * np.hypot(other.standard_error, parameter.standard_error)
-        if sure and difference * parameter.influence > MIN_EFFORT_SHARE:
+        if sure and difference * parameter.influence > FINDING_THRESHOLDS.min_disagreement_effort_share:
             found.append(method)
     return found
 
@@ -359,7 +395,9 @@ def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
     if method not in found.errors:
         return False
     ratio = found.errors[method] / found.errors[found.winner] if found.errors[found.winner] else np.inf
-    return ratio > DECISIVE_ERROR_RATIO or (ratio > MAX_ESTIMATOR_ERROR_RATIO and found.worse(method))
+    return ratio > DECISIVE_ERROR_RATIO or (
+        ratio > FINDING_THRESHOLDS.max_estimator_error_ratio and found.worse(method)
+    )
 
 
 def _used(case: JointCase, involved: list[str]) -> str:
@@ -445,13 +483,6 @@ def report_family_choice(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("note", f"No richer friction family predicts better {where} than '{best}'.")
 
 
-MIN_LEVEL_SHARE = 0.25
-"""A drift is told if it is at least this share of the friction at the recording's median speed."""
-
-MIN_Z_VALUE = 4.0
-"""A drift is told if it is at least this many standard errors."""
-
-
 def report_friction_drift(case: JointCase) -> Iterator[Verdict]:
     """Report the fitted recording in which friction drifts most, and how many others there are."""
     found = []
@@ -461,7 +492,11 @@ def report_friction_drift(case: JointCase) -> Iterator[Verdict]:
             continue
         drift = find_friction_drift(each.time, each.velocity, each.residual)
         usual = _friction_at(values, float(np.median(np.abs(each.velocity))))
-        if drift is not None and abs(drift.z_value) > MIN_Z_VALUE and abs(drift.change) > MIN_LEVEL_SHARE * usual > 0.0:
+        if (
+            drift is not None
+            and abs(drift.z_value) > FINDING_THRESHOLDS.min_drift_z_value
+            and abs(drift.change) > FINDING_THRESHOLDS.min_drift_level_share * usual > 0.0
+        ):
             found.append((abs(drift.change) / usual, each, drift))
     if not found:
         return
@@ -533,30 +568,22 @@ def report_load_friction_tied(case: JointCase) -> Iterator[Verdict]:
     """Report that one coefficient represents two, and why."""
     if LOAD_FEATURE not in features_of(case.fit.model.names):
         return
-    why = case.shares.why
+    why: str = case.shares.why
     if why == "no known load" and any(mass for mass, _ in (motion.payload for motion in case.motions)):
         why = "held out"
     begins, do = REASON_TEXTS[why]
     yield Verdict("note", f"{begins} {COMMON_COEFFICIENT_TEXT}", do)
 
 
-MIN_RECORDINGS = 3
-"""One recording is named only beside at least two others."""
-
-MAX_REMAINING_SHARE = 2.0 / 3.0
-"""One recording explains the error if without it at most this share is left. Chosen by judgement; no measurement is
-recorded."""
-
-
 def report_odd_recording(case: JointCase) -> Iterator[Verdict]:
     """Report the held-out recording that explains the pooled error, and whether a payload explains it."""
     held = [p for p in case.fit.headline.predictions if p.split == "heldout"]
-    if len(held) < MIN_RECORDINGS:
+    if len(held) < FINDING_THRESHOLDS.min_held_out_recordings:
         return
     whole = _pooled_error(held)
     left = {p.recording: _pooled_error([other for other in held if other is not p]) for p in held}
     odd = min(held, key=lambda p: left[p.recording])
-    if left[odd.recording] > MAX_REMAINING_SHARE * whole:
+    if left[odd.recording] > FINDING_THRESHOLDS.max_remaining_share * whole:
         return
     text = f"Recording '{odd.recording}' explains the held-out error: {odd.effort_error:.3g} % there, "
     text += f"{left[odd.recording]:.3g} % over the others, {whole:.3g} % over all."
@@ -575,9 +602,6 @@ def _pooled_error(predictions: Sequence[Prediction]) -> float:
 
 SCALED_BY_THE_GAIN = ("gravity", "inertia")
 """Parameters that change by the same share where the gain of a drive or a torque sensor drifts."""
-
-MAX_SHARE_DIFFERENCE_ERRORS = 3.0
-"""Two shares are the same if they differ by at most this many standard errors of their difference."""
 
 
 def report_parameter_drift(case: JointCase) -> Iterator[Verdict]:
@@ -604,7 +628,7 @@ def report_parameter_drift(case: JointCase) -> Iterator[Verdict]:
     gained = [shares[name] for name in SCALED_BY_THE_GAIN if name in shares]
     if "gravity" in told and len(gained) == len(SCALED_BY_THE_GAIN):
         (one, error), (other, other_error) = gained
-        if abs(one - other) <= MAX_SHARE_DIFFERENCE_ERRORS * float(np.hypot(error, other_error)):
+        if abs(one - other) <= FINDING_THRESHOLDS.max_share_difference_errors * float(np.hypot(error, other_error)):
             text += " Inertia changes as gravity does: a drifting gain of drive or torque sensor explains that."
     do = "Let machine, drive and sensors warm up before you record, or identify the parts of the recording apart."
     yield Verdict("warning", text, do)
@@ -619,18 +643,11 @@ def report_posterior(case: JointCase) -> Iterator[Verdict]:
         yield from posterior_verdicts(compared, case.posterior, case.level)
 
 
-FAILED_R2 = 0.5
-"""A model does not explain the effort if its R2 is below this."""
-
-MIN_INDEPENDENT_SAMPLES = 20.0
-"""Below this number of independent samples the error is stated with a reservation."""
-
-
 def report_prediction(case: JointCase) -> Iterator[Verdict]:
     """Report the held-out error of the best family, its failure, or the lack of held-out recordings."""
     fit = case.fit.headline
     held = [p.residual for p in fit.predictions if p.split == "heldout"]
-    if fit.fitted_r2 < FAILED_R2:
+    if fit.fitted_r2 < FINDING_THRESHOLDS.failed_r2:
         yield Verdict(
             "wrong",
             "The fit failed: even of what was fitted, the model explains no more than "
@@ -647,7 +664,7 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
         return
     count = count_independent_samples(held)
     error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
-    if fit.heldout_r2 < FAILED_R2:
+    if fit.heldout_r2 < FINDING_THRESHOLDS.failed_r2:
         yield Verdict(
             "wrong",
             f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
@@ -657,8 +674,8 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
         )
         return
     yield from _better_on_held_out(case)
-    few, large = count < MIN_INDEPENDENT_SAMPLES, fit.heldout_effort_error > MAX_GOOD_ERROR
-    good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FAILED_R2 and not large
+    few, large = count < FINDING_THRESHOLDS.min_independent_samples, fit.heldout_effort_error > MAX_GOOD_ERROR
+    good = fit.heldout_r2 > SOUND_R2 and fit.fitted_r2 > FINDING_THRESHOLDS.failed_r2 and not large
     do = f"More than {MAX_GOOD_ERROR:g} % is no good prediction: look for what the model misses." if large else ""
     yield Verdict(
         "warning" if large else "note" if few else "good" if good else "warning",
@@ -683,17 +700,13 @@ def _better_on_held_out(case: JointCase) -> Iterator[Verdict]:
         )
 
 
-MAX_COVERAGE_SHORTFALL = 0.05
-"""Coverage is too low if it is below its level by more than this share of samples."""
-
-
 def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
     """Report a band with too low cross-validated coverage, overall or under one condition."""
     held = [p for p in case.fit.predictions if p.split == "heldout"]
     if not held:
         return
     share = np.average([p.coverage for p in held], weights=[len(p.time) for p in held])
-    if share < case.level - MAX_COVERAGE_SHORTFALL:
+    if share < case.level - FINDING_THRESHOLDS.max_coverage_shortfall:
         yield Verdict(
             "warning",
             f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples: "
@@ -701,9 +714,10 @@ def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
         )
         return
     band = case.fit.headline.band
-    for kind in ("direction", "speed", "position") if band is not None else ():
-        worst = min((c for c in band.conditions if c.kind == kind), key=lambda c: c.coverage, default=None)
-        if worst is not None and worst.coverage < case.level - 2.0 * MAX_COVERAGE_SHORTFALL:
+    conditions = band.conditions if band is not None else ()
+    for kind in ("direction", "speed", "position"):
+        worst = min((c for c in conditions if c.kind == kind), key=lambda c: c.coverage, default=None)
+        if worst is not None and worst.coverage < case.level - 2.0 * FINDING_THRESHOLDS.max_coverage_shortfall:
             yield Verdict(
                 "note",
                 f"The {100 * case.level:.3g} % prediction interval holds {100 * share:.0f} % of held-out samples, but "
@@ -774,14 +788,6 @@ def report_recording_drift(case: JointCase) -> Iterator[Verdict]:
     yield Verdict("warning", text, do)
 
 
-MIN_UNEXPLAINED_SHARE = 0.5
-"""The joint's model fails if it leaves at least this share of the effort's variance."""
-
-MAX_ALIKE_SHARE = 0.01
-"""A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
-more."""
-
-
 def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     """Report a spring that the joint's model leaves out, or takes for a weight."""
     fitted = [p for p in case.fit.predictions if p.split == "fitted"]
@@ -794,7 +800,11 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     said = f"{number(stiffness, error)} ± {number(STANDARD_ERRORS * error, digits=2)} {unit}".rstrip()
     do = 'A spring is no joint of its own: state protocol = "locked_spring" to identify it, or record the joint with '
     do += "its end free."
-    if stiffness > 0.0 and missed > MIN_UNEXPLAINED_SHARE * size and left < MAX_SPRING_UNEXPLAINED_SHARE * size:
+    if (
+        stiffness > 0.0
+        and missed > FINDING_THRESHOLDS.min_joint_unexplained_share * size
+        and left < MAX_SPRING_UNEXPLAINED_SHARE * size
+    ):
         text = f"The effort follows the position as that of a spring of {said}, which explains "
         text += f"{100.0 * (1.0 - left / size):.0f} % of its variance; the joint's model explains "
         text += f"{100.0 * max(1.0 - missed / size, 0.0):.0f} %."
@@ -808,7 +818,7 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     sure = gravity.value > STANDARD_ERRORS * gravity.standard_error
     acceleration = np.concatenate([p.acceleration for p in fitted])
     usual = USUAL_LEVER_M * gravity.value / GRAVITY * float(np.linalg.norm(acceleration))
-    shown = usual > MIN_EXCESS * np.sqrt(missed) and left <= MAX_ALIKE_SHARE * size
+    shown = usual > MIN_EXCESS * np.sqrt(missed) and left <= FINDING_THRESHOLDS.max_spring_alike_share * size
     if sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value:
         text = (
             f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text('N*m')} with an inertia below "
@@ -868,18 +878,6 @@ WEAKNESS_REASONS = {
 DEFAULT_REASON = "it never moves faster than {speed}"
 """Reason for a parameter without one of its own."""
 
-MAX_FIT_ERROR_PERCENT = 20.0
-"""If the error of the fit exceeds this [%], the model is to blame for a weak parameter and not the motion."""
-
-MIN_STANDARD_ERRORS = 1.96
-"""A parameter differs from 0 statistically by more than this many standard errors."""
-
-NEGLIGIBLE_EFFORT_SHARE = 0.05
-"""A parameter is negligible if half the width of its interval changes the effort by less than this share (RMS)."""
-
-MIN_HIDING_CORRELATION = 0.9
-"""A parameter is hidden by another if the correlation of their estimates exceeds this."""
-
 
 def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
     """Report each parameter of the best family that is on its bound or not different from zero."""
@@ -896,10 +894,13 @@ def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
                 f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to "
                 "see, or the model misses something that pushes it there.",
             )
-        elif not parameter.identifiable and abs(parameter.value) < MIN_STANDARD_ERRORS * parameter.statistical_error:
+        elif (
+            not parameter.identifiable
+            and abs(parameter.value) < FINDING_THRESHOLDS.min_parameter_standard_errors * parameter.statistical_error
+        ):
             # A neglected effect may also widen an interval; the motion is then not to blame.
             low, high = parameter.interval(case.level)
-            if 0.5 * (high - low) * parameter.influence < NEGLIGIBLE_EFFORT_SHARE:
+            if 0.5 * (high - low) * parameter.influence < FINDING_THRESHOLDS.negligible_effort_share:
                 yield Verdict(
                     "note",
                     f"{name} is indistinguishable from zero: at most {max(abs(low), abs(high)):.2g} "
@@ -908,7 +909,7 @@ def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
                 continue
             missed = case.fit.fitted_effort_error
             why = _rival(estimate, parameter.name)
-            if why is None and missed > MAX_FIT_ERROR_PERCENT:
+            if why is None and missed > FINDING_THRESHOLDS.max_fit_error_percent:
                 why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
             why = why or WEAKNESS_REASONS.get(parameter.name, DEFAULT_REASON).format(speed=speed)
             yield Verdict(
@@ -927,19 +928,13 @@ def _rival(estimate: JointEstimate, name: str) -> str | None:
     correlation = estimate.covariance[i] / np.maximum(sd * sd[i], np.finfo(float).tiny)
     correlation[i] = 0.0
     j = int(np.argmax(np.abs(correlation)))
-    if abs(correlation[j]) < MIN_HIDING_CORRELATION:
+    if abs(correlation[j]) < FINDING_THRESHOLDS.min_hiding_correlation:
         return None
     return f"it trades off against {names[j].replace('_', ' ')} (correlation {correlation[j]:+.2f})"
 
 
-MAX_HALF_WIDTH_SHARE = 1.0 / 3.0
-"""An interval is wide if half of its width exceeds this share of the value."""
-
 ALWAYS_STATED_PARAMETERS = ("inertia", "gravity")
 """Parameters that every use of a model reads. A wide interval of theirs is a warning even if it changes little."""
-
-MIN_STATISTICAL_SHARE = 0.7
-"""The motion is to blame for a wide interval if coloured residuals alone make at least this share of its width."""
 
 
 def report_wide_interval(case: JointCase) -> Iterator[Verdict]:
@@ -949,7 +944,8 @@ def report_wide_interval(case: JointCase) -> Iterator[Verdict]:
     if not wide:
         return
     matters = any(
-        p.name in ALWAYS_STATED_PARAMETERS or _half_width(p, case.level) * p.influence > NEGLIGIBLE_EFFORT_SHARE
+        p.name in ALWAYS_STATED_PARAMETERS
+        or _half_width(p, case.level) * p.influence > FINDING_THRESHOLDS.negligible_effort_share
         for p in wide
     )
     said = "; ".join(_sentence(p, case.level, estimate) for p in wide)
@@ -965,7 +961,7 @@ def _half_width(parameter: Parameter, level: float) -> float:
 def _is_wide(parameter: Parameter, level: float) -> bool:
     """Whether a parameter is told from zero, has an interval to be read, and the interval is wide."""
     read = parameter.identifiable and parameter.trusted and not parameter.at_bound and parameter.influence > 0.0
-    return read and _half_width(parameter, level) > MAX_HALF_WIDTH_SHARE * abs(parameter.value)
+    return read and _half_width(parameter, level) > FINDING_THRESHOLDS.max_half_width_share * abs(parameter.value)
 
 
 def _sentence(parameter: Parameter, level: float, estimate: JointEstimate) -> str:
@@ -975,7 +971,7 @@ def _sentence(parameter: Parameter, level: float, estimate: JointEstimate) -> st
     cause = ""
     if estimate.discrepancy is not None and parameter.name in estimate.discrepancy.names:
         cause = estimate.discrepancy.of([parameter.name])[1][0]
-    if not cause or parameter.statistical_error > MIN_STATISTICAL_SHARE * parameter.standard_error:
+    if not cause or parameter.statistical_error > FINDING_THRESHOLDS.min_statistical_share * parameter.standard_error:
         cause = "the motion hardly shows it"
     else:
         cause = f"{cause} would move it"
@@ -1009,9 +1005,6 @@ def _files_of(faults: Sequence[Fault]) -> str:
     return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
 
 
-MAX_CONVERTED_ERROR_RATIO = 0.5
-"""The unit is wrong only if reading the angle in degrees reduces the error to at most this share."""
-
 MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
 """Smallest range of motion that suggests degrees [rad]. Few joints with a weight have such a range in radians."""
 
@@ -1019,14 +1012,14 @@ MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
 def report_wrong_unit(case: JointCase) -> Iterator[Verdict]:
     """Report a failed fit that succeeds with the angle read in degrees; the sine in gravity makes the difference."""
     # Radians stated as degrees cannot be detected: gravity is linear at small angles, and inertia absorbs the factor.
-    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FAILED_R2:
+    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FINDING_THRESHOLDS.failed_r2:
         return
     position = case.data.reduced([m.position for m in case.data.motions])
     if np.ptp(position) < MIN_SUSPICIOUS_RANGE_RAD:
         return
     model = case.fits.get("symmetric", case.fit).model
     error_in_radians, error_in_degrees = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
-    if error_in_degrees < MAX_CONVERTED_ERROR_RATIO * error_in_radians:
+    if error_in_degrees < FINDING_THRESHOLDS.max_converted_error_ratio * error_in_radians:
         yield Verdict(
             "wrong",
             f"The position looks like degrees declared as radians: read so, the model misses {error_in_degrees:.3g} % "

@@ -9,7 +9,7 @@ import numpy as np
 from ..._printed_command import printed_command
 from ...models.estimates import Parameter
 from ...study.drawing.drawing import Drawing, draw
-from ...study.pages.forest import Row, Table
+from ...study.pages.forest import Row, Table, number_table
 from ...study.pages.page import Answer, Page, Section, Tile
 from ...study.pages.quantities import (
     EFFORT_NAMES,
@@ -29,7 +29,6 @@ from ...study.pages.quantities import (
     value_and_half_interval,
 )
 from ...study.pages.values import Value
-from ...study.procedures.posterior_beside import pair_with_posterior
 from ...study.procedures.posterior_figures import posterior_figure
 from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.study_page import figure_tables, provenance, study_page
@@ -88,8 +87,7 @@ def page(study: Study, result: JointResult) -> Page:
         Section("recordings", "Recordings", drawings=_recordings(result)),
         Section("effort", f"Fit in {effort}", drawings=(draw(figures.effort, result, best),)),
     ]
-    motion = _simulation_drawings(result, simulated)
-    if motion:
+    if simulated is not None and (motion := _simulation_drawings(result, simulated)):
         simulation_text = (
             "A prediction of effort can look good while a simulation drifts, so the identified joint "
             f"({simulated.family} friction) is also set in motion."
@@ -133,8 +131,7 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
     good = bool(held) and error.number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
     parts = held or list(best.predictions)
-    gravity = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
-    sine, cosine = gravity
+    sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
     use = "held out" if held else "fitted"
     figure = draw(
         moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
@@ -158,11 +155,9 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
 def headline_error(fit: JointResult) -> Value:
     """Return the error that tile, sentence and tables tell: held out, or where nothing is, on what was fitted [%]."""
     best = fit.headlined
-    if np.isfinite(best.heldout_effort_error):
-        error = float(best.heldout_effort_error)
-        return Value(f"{fit.study}.headline.heldout.effort_error", error, percent(error))
-    error = float(best.fitted_effort_error)
-    return Value(f"{fit.study}.headline.effort_error", error, percent(error))
+    is_held = np.isfinite(best.heldout_effort_error)
+    error = float(best.heldout_effort_error if is_held else best.fitted_effort_error)
+    return Value(f"{fit.study}.headline.{'heldout.' if is_held else ''}effort_error", error, percent(error))
 
 
 def parameter_value(fit: JointResult, p: Parameter) -> str:
@@ -173,12 +168,11 @@ def parameter_value(fit: JointResult, p: Parameter) -> str:
 def _posterior(fit: JointResult) -> tuple[Section, ...]:
     if fit.posterior is None:
         return ()
-    compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
     text = (
         f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
         f"{fit.posterior.settled}."
     )
-    drawing = draw(posterior_figure, compared, fit.confidence)
+    drawing = draw(posterior_figure, fit.posterior_pairs, fit.confidence)
     return (Section("posterior", "Posterior", (text,), figure_tables(fit, "Posterior"), (drawing,)),)
 
 
@@ -191,9 +185,9 @@ def _recordings(fit: JointResult) -> tuple[Drawing, ...]:
     return tuple(draw(figures.recordings, group, fit, name) for group, name in zip(groups, names, strict=True))
 
 
-def _simulation_drawings(fit: JointResult, simulated: FamilyFit | None) -> tuple[Drawing, ...]:
+def _simulation_drawings(fit: JointResult, simulated: FamilyFit) -> tuple[Drawing, ...]:
     drawings = []
-    for mode in MODES if simulated is not None else ():
+    for mode in MODES:
         runs = {m: [s for s in made if s.mode == mode] for m, made in simulated.simulations.items()}
         runs = {m: made for m, made in runs.items() if made}
         if runs:
@@ -204,7 +198,7 @@ def _simulation_drawings(fit: JointResult, simulated: FamilyFit | None) -> tuple
 def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
     """Split traces into groups of nearly equal size that fit into a figure."""
     count = -(-len(traces) // figures.COLUMN_COUNT)
-    return [part for part in (traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count))]
+    return [traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count)]
 
 
 def _compared_family(fit: JointResult) -> FamilyFit | None:
@@ -220,8 +214,7 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 def _headline(study: Study, fit: JointResult) -> str:
     best, error = fit.headlined, headline_error(fit)
     effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    if wrong:
+    if any(v.kind == "wrong" for v in fit.verdicts):
         return (
             f"Mend what stands below first: until then these figures do not describe the {study.rig.joint}. The "
             f"{fit.best} friction model leaves an error of {error} % of the {effort}."
@@ -261,18 +254,10 @@ def _is_number(text: str) -> bool:
 
 def _tiles(fit: JointResult, level: float) -> list[Tile]:
     best = fit.headlined
-    tiles = []
+    split, more = "fitted", "nothing was held out"
     if np.isfinite(best.heldout_effort_error):
-        tiles.append(
-            Tile(
-                "Error on held-out data",
-                str(headline_error(fit)),
-                "%",
-                f"{percent(best.fitted_effort_error)} % on what was fitted",
-            )
-        )
-    else:
-        tiles.append(Tile("Error on fitted data", str(headline_error(fit)), "%", "nothing was held out"))
+        split, more = "held-out", f"{percent(best.fitted_effort_error)} % on what was fitted"
+    tiles = [Tile(f"Error on {split} data", str(headline_error(fit)), "%", more)]
     # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
@@ -305,29 +290,23 @@ def _tile(p: Parameter, level: float, shown: str) -> Tile:
 
 
 def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
-    booted = any(p.bootstrap is not None for p in estimate.parameters)
+    is_booted = any(p.bootstrap is not None for p in estimate.parameters)
     share = f"{100.0 * level:.4g} %"
-    heads = ["Parameter", "Value", "Unit", f"{share} interval"]
-    if booted:
-        heads.append(f"{share}, bootstrap")
-    heads += ["Relative SD", "Notes"]
+    booted_head = (f"{share}, bootstrap",) if is_booted else ()
+    heads = ("Parameter", "Value", "Unit", f"{share} interval", *booted_head, "Relative SD", "Notes")
     rows = []
-    shown = list(estimate.parameters)
-    if fit.drive_constant is not None:
-        shown.append(fit.drive_constant)
-    chosen = estimate is fit.headlined.estimate
-    for p in shown:
+    is_chosen = estimate is fit.headlined.estimate
+    for p in (*estimate.parameters, *filter(None, [fit.drive_constant])):
         if p is fit.drive_constant:
             value = str(_drive_constant(fit, p))
         else:
-            value = parameter_value(fit, p) if chosen else number(p.value, p.standard_error)
-        cells = [parameter_label(p.name), value, unit_text(p.unit) or "–"]
-        cells.append(parameter_interval(p, level))
-        if booted:
+            value = parameter_value(fit, p) if is_chosen else number(p.value, p.standard_error)
+        cells = [parameter_label(p.name), value, unit_text(p.unit) or "–", parameter_interval(p, level)]
+        if is_booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
         cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p, level)]
         rows.append(Row(tuple(cells)))
-    return Table(tuple(heads), tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
+    return Table(heads, tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
 
 
 def _families_words(fit: JointResult) -> str:
@@ -342,62 +321,43 @@ def _families_words(fit: JointResult) -> str:
 
 
 def _families(fit: JointResult) -> Table:
-    rows = []
-    for f in fit.families.values():
-        rows.append(
-            Row(
-                (
-                    f.family,
-                    FAMILIES.get(f.family, ""),
-                    str(len(f.model.symbols)),
-                    percent(f.fitted_effort_error),
-                    percent(f.heldout_effort_error),
-                    number(f.heldout_r2, digits=4),
-                ),
-                f.family == fit.best,
-            )
-        )
+    def row(f: FamilyFit, words: str, held: str) -> Row:
+        errors = (percent(f.fitted_effort_error), held, number(f.heldout_r2, digits=4))
+        return Row((f.family, words, str(len(f.model.symbols)), *errors), f.family == fit.best)
+
+    rows = [row(f, FAMILIES.get(f.family, ""), percent(f.heldout_effort_error)) for f in fit.families.values()]
     best = fit.headlined
     if best.estimate.method != fit.families[fit.best].estimate.method:
         held = str(headline_error(fit)) if np.isfinite(best.heldout_effort_error) else "–"
-        words = f"the same, by {METHODS[best.estimate.method]}: the headline"
-        errors = (percent(best.fitted_effort_error), held, number(best.heldout_r2, digits=4))
-        cells = (best.family, words, str(len(best.model.symbols)), *errors)
-        rows.append(Row(cells, True))
-    return Table(
-        ("Family", "What it knows", "Parameters", "Fitted error (%)", "Held-out error (%)", "Held-out R²"),
-        tuple(rows),
-        frozenset({2, 3, 4, 5}),
-        wide=True,
-    )
+        rows.append(row(best, f"the same, by {METHODS[best.estimate.method]}: the headline", held))
+    heads = ("Family", "What it knows", "Parameters", "Fitted error (%)", "Held-out error (%)", "Held-out R²")
+    return number_table(heads, rows, words=2)
 
 
 def _by_recording(fit: JointResult) -> Table:
     names = {p.recording: p.split for f in fit.families.values() for p in f.predictions}
     rows = []
     for recording, split in names.items():
-        cells = [recording, figures.SPLIT_LABELS.get(split, split)]
-        for f in fit.families.values():
-            found = [p for p in f.predictions if p.recording == recording]
-            cells.append(percent(found[0].effort_error) if found else "–")
+        found = [[p for p in f.predictions if p.recording == recording] for f in fit.families.values()]
+        errors = [percent(parts[0].effort_error) if parts else "–" for parts in found]
         best = [p for p in fit.headlined.predictions if p.recording == recording]
-        cells.append(f"{100.0 * best[0].coverage:.1f}" if best else "–")
-        rows.append(Row(tuple(cells)))
+        inside = f"{100.0 * best[0].coverage:.1f}" if best else "–"
+        rows.append((recording, figures.SPLIT_LABELS.get(split, split), *errors, inside))
     heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"inside the interval, {fit.best} (%)")
-    return Table(heads, tuple(rows), frozenset(range(2, len(heads))), "Effort error by recording and family.", True)
+    return number_table(heads, rows, "Effort error by recording and family.", words=2)
 
 
 def _by_condition(fit: JointResult) -> tuple[tuple[str, Table], ...]:
     band = fit.headlined.band
     if band is None:
         return ()
-    rows = [Row((c.kind, c.condition, f"{100.0 * c.coverage:.1f}", f"{c.samples}")) for c in band.conditions]
-    whose = "blocks of the fitted recordings, each predicted from the others"
+    rows = [(c.kind, c.condition, f"{100.0 * c.coverage:.1f}", f"{c.samples}") for c in band.conditions]
+    width = f"± {number(band.half_width, digits=3)} {unit_text(fit.effort_unit)}"
     caption = (
-        f"What the prediction interval of ± {number(band.half_width, digits=3)} {unit_text(fit.effort_unit)} holds "
+        f"What the prediction interval of {width} holds of blocks of the fitted recordings, each predicted from the "
+        "others, by intervals in which they had no part."
     )
-    caption += f"of {whose}, by intervals in which they had no part."
-    table = Table(("By", "", "inside the interval (%)", "Samples"), tuple(rows), frozenset({2, 3}), caption, True)
+    table = number_table(("By", "", "inside the interval (%)", "Samples"), rows, caption, words=2)
     return (("Prediction interval by condition", table),)
 
 
@@ -405,39 +365,20 @@ def _diagnostics(fit: JointResult) -> Table:
     rows = []
     for f in fit.families.values():
         e, w = f.estimate, f.estimate.whiteness
-        rows.append(
-            Row(
-                (
-                    f.family,
-                    f"{e.samples}",
-                    number(e.residual_sd, digits=3),
-                    number(e.condition_number, digits=3),
-                    number(e.scaled_condition_number, digits=3),
-                    number(w.lag1, digits=2) if w else "–",
-                    _p_value(w.p_value) if w else "–",
-                    percent(100.0 * w.effective_share) if w else "–",
-                ),
-                f.family == fit.best,
-            )
-        )
-    unit = unit_text(fit.effort_unit)
+        conditions = (number(x, digits=3) for x in (e.residual_sd, e.condition_number, e.scaled_condition_number))
+        white = ("–", "–", "–")
+        if w:
+            white = number(w.lag1, digits=2), _p_value(w.p_value), percent(100.0 * w.effective_share)
+        rows.append(Row((f.family, f"{e.samples}", *conditions, *white), f.family == fit.best))
     heads = (
-        "Family",
-        "Samples",
-        f"Residual SD ({unit})",
-        "Condition number",
-        "columns scaled",
-        "Lag-1 correlation",
-        "Ljung-Box p",
-        "Independent share (%)",
-    )
-    return Table(
+        "Family", "Samples", f"Residual SD ({unit_text(fit.effort_unit)})", "Condition number", "columns scaled",
+        "Lag-1 correlation", "Ljung-Box p", "Independent share (%)",
+    )  # fmt: skip
+    return number_table(
         heads,
-        tuple(rows),
-        frozenset(range(1, len(heads))),
+        rows,
         "How well the recordings determine the parameters, and how far the residuals are from white: the independent "
         "share is how many of 100 samples count once their correlation is allowed for.",
-        True,
     )
 
 
@@ -445,53 +386,31 @@ def _p_value(p: float) -> str:
     return "below 0.001" if p < 1e-3 else number(p, digits=2)
 
 
-def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
+def _simulated(fit: JointResult, family: FamilyFit) -> Table:
     reading = MOTION_READINGS[fit.motion]
-    rows = []
-    runs = [
-        (method, s)
-        for method, made in (family.simulations if family is not None else {}).items()
-        for s in whole_recordings(made)
-    ]
+    runs = [(method, s) for method, made in family.simulations.items() for s in whole_recordings(made)]
     places = list(dict.fromkeys((s.mode, s.recording) for _, s in runs))
+    rows = []
     for mode, recording in sorted(places, key=lambda place: list(MODES).index(place[0])):
         for method, s in ((m, s) for m, s in runs if (s.mode, s.recording) == (mode, recording)):
-            rows.append(
-                Row(
-                    (
-                        s.recording,
-                        figures.SPLIT_LABELS.get(s.split, s.split),
-                        MODES.get(s.mode, s.mode),
-                        METHODS.get(method, method),
-                        *(percent(s.errors.get(k, np.nan)) for k in ("position", "velocity", "acceleration", "effort")),
-                        number(reading.scale * s.rmse, digits=3),
-                    )
-                )
-            )
+            split = figures.SPLIT_LABELS.get(s.split, s.split)
+            errors = (percent(s.errors.get(k, np.nan)) for k in ("position", "velocity", "acceleration", "effort"))
+            rmse = number(reading.scale * s.rmse, digits=3)
+            rows.append((recording, split, MODES.get(mode, mode), METHODS.get(method, method), *errors, rmse))
     heads = (
-        "Recording",
-        "Use",
-        "Simulation",
-        "Parameters by",
-        "Position (%)",
-        "Velocity (%)",
-        "Acceleration (%)",
-        f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} (%)",
-        f"Position RMSE ({reading.position})",
-    )
-    return Table(
+        "Recording", "Use", "Simulation", "Parameters by", "Position (%)", "Velocity (%)", "Acceleration (%)",
+        f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} (%)", f"Position RMSE ({reading.position})",
+    )  # fmt: skip
+    return number_table(
         heads,
-        tuple(rows),
-        frozenset(range(4, len(heads))),
+        rows,
         "Relative errors of the simulated signals: the norm of the difference over the norm of what was measured.",
-        True,
+        words=4,
     )
 
 
-def _estimators_words(family: FamilyFit | None) -> str:
+def _estimators_words(family: FamilyFit) -> str:
     """Explain in one sentence how the estimators differ."""
-    if family is None:
-        return ""
     present = {family.estimate.method, *family.others}
     does = [text for methods, text in ESTIMATOR_EXPLANATIONS if present & set(methods)]
     return (
@@ -502,31 +421,19 @@ def _estimators_words(family: FamilyFit | None) -> str:
 
 def _estimators(family: FamilyFit, level: float) -> Table:
     estimates = {family.estimate.method: family.estimate, **family.others}
-    heads = ["Parameter", *(METHODS.get(m, m) for m in estimates)]
     rows = []
     for name in family.model.names:
         unit = unit_text(family.model.unit(name))
-        cells = [parameter_label(name) + (f" ({unit})" if unit else "")]
-        for p in (estimate.get(name) for estimate in estimates.values()):
-            if p is None:
-                cells.append("held")
-                continue
-            cells.append(value_and_half_interval(p, level, refused=family.estimate[name].refused))
-        rows.append(Row(tuple(cells)))
-    rows.append(
-        Row(
-            (
-                "Iterations",
-                *(f"{e.iterations}" + ("" if e.converged else ", not converged") for e in estimates.values()),
-            )
-        )
-    )
-    return Table(
-        tuple(heads),
-        tuple(rows),
-        frozenset(range(1, len(heads))),
+        refused = family.estimate[name].refused
+        found = [estimate.get(name) for estimate in estimates.values()]
+        values = ("held" if p is None else value_and_half_interval(p, level, refused=refused) for p in found)
+        rows.append((parameter_label(name) + (f" ({unit})" if unit else ""), *values))
+    steps = (f"{e.iterations}" + ("" if e.converged else ", not converged") for e in estimates.values())
+    rows.append(("Iterations", *steps))
+    return number_table(
+        ("Parameter", *(METHODS.get(m, m) for m in estimates)),
+        rows,
         f"Parameters of the {family.family} model, each with half its {100.0 * level:.4g} % interval.",
-        True,
     )
 
 
@@ -544,6 +451,7 @@ def _provenance(study: Study, fit: JointResult) -> Section:
 def _drive(study: Study, fit: JointResult) -> str:
     """Return the source of the effort in words."""
     drive = study.rig.drive
+    assert drive is not None  # a joint without a drive is not identified
     if drive.kind == "torque":
         return "as a sensor measured it"
     if drive.constant is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from ...models.estimates import Parameter, Verdict
 from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
 from ...study.pages.quantities import METHODS
-from ...study.procedures.posterior_beside import pair_with_posterior, posterior_rows, posterior_table
+from ...study.procedures.posterior_beside import ComparedPosterior, pair_with_posterior, posterior_rows, posterior_table
 from ...study.procedures.result import FigureTable, ParameterTable, Result
 from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
@@ -81,6 +80,13 @@ class JointResult(Result):
         return self.families[self.best].headline
 
     @property
+    def posterior_pairs(self) -> tuple[ComparedPosterior, ...]:
+        """Parameters of the best family by least squares, each with its posterior; empty without a posterior."""
+        if self.posterior is None:
+            return ()
+        return pair_with_posterior(self.families[self.best].estimate.parameters, self.posterior)
+
+    @property
     def simulated(self) -> FamilyFit | None:
         """Family whose simulations are drawn: the best one, or else the first with simulations."""
         ordered = [self.families[self.best], *self.families.values()]
@@ -99,13 +105,17 @@ class JointResult(Result):
 def complete_result(study: Study, found: JointResult) -> JointResult:
     """Add the headline, tables, rows and cards to a result."""
     cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
+    compared: tuple[FigureTable, ...] = ()
+    if found.posterior is not None:
+        title = f"Posterior beside least squares with {found.best} friction"
+        compared = (posterior_table(title, found.posterior_pairs, found.confidence),)
     return replace(
         found,
         headline=_headline(found.families, found.best) + _faults_to_correct(found.verdicts),
         tables=(
             *_tables(found.families, found.best, found.drive_constant),
             *(ParameterTable(f"Payload in recording {x.recording}", x.parameters) for x in found.payloads),
-            *_posterior_table(found),
+            *compared,
         ),
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
@@ -166,13 +176,6 @@ def _errors_by_recording(fit: FamilyFit) -> tuple[FigureTable, ...]:
     return (FigureTable("Errors of the effort by recording", ("recording", "use", "error %", "R²"), rows),)
 
 
-def _posterior_table(found: JointResult) -> tuple[FigureTable, ...]:
-    if found.posterior is None:
-        return ()
-    compared = pair_with_posterior(found.families[found.best].estimate.parameters, found.posterior)
-    return (posterior_table(f"Posterior beside least squares with {found.best} friction", compared, found.confidence),)
-
-
 def _finite(x: float) -> float | None:
     return x if np.isfinite(x) else None
 
@@ -196,31 +199,19 @@ def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
 
 def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
     """Return the model card of a family's estimate."""
-    level = study.model.confidence
     drive = drive_model(study.rig)
     fitted = [p for p in family.predictions if p.split == "fitted"]
-    error = family.heldout_effort_error
-    return ModelCard(
-        study=fit.study,
-        family=family.family,
-        method=family.estimate.method,
-        motion=fit.motion,
-        effort_unit=fit.effort_unit,
-        lifts=fit.lifts,
-        parameters=tuple(p.on_card(level) for p in family.estimate.parameters),
-        covariance=tuple(map(tuple, family.estimate.covariance.tolist())),
-        statistical=tuple(map(tuple, family.estimate.statistical.tolist())),
-        known=dict(family.model.known),
+    travel = fit.presliding.travel
+    return replace(
+        family.estimate.card(fit.study, fit.lifts),
         velocity_range=max((float(np.abs(p.velocity).max()) for p in fitted), default=0.0),
         drive={"gain": drive.gain, "back_emf": drive.back_emf},
-        heldout_effort_error=float(error) if np.isfinite(error) else None,
+        heldout_effort_error=_finite(float(family.heldout_effort_error)),
         processing=fit.filter_note,
-        confidence=level,
         checksums=dict(fit.checksums),
-        pellucid=version("pellucid"),
         joint=study.rig.joint,
         purpose=study.model.purpose,
-        presliding_travel=None if fit.presliding.travel is None else fit.presliding.travel.on_card(level),
+        presliding_travel=None if travel is None else travel.on_card(study.model.confidence),
     )
 
 
@@ -231,37 +222,31 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     other estimators.
     """
     together = combined_checksum(fit.checksums.values())
-    if fit.drive_constant is not None:
-        p = fit.drive_constant
-        yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND_NAME, "fitted", together, p.sentence())
-    if fit.presliding.travel is not None:
-        p = fit.presliding.travel
-        yield ResultRow(
-            f"{fit.study}.presliding.travel", p.value, p.unit, COMMAND_NAME, "fitted", together, p.sentence()
-        )
-    for found in fit.payloads:
-        own = ResultRow("", None, "1", COMMAND_NAME, "fitted", fit.checksums[found.recording])
-        for p in found.parameters:
-            head = f"{fit.study}.{p.name.replace('_', '.')}"
-            yield replace(own, id=f"{head}.{found.recording}", value=p.value, unit=p.unit, note=p.sentence())
-    yield from _headline_rows(fit, together)
+    bare = ResultRow("", None, "1", COMMAND_NAME, "fitted", together)
+    for name, found in (("drive.constant", fit.drive_constant), ("presliding.travel", fit.presliding.travel)):
+        if found is not None:
+            yield _parameter_row(bare, f"{fit.study}.{name}", found)
+    for payload in fit.payloads:
+        own = replace(bare, data_checksum=fit.checksums[payload.recording])
+        for p in payload.parameters:
+            yield _parameter_row(own, f"{fit.study}.{p.name.replace('_', '.')}.{payload.recording}", p)
+    yield from _headline_rows(fit, bare)
     if fit.posterior is not None:
-        plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.posterior.settled)
-        compared = pair_with_posterior(fit.families[fit.best].estimate.parameters, fit.posterior)
-        yield from posterior_rows(f"{fit.study}.{fit.best}", compared, fit.confidence, plain)
+        plain = replace(bare, note=fit.posterior.settled)
+        yield from posterior_rows(f"{fit.study}.{fit.best}", fit.posterior_pairs, fit.confidence, plain)
+    plain = replace(bare, note=fit.filter_note)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"
-        plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, fit.filter_note)
         yield from _estimate_rows(head, family.estimate, plain)
         yield replace(plain, id=f"{head}.r2", value=family.fitted_r2)
         if np.isfinite(family.heldout_r2):
             held = replace(plain, split="heldout")
             yield replace(held, id=f"{head}.heldout.effort_error", value=family.heldout_effort_error, unit="%")
             yield replace(held, id=f"{head}.heldout.r2", value=family.heldout_r2)
-        for p in family.predictions:
-            own = replace(plain, split=p.split, data_checksum=fit.checksums[p.recording])
-            yield replace(own, id=f"{head}.effort_error.{p.recording}", value=p.effort_error, unit="%")
-            yield replace(own, id=f"{head}.prediction_coverage.{p.recording}", value=100.0 * p.coverage, unit="%")
+        for each in family.predictions:
+            own = replace(plain, split=each.split, data_checksum=fit.checksums[each.recording], unit="%")
+            yield replace(own, id=f"{head}.effort_error.{each.recording}", value=each.effort_error)
+            yield replace(own, id=f"{head}.prediction_coverage.{each.recording}", value=100.0 * each.coverage)
         for method, estimate in family.others.items():
             yield from _estimate_rows(f"{head}.{method}", estimate, plain)
         for method, simulations in family.simulations.items():
@@ -269,33 +254,40 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
             yield from _simulation_rows(prefix, fit, simulations, plain)
 
 
-def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
+def _parameter_row(plain: ResultRow, name: str, p: Parameter) -> ResultRow:
+    """Return the row of a parameter with its interval in words, before what a `plain` row notes."""
+    note = f"{p.sentence()}; {plain.note}" if plain.note else p.sentence()
+    return replace(plain, id=name, value=p.value, unit=p.unit, note=note)
+
+
+def _headline_rows(fit: JointResult, bare: ResultRow) -> Iterator[ResultRow]:
     one = fit.headlined
     how = f"method {one.estimate.method}; family {fit.best}; chosen for {one.choice.purpose}"
-    plain = ResultRow("", None, "1", COMMAND_NAME, "fitted", together, how)
+    plain = replace(bare, note=how)
     head = f"{fit.study}.headline"
     for p in one.estimate.parameters:
-        note = f"{p.sentence()}; {how}; {fit.filter_note}"
-        own = replace(plain, note=note, undetermined=p.undetermined)
-        yield replace(own, id=f"{head}.{p.name}", value=p.value, unit=p.unit)
+        own = replace(plain, note=f"{how}; {fit.filter_note}", undetermined=p.undetermined)
+        yield _parameter_row(own, f"{head}.{p.name}", p)
     yield replace(plain, id=f"{head}.effort_error", value=one.fitted_effort_error, unit="%")
-    held = replace(plain, split="heldout")
     if np.isfinite(one.heldout_effort_error):
+        held = replace(plain, split="heldout")
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
-    for method, error in (one.choice.simulation.errors if one.choice.simulation else {}).items():
-        note = f"position simulated from the command, over fitted blocks left out in turn, by {method}"
-        yield replace(plain, id=f"{head}.blocks_out.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
-    for method, error in (one.choice.torque.errors if one.choice.torque else {}).items():
-        note = f"effort predicted, over blocks of the fitted recordings left out in turn, by {method}"
-        yield replace(plain, id=f"{head}.blocks_out.{method}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
+    simulated, predicted = "position simulated from the command, over fitted", "effort predicted, over"
+    contests = (
+        (one.choice.simulation, f"rmse_{unit}", scale, unit, f"{simulated} blocks"),
+        (one.choice.torque, "effort_rmse", 1.0, fit.effort_unit, f"{predicted} blocks of the fitted recordings"),
+    )
+    for contest, figure, factor, its_unit, what in contests:
+        for method, error in (contest.errors if contest else {}).items():
+            name, note = f"{head}.blocks_out.{method}.{figure}", f"{what} left out in turn, by {method}"
+            yield replace(plain, id=name, value=factor * error, unit=its_unit, note=note)
 
 
 def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:
     for p in estimate.parameters:
-        note = f"{p.sentence()}; {plain.note}"
         own = replace(plain, undetermined=p.undetermined)
-        yield replace(own, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
+        yield _parameter_row(own, f"{head}.{p.name}", p)
         yield replace(own, id=f"{head}.{p.name}.relative_sd", value=p.relative_sd, unit="%")
     yield replace(plain, id=f"{head}.condition_number", value=estimate.condition_number)
     if estimate.whiteness is not None:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
 
 from ....study.drawing.drawing import Drawing, line, one_panel, origin, tidy
@@ -203,7 +205,8 @@ def curves_panel(
     order = np.argsort(x, kind="stable")
     marker = {"marker": "o", "markersize": 4.2, "markeredgewidth": 0.0} if len(x) <= 30 else {}
     for model, values in curves.items():
-        style = {"dashes": (5, 2), "linewidth": 2.4, "zorder": 2} if model == "truth" else {"zorder": 3, **marker}
+        truth: dict[str, Any] = {"dashes": (5, 2), "linewidth": 2.4, "zorder": 2}
+        style = truth if model == "truth" else {"zorder": 3, **marker}
         axis.plot(x[order], np.asarray(values, float)[order], color=tones[model], **style)
     write_names(axis, list(tones.items()))
     tidy(axis, first=True, text=y)
@@ -224,16 +227,16 @@ def write_names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
         used += width
     # The first of each line makes room for it; the others must not widen the layout.
     for k, row in enumerate(reversed(rows)):
-        last = None
+        last: Annotation | None = None
         for text, tone in row:
-            first = last is None
-            last = axis.annotate(
-                text, (0.0, 1.0) if first else (1.0, 0.0), xytext=(0, 7 + 15 * k) if first else (14, 0),
-                xycoords="axes fraction" if first else last, textcoords="offset points",
-                va="bottom", color=tone, fontsize=9, fontweight="bold",
+            at, shift = ((0.0, 1.0), (0, 7 + 15 * k)) if last is None else ((1.0, 0.0), (14, 0))
+            written = axis.annotate(
+                text, at, xytext=shift, xycoords="axes fraction" if last is None else last,
+                textcoords="offset points", va="bottom", color=tone, fontsize=9, fontweight="bold",
                 annotation_clip=False,
             )  # fmt: skip
-            last.set_in_layout(first)
+            written.set_in_layout(last is None)
+            last = written
 
 
 def _shape(protocol: str) -> tuple[str, str]:

@@ -24,9 +24,9 @@ from ..axis_offset import FREE_CARRIAGE_NAME, AxisOffset, estimate_axis_offset
 from ..markers import Geometry, slider_geometry
 from ..slider_fit import (
     FIRST_LOAD_COEFFICIENT,
-    MIN_TURN_COUNT,
     SLIDER_METHODS,
     STEP_PROTOCOLS,
+    TRAVEL_SEARCH,
     SliderEstimate,
     SliderFit,
     SliderMotion,
@@ -62,7 +62,7 @@ def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
     require_live_effort(study)
     examined = examine(study.config, recordings)
     refused = [fault.message for fault in examined.faults if fault.severity == "refuse"]
-    if refused:
+    if refused or examined.geometry is None:
         raise UnfitRecordingError("\n".join(refused))
     checksums = {r.name: r.checksum for r in recordings}
     travel = travel_of(study.config, recordings)
@@ -148,6 +148,7 @@ def _fit(
 ) -> SliderFit:
     """Every method on the fitted motions, judged on all that move."""
     rig = config.rig
+    assert rig.slider is not None  # the procedure is asked for a joint with a carriage alone
     fitted = [m for m in motions if m.split == "fitted"]
     steps = [m for m in fitted if m.protocol in STEP_PROTOCOLS]
     at_once = [m for m in fitted if m.protocol == ALL_AT_ONCE_PROTOCOL] or steps
@@ -202,9 +203,9 @@ def trial_errors(estimate: SliderEstimate, motions: Sequence[SliderMotion], gain
     made = []
     for m in motions:
         off = (predicted(estimate, m) - m.effort)[m.scored]
-        mean = float(np.mean(np.abs(off))) if len(off) else float("nan")
-        rms = float(np.sqrt(np.mean(off**2))) if len(off) else float("nan")
-        bias = float(np.mean(off)) if len(off) else float("nan")
+        if not len(off):
+            off = np.array([np.nan])
+        mean, rms, bias = float(np.mean(np.abs(off))), float(np.sqrt(np.mean(off**2))), float(np.mean(off))
         made.append(TrialError(m.recording, m.protocol, m.split, m.slider, mean / gain, mean, rms, bias))
     return tuple(made)
 
@@ -226,50 +227,40 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     """What the figures say, in sentences."""
     error = {name: fit.evaluated_error(name) for name in fit.estimates}
     split = "held-out trials" if fit.evaluated_split == "heldout" else "fitted trials (nothing is held out)"
+    best = min(("consistent", "load"), key=lambda name: error[name])
     verdicts = [
         Verdict(
             "good" if error["dissociated"] < error["pooled"] else "warning",
             f"Dissociating the directions takes the mean current error on {split} from {error['pooled']:.4f} to "
             f"{error['dissociated']:.4f} A, a factor of {error['pooled'] / error['dissociated']:.2f}.",
         ),
-    ]
-    best = min(("consistent", "load"), key=lambda name: error[name])
-    verdicts.append(
         Verdict(
             "good" if error[best] <= 1.05 * error["dissociated"] else "note",
             f"One coherent body with {SLIDER_METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
             f"{len(fit[best].values)} parameters, the dissociated model with {len(fit['dissociated'].values)}.",
-        )
-    )
-    model = fit["dissociated"].model
+        ),
+    ]
+    model = fit.sets
     x = np.linspace(*fit.rail, 9)
     worst = min(float(model.inertia(d, x).min()) for d in ("up", "down"))
     if worst < 0.0:
-        verdicts.append(
-            Verdict("warning", f"The dissociated model's inertia is negative on the rail ({worst:.3g} kg*m^2).")
-        )
+        text = f"The dissociated model's inertia is negative on the rail ({worst:.3g} kg*m^2)."
+        verdicts.append(Verdict("warning", text))
     q = np.linspace(min(m.position.min() for m in fit.motions), max(m.position.max() for m in fit.motions), 60)
     friction = directional_friction(model, x, q)
     if friction.min() < 0.0:
-        verdicts.append(
-            Verdict(
-                "warning",
-                f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} "
-                "N*m at rest: where that is negative, such a joint would drive itself.",
-            )
+        text = (
+            f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} N*m at "
+            "rest: where that is negative, such a joint would drive itself."
         )
-    notes = [note for name in ("consistent", "load") for note in fit[name].notes]
-    verdicts += [Verdict("note", note) for note in notes]
-    verdicts.append(Verdict("note", travel_in_words(fit.travel)))
-    if LOAD_FEATURE in features_of(fit["load"].model.names):
-        verdicts.append(
-            Verdict(
-                "note",
-                "The carriage's mass is not known, so motoring and generating friction share one coefficient: weigh "
-                'the carriage and write it as [rig.slider] mass = "... kg".',
-            )
+        verdicts.append(Verdict("warning", text))
+    notes = [*(note for name in ("consistent", "load") for note in fit[name].notes), travel_in_words(fit.travel)]
+    if LOAD_FEATURE in features_of(fit.body("load").names):
+        notes.append(
+            "The carriage's mass is not known, so motoring and generating friction share one coefficient: weigh the "
+            'carriage and write it as [rig.slider] mass = "... kg".'
         )
-    return tuple(verdicts)
+    return (*verdicts, *(Verdict("note", note) for note in notes))
 
 
 def travel_in_words(travel: Parameter | None) -> str:
@@ -278,7 +269,7 @@ def travel_in_words(travel: Parameter | None) -> str:
         return (
             "Over what way friction builds up before the joint slips is not known, and no controller with dither is "
             f'offered: record slow motions that turn round, of protocol = "{REVERSALS_NAME}" (at least '
-            f"{MIN_TURN_COUNT} turns)."
+            f"{TRAVEL_SEARCH.min_turn_count} turns)."
         )
     low, high = (1e3 * max(x, 0.0) for x in travel.interval())
     if travel.at_bound:

@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...._printed_command import printed_command
+from ....models.estimates import Parameter
 from ....models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ....models.joint import GRAVITY, PARAMETER_INDEX
 from ....models.slider_joint import BODY_UNITS
 from ....study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
-from ....study.pages.forest import Row, Table
+from ....study.pages.forest import Row, Table, number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ....study.pages.page import Answer, Page, Section, Tile
 from ....study.pages.quantities import (
@@ -152,12 +153,13 @@ TRACED_METHODS = ("dissociated", "load")
 def page(study: Study, result: SliderResult) -> Page:
     """Return the report's page, figures drawn."""
     fit = result.fit
-    tiles, sections = slider_sections(fit, level=result.confidence)
+    level = result.confidence
+    sections = (_found(fit, level), _directions(fit), _errors(fit), _geometry(fit), _methods(fit, level))
     return study_page(
         title=f"{fit.study}: identified joint",
         headline=headline(fit),
         verdicts=fit.verdicts,
-        tiles=tiles,
+        tiles=slider_tiles(fit),
         sections=(*sections, _provenance(study, fit)),
         answer=_answer(study, fit),
     )
@@ -191,17 +193,6 @@ def error_value(fit: SliderFit, method: str) -> Value:
     return Value(f"{fit.study}.{method}.error", error, number(error, digits=3))
 
 
-def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
-    """Return tiles and sections for an identified joint with a carriage, figures drawn."""
-    return slider_tiles(fit), (
-        _found(fit, level),
-        _directions(fit),
-        _errors(fit),
-        _geometry(fit),
-        _methods(fit, level),
-    )
-
-
 def headline(fit: SliderFit) -> str:
     """Return the page's first sentences, which compare the methods' errors."""
     trials, use = len(fit.evaluated("pooled")), _use(fit)
@@ -217,23 +208,12 @@ def headline(fit: SliderFit) -> str:
 def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
     """Errors of the three models that matter, and how many places the carriage had."""
     places = np.unique(np.round([m.slider for m in fit.motions], 3))
-    return (
-        *(
-            Tile(
-                f"Error, {SHORT_METHOD_NAMES[m]}",
-                str(error_value(fit, m)),
-                "A",
-                f"{len(fit[m].values)} parameters; {_use(fit)} trials",
-            )
-            for m in ("pooled", "dissociated", "load")
-        ),
-        Tile(
-            "Places of the carriage",
-            f"{len(places)}",
-            "",
-            f"{1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm from the axis",
-        ),
-    )
+    tiles = []
+    for m in ("pooled", "dissociated", "load"):
+        more = f"{len(fit[m].values)} parameters; {_use(fit)} trials"
+        tiles.append(Tile(f"Error, {SHORT_METHOD_NAMES[m]}", str(error_value(fit, m)), "A", more))
+    reach = f"{1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm from the axis"
+    return (*tiles, Tile("Places of the carriage", f"{len(places)}", "", reach))
 
 
 # --- what is judged -------------------------------------------------------------------------------------------------
@@ -256,25 +236,24 @@ def _found(fit: SliderFit, level: float) -> Section:
     tables = [_parameters(fit["load"], level, f"{SLIDER_METHODS['load'].capitalize()}.", known)]
     tables.append(_parameters(fit["dissociated"], level, f"{SLIDER_METHODS['dissociated'].capitalize()}."))
     if fit.static:
-        rows = tuple(
-            Row((_words(p.name), number(p.value, p.standard_error), unit_text(p.unit), parameter_interval(p, level)))
-            for p in fit.static
-        )
-        heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval")
+        rows = tuple(Row(_cells(p, level)) for p in fit.static)
         caption = "Held still: gravity, and the mean torque that sticking adds."
-        tables.append(Table(heads, rows, frozenset({1, 3}), caption, True))
-    return Section(
-        "found",
-        "What was found",
-        (),
-        tuple(tables),
-    )
+        tables.append(Table(_heads(level), rows, frozenset({1, 3}), caption, True))
+    return Section("found", "What was found", (), tuple(tables))
+
+
+def _cells(p: Parameter, level: float) -> tuple[str, ...]:
+    """Return a parameter's first four cells in every table."""
+    return _words(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–", parameter_interval(p, level)
+
+
+def _heads(level: float) -> tuple[str, ...]:
+    return "Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval"
 
 
 def _words(name: str) -> str:
-    for suffix, words in {
-        "_up": ", up", "_down": ", down", "_positive": ", up", "_negative": ", down", "": "",
-    }.items():  # fmt: skip
+    suffixes = {"_up": ", up", "_down": ", down", "_positive": ", up", "_negative": ", down", "": ""}
+    for suffix, words in suffixes.items():
         if name.endswith(suffix) and name.removesuffix(suffix) in PARAMETER_WORDS:
             return PARAMETER_WORDS[name.removesuffix(suffix)] + words
     return name.replace("_", " ")
@@ -283,35 +262,23 @@ def _words(name: str) -> str:
 def _parameters(
     estimate: SliderEstimate, level: float, caption: str, known: Mapping[str, float] | None = None
 ) -> Table:
-    rows = [
-        Row(
-            (
-                _words(p.name),
-                number(p.value, p.standard_error),
-                unit_text(p.unit) or "–",
-                parameter_interval(p, level),
-                relative_sd(p),
-                parameter_note(p, level),
-            )
-        )
-        for p in estimate.parameters
-    ]
+    rows = [Row((*_cells(p, level), relative_sd(p), parameter_note(p, level))) for p in estimate.parameters]
     rows += [
         Row((_words(n), number(v), unit_text(BODY_UNITS.get(n, "1")), "–", "–", "weighed"))
         for n, v in (known or {}).items()
     ]
-    heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval", "Relative SD (%)", "Notes")
+    heads = (*_heads(level), "Relative SD (%)", "Notes")
     return Table(heads, tuple(rows), frozenset({1, 3, 4}), caption, True)
 
 
 def _directions(fit: SliderFit) -> Section:
     middle = 0.5 * sum(fit.rail)
     angles = _angles(fit)
-    sets, body = fit["dissociated"].model, fit["load"]
+    sets, body, values = fit.sets, fit.body("load"), fit["load"].values
     torques = {
         "up": sets.gravity("up", middle, angles),
         "down": sets.gravity("down", middle, angles),
-        SHORT_METHOD_NAMES["load"]: body.model.gravity(body.values, middle, angles),
+        SHORT_METHOD_NAMES["load"]: body.gravity(values, middle, angles),
     }
     if fit.static:
         slope, moment, cross = (p.value for p in fit.static[:3])
@@ -320,7 +287,7 @@ def _directions(fit: SliderFit) -> Section:
     inertias = {
         "up": sets.inertia("up", x),
         "down": sets.inertia("down", x),
-        SHORT_METHOD_NAMES["load"]: body.model.inertia(body.values, x),
+        SHORT_METHOD_NAMES["load"]: body.inertia(values, x),
     }
     drawings = (
         draw(
@@ -349,15 +316,12 @@ def _directions(fit: SliderFit) -> Section:
 
 def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
     """Half the torque between up and down near rest, over the load, where the load grows with the angle."""
-    body = fit["load"]
-    load = body.model.gravity(body.values, middle, angles)
+    load = fit.body("load").gravity(fit["load"].values, middle, angles)
     rising = slice(int(np.argmin(load[: np.argmax(load) + 1])), int(np.argmax(load)) + 1)
     angles, load = angles[rising], load[rising]
-    curves = {
-        SHORT_METHOD_NAMES["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]
-    }
+    curves = {SHORT_METHOD_NAMES["dissociated"]: directional_friction(fit.sets, np.array([middle]), angles)[0]}
     for method in ("consistent", "load"):
-        vector = fit[method].model.vector(fit[method].values, middle)
+        vector = fit.body(method).vector(fit[method].values, middle)
         dry, share = (
             np.mean([vector[PARAMETER_INDEX[target]] for target in term.targets])
             for term in (COULOMB_FRICTION, LOAD_FRICTION)
@@ -396,10 +360,8 @@ def _errors(fit: SliderFit) -> Section:
         means = (number(float(e[chosen].mean()), digits=3) for e in errors.values())
         rows.append(Row((protocol.replace("_", " "), f"{int(chosen.sum())}", *means)))
     rows.append(Row(("all", f"{len(names)}", *(str(error_value(fit, m)) for m in COMPARED_METHODS)), True))
-    table = Table(
-        ("Protocol", "Trials", *(f"{m} (A)" for m in errors)), tuple(rows), frozenset(range(1, 2 + len(errors))),
-        f"Mean absolute current error over {use} trials, while the joint moves.", True,
-    )  # fmt: skip
+    heads = ("Protocol", "Trials", *(f"{m} (A)" for m in errors))
+    table = number_table(heads, rows, f"Mean absolute current error over {use} trials, while the joint moves.")
     return Section(
         "errors",
         "Errors by trial",
@@ -442,22 +404,16 @@ def _geometry(fit: SliderFit) -> Section:
                 f"The cameras' clock is {number(float(delays.min()), 0.1)} to {number(float(delays.max()), 0.1)} ms "
                 "from the robot's; each recording is corrected by its own delay."
             )
-    rows = tuple(
-        Row(
-            (
-                p.recording,
-                f"{1e3 * p.slider:.2f}",
-                f"{1e3 * p.slider_se:.2g}" if np.isfinite(p.slider_se) else "–",
-                number(1e3 * p.delay, 0.1) if p.optical else "–",
-                "yes" if p.aligned else ("no" if p.optical else "ruler"),
-                f"{p.lost}" if p.optical else "–",
-            )
-        )
-        for p in g.placements
-    )
+    rows = []
+    for p in g.placements:
+        error = f"{1e3 * p.slider_se:.2g}" if np.isfinite(p.slider_se) else "–"
+        clock = ("–", "ruler", "–")
+        if p.optical:
+            clock = number(1e3 * p.delay, 0.1), "yes" if p.aligned else "no", f"{p.lost}"
+        rows.append(Row((p.recording, f"{1e3 * p.slider:.2f}", error, *clock)))
     heads = ("Recording", "Slider (mm)", "its SE (mm)", "Clock delay (ms)", "told by its motion", "Frames lost")
     table = Table(
-        heads, rows, frozenset({1, 2, 3, 5}),
+        heads, tuple(rows), frozenset({1, 2, 3, 5}),
         "Where the carriage was, and what the cameras' clock shows when the robot's shows 0.", True,
     )  # fmt: skip
     return Section("geometry", "Axis, carriage and clocks", tuple(paragraphs), (table,))
@@ -469,20 +425,10 @@ def _methods(fit: SliderFit, level: float) -> Section:
     for method, estimate in fit.estimates.items():
         error = fit.evaluated_error(method)
         seen = [e.current for e in fit.errors[method] if e.split == "fitted" and np.isfinite(e.current)]
-        rows.append(
-            Row(
-                (
-                    SLIDER_METHODS[method],
-                    f"{len(estimate.values)}",
-                    str(error_value(fit, method)),
-                    number(fit.gain * error, digits=3),
-                    number(float(np.mean(seen or [np.nan])), digits=3),
-                    number(estimate.residual_sd, digits=3),
-                    f"{estimate.samples}",
-                ),
-                method == best,
-            )
-        )
+        figures_of = (fit.gain * error, float(np.mean(seen or [np.nan])), estimate.residual_sd)
+        numbers = (number(x, digits=3) for x in figures_of)
+        first = (SLIDER_METHODS[method], f"{len(estimate.values)}", str(error_value(fit, method)))
+        rows.append(Row((*first, *numbers, f"{estimate.samples}"), method == best))
     word = _use(fit).capitalize()
     heads = (
         "Method", "Parameters", f"{word} error (A)", f"{word} error (N·m)", "Error on fitted (A)", "Residual SD (N·m)",
@@ -499,7 +445,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
         "methods",
         "Methods",
         (f"Signals: {fit.filter_note}.",),
-        (Table(heads, tuple(rows), frozenset(range(1, len(heads))), caption, True), *others),
+        (number_table(heads, rows, caption), *others),
         notes=tuple(typeset_sentence(note) for note in notes),
     )
 

@@ -53,12 +53,11 @@ def axis_tables(fit: SliderFit) -> tuple[FigureTable, ...]:
     """Return the table of where a wearer's axis lies beside the robot's, if a recording shows it."""
     if not fit.axis_offsets:
         return ()
-    rows = tuple(
-        (name, *(1e3 * x for x in (o.along, *o.interval[0], o.across, *o.interval[1])))
-        for name, o in fit.axis_offsets.items()
-    )
+    rows: list[tuple[str | float, ...]] = []
+    for name, o in fit.axis_offsets.items():
+        rows.append((name, *(1e3 * x for x in (o.along, *o.interval[0], o.across, *o.interval[1]))))
     head = ("recording", "along mm", "from", "to", "across mm", "from", "to")
-    return (FigureTable("The wearer's axis beside the robot's", head, rows),)
+    return (FigureTable("The wearer's axis beside the robot's", head, tuple(rows)),)
 
 
 def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> SliderCard:
@@ -124,12 +123,6 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             yield replace(row, data_checksum=fit.checksums.get(name))
     split = {m.recording: m.split for m in fit.motions}
     for place in fit.geometry.placements:
-        yield ResultRow(
-            f"{fit.study}.slider.{place.recording}",
-            place.slider,
-            "m",
-            COMMAND_NAME,
-            split.get(place.recording, "fitted"),
-            fit.checksums.get(place.recording),
-            "from the markers" if place.optical else "by a ruler",
-        )
+        use, checksum = split.get(place.recording, "fitted"), fit.checksums.get(place.recording)
+        note = "from the markers" if place.optical else "by a ruler"
+        yield ResultRow(f"{fit.study}.slider.{place.recording}", place.slider, "m", COMMAND_NAME, use, checksum, note)
