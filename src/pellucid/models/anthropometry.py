@@ -18,38 +18,32 @@ from types import MappingProxyType
 
 from .joint import GRAVITY
 
-WINTER_MASS = 0.061
-"""Shank with foot, share of the body's mass."""
-WINTER_CENTRE = 0.606
-"""Its centre from the knee, share of the length from knee to ankle."""
-WINTER_GYRATION = 0.416
-"""Its radius of gyration about that centre, share of the same length."""
-KNEE_TO_ANKLE = 0.246
-"""Share of the standing height."""
-KNEE_TO_SOLE = 0.285
-"""Share of the standing height: what a tape finds from the knee to the heel."""
-ANKLE_HEIGHT = 0.039
-"""Share of the standing height."""
-ELBOW_TO_WRIST = 0.146
-"""Share of the standing height."""
-FOREARM_MASS = 0.022
-"""Forearm with hand, share of the body's mass."""
-FOREARM_CENTRE = 0.682
-"""Its centre from the elbow, share of the length from elbow to wrist."""
-FOREARM_GYRATION = 0.468
-"""Its radius of gyration about that centre, share of the same length."""
-SHOULDER_TO_ELBOW = 0.186
-"""Share of the standing height."""
-UPPER_ARM_MASS = 0.028
-"""Share of the body's mass."""
-UPPER_ARM_CENTRE = 0.436
-"""Its centre from the shoulder, share of its length."""
-UPPER_ARM_GYRATION = 0.322
-"""Its radius of gyration about that centre, share of its length."""
-ARM_GYRATION_ALONG = (0.158, 0.121)
-"""Radii of gyration of upper arm and forearm about their own long axes, shares of their lengths (de Leva, male)."""
-HEEL_TO_ANKLE = 0.25
-"""Where the ankle stands over the foot, share of the foot's length from the heel: our assumption, in neither table."""
+
+@dataclass(frozen=True)
+class BodyShares:
+    """Winter's shares of a standing height, a body's mass and a segment's length; two are others'."""
+
+    shank_mass: float = 0.061  # Shank with foot, share of the body's mass
+    shank_centre: float = 0.606  # Its centre from the knee, share of the length from knee to ankle
+    shank_gyration: float = 0.416  # Its radius of gyration about that centre, share of the same length
+    knee_to_ankle: float = 0.246  # Share of the standing height
+    knee_to_sole: float = 0.285  # Share of the standing height: what a tape finds from the knee to the heel
+    ankle_height: float = 0.039  # Share of the standing height
+    elbow_to_wrist: float = 0.146  # Share of the standing height
+    forearm_mass: float = 0.022  # Forearm with hand, share of the body's mass
+    forearm_centre: float = 0.682  # Its centre from the elbow, share of the length from elbow to wrist
+    forearm_gyration: float = 0.468  # Its radius of gyration about that centre, share of the same length
+    shoulder_to_elbow: float = 0.186  # Share of the standing height
+    upper_arm_mass: float = 0.028  # Share of the body's mass
+    upper_arm_centre: float = 0.436  # Its centre from the shoulder, share of its length
+    upper_arm_gyration: float = 0.322  # Its radius of gyration about that centre, share of its length
+    # Radii of gyration of upper arm and forearm about their own long axes, shares of their lengths (de Leva, male).
+    arm_gyration_along: tuple[float, float] = (0.158, 0.121)
+    # Where the ankle stands over the foot, share of the foot's length from the heel: our assumption, in neither table.
+    heel_to_ankle: float = 0.25
+
+
+BODY_SHARES = BodyShares()
 
 
 @dataclass(frozen=True)
@@ -96,7 +90,7 @@ class Segment:
 
 def shank_length(height: float, *, to: str = "ankle") -> float:
     """Length of the shank where it was not measured. `height` [m]; gives [m]."""
-    shares = {"ankle": KNEE_TO_ANKLE, "sole": KNEE_TO_SOLE}
+    shares = {"ankle": BODY_SHARES.knee_to_ankle, "sole": BODY_SHARES.knee_to_sole}
     if to not in shares:
         raise ValueError(f'to: found {to!r}, expected "ankle" or "sole"')
     return shares[to] * _positive(height, "height")
@@ -110,8 +104,9 @@ def winter(mass: float, length: float) -> Segment:
 
     `mass` [kg]; `length` [m].
     """
-    m, reach = WINTER_MASS * _positive(mass, "mass"), _positive(length, "length")
-    return Segment(m, WINTER_CENTRE * reach, m * (WINTER_GYRATION**2 + WINTER_CENTRE**2) * reach**2)
+    shares = BODY_SHARES
+    m, reach = shares.shank_mass * _positive(mass, "mass"), _positive(length, "length")
+    return Segment(m, shares.shank_centre * reach, m * (shares.shank_gyration**2 + shares.shank_centre**2) * reach**2)
 
 
 def forearm(mass: float, height: float, *, length: float | None = None) -> Segment:
@@ -122,9 +117,11 @@ def forearm(mass: float, height: float, *, length: float | None = None) -> Segme
 
     `mass` [kg]; `height` [m]; `length` [m].
     """
-    m = FOREARM_MASS * _positive(mass, "mass")
-    reach = ELBOW_TO_WRIST * _positive(height, "height") if length is None else _positive(length, "length")
-    return Segment(m, FOREARM_CENTRE * reach, m * (FOREARM_GYRATION**2 + FOREARM_CENTRE**2) * reach**2)
+    shares = BODY_SHARES
+    m = shares.forearm_mass * _positive(mass, "mass")
+    reach = shares.elbow_to_wrist * _positive(height, "height") if length is None else _positive(length, "length")
+    inertia = m * (shares.forearm_gyration**2 + shares.forearm_centre**2) * reach**2
+    return Segment(m, shares.forearm_centre * reach, inertia)
 
 
 def de_leva(mass: float, height: float, sex: str, *, length: float | None = None) -> Segment:
@@ -135,7 +132,7 @@ def de_leva(mass: float, height: float, sex: str, *, length: float | None = None
     shank = row.shank_length * tall if length is None else _positive(length, "length")
     shank_mass, foot_mass = (share * _positive(mass, "mass") for share in (row.shank_mass, row.foot_mass))
     foot = row.foot_length * tall
-    down, forward = shank + 0.5 * ANKLE_HEIGHT * tall, (row.foot_centre - HEEL_TO_ANKLE) * foot
+    down, forward = shank + 0.5 * BODY_SHARES.ankle_height * tall, (row.foot_centre - BODY_SHARES.heel_to_ankle) * foot
     total = shank_mass + foot_mass
     centre = (shank_mass * row.shank_centre * shank + foot_mass * down) / total
     inertia = shank_mass * (row.shank_gyration**2 + row.shank_centre**2) * shank**2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import isnan
 from typing import TYPE_CHECKING
 
@@ -97,19 +97,8 @@ class Parameter:
 
     def on_card(self, level: float) -> CardParameter:
         """Return the entry of a model card for this parameter, with its interval at `level`."""
-        interval = self.interval(level)
-        return CardParameter(
-            self.name,
-            self.unit,
-            self.value,
-            self.standard_error,
-            interval,
-            self.at_bound,
-            self.identifiable,
-            self.statistical_error,
-            self.refused,
-            self.carried,
-        )
+        shared = {each.name: getattr(self, each.name) for each in fields(CardParameter) if each.name != "interval"}
+        return CardParameter(**shared, interval=self.interval(level))
 
     @property
     def relative_sd(self) -> float:

@@ -208,17 +208,8 @@ def _bounds(key: str) -> dict[str, tuple[float, float, float]]:
 def _require_tree(card: TreeCard) -> None:
     """ValueError where numbers are those of no robot, or lists of several lengths."""
     moving = sum(1 for row in card.links if row[1])
-    for what in (
-        "names",
-        "joints",
-        "turns",
-        "gains",
-        "gains_known",
-        "drive_units",
-        "effort_units",
-        "ranges",
-        "families",
-    ):
+    units = ("drive_units", "effort_units")
+    for what in ("names", "joints", "turns", "gains", "gains_known", *units, "ranges", "families"):
         found = len(getattr(card, what))
         if found != moving:
             raise ValueError(f"{what}: found {found} entries, expected {moving}, one for each joint that moves")
@@ -230,8 +221,7 @@ def _require_tree(card: TreeCard) -> None:
     if any(len(row) != moving for row in card.turns):
         raise ValueError(f"turns: expected rows of {moving} numbers")
     for what in ("names", "bodies"):
-        texts = getattr(card, what)
-        _require_names(what, texts)
+        _require_names(what, getattr(card, what))
     for unit in (*card.effort_units, *card.drive_units):
         if unit not in JOINT_EFFORT_UNITS:
             raise ValueError(

@@ -109,17 +109,8 @@ def find_holds(
         approach = (
             (1 if step > 0.0 else -1) if abs(step) > MIN_ANGLE_DIFFERENCE_RAD else (found[-1].approach if found else 0)
         )
-        found.append(
-            Hold(
-                recording,
-                float(time[start]),
-                float(time[run.stop - 1]),
-                angle,
-                float(np.mean(torque[start : run.stop])),
-                float(np.std(torque[start : run.stop])),
-                approach,
-            )
-        )
+        ends, held = (float(time[start]), float(time[run.stop - 1])), torque[start : run.stop]
+        found.append(Hold(recording, *ends, angle, float(np.mean(held)), float(np.std(held)), approach))
     if not found:
         raise IdentificationError(
             f"{recording or 'the recording'}: found no {shortest:g} s in which the joint is held still, expected some "

@@ -394,18 +394,7 @@ def make_parameters(
         coloured = error if statistical is None else float(np.sqrt(max(statistical[i, i], 0.0)))
         hidden = not bound and 1.959964 * coloured < abs(value) <= 1.959964 * error
         refused = f"what the model leaves out may be all of it, {causes[i]} first" if hidden and causes else ""
-        made.append(
-            Parameter(
-                name,
-                unit,
-                value,
-                error,
-                at_bound=bound,
-                identifiable=shown,
-                statistical_error=coloured,
-                refused=refused,
-            )
-        )
+        made.append(Parameter(name, unit, value, error, bound, shown, statistical_error=coloured, refused=refused))
     return tuple(made)
 
 

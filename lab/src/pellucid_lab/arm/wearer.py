@@ -123,12 +123,12 @@ class Person:
     @property
     def upper_arm(self) -> float:
         """Return the distance from shoulder to elbow [m]."""
-        return winter.SHOULDER_TO_ELBOW * self.height
+        return winter.BODY_SHARES.shoulder_to_elbow * self.height
 
     @property
     def forearm(self) -> float:
         """Return the distance from elbow to wrist [m]."""
-        return winter.ELBOW_TO_WRIST * self.height
+        return winter.BODY_SHARES.elbow_to_wrist * self.height
 
     def learnt(self, motion: HumanMotion) -> np.ndarray:
         """Return the torques that make a motion with the arm alone, shape (n, 4) [N m]."""
@@ -140,12 +140,12 @@ def _tree(person: Person) -> Tree:
     """Return the rigid bodies of a person's arm, with the robot's four joints."""
     names = ("upper_arm", "forearm")
     lengths = (person.upper_arm, person.forearm)
-    shares = (winter.UPPER_ARM_MASS, winter.FOREARM_MASS)
-    centres = (winter.UPPER_ARM_CENTRE, winter.FOREARM_CENTRE)
-    gyrations = (winter.UPPER_ARM_GYRATION, winter.FOREARM_GYRATION)
+    shares = (winter.BODY_SHARES.upper_arm_mass, winter.BODY_SHARES.forearm_mass)
+    centres = (winter.BODY_SHARES.upper_arm_centre, winter.BODY_SHARES.forearm_centre)
+    gyrations = (winter.BODY_SHARES.upper_arm_gyration, winter.BODY_SHARES.forearm_gyration)
     links = [Link("shoulder_1"), Link("shoulder_2")]
     for name, length, share, centre, gyration, along in zip(
-        names, lengths, shares, centres, gyrations, winter.ARM_GYRATION_ALONG, strict=True
+        names, lengths, shares, centres, gyrations, winter.BODY_SHARES.arm_gyration_along, strict=True
     ):
         m = share * person.mass
         across, axial = m * (gyration * length) ** 2, m * (along * length) ** 2

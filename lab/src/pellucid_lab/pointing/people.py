@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from pellucid import _core
-from pellucid.models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
+from pellucid.models.anthropometry import BODY_SHARES, Segment, forearm
 
 if TYPE_CHECKING:
     from .plant import PointingPlant
@@ -48,7 +48,7 @@ class Person:
     @property
     def forearm_length(self) -> float:
         """Return the distance from elbow to wrist [m]."""
-        return ELBOW_TO_WRIST * self.height
+        return BODY_SHARES.elbow_to_wrist * self.height
 
     def vector(self, rig: PointingPlant) -> np.ndarray:
         """Return the core's parameters of this person, shape (k,), SI, in the order of `parameter_names`."""

@@ -189,7 +189,7 @@ def cross_validate_family(model: JointModel, data: Stack[Motion], found: Solutio
 def solve_from_part(model: JointModel, data: Stack[Motion], found: Solution) -> Solution:
     """Minimise over much `data` from the solution `found` on a part of it.
 
-    Linear families take one step. Others take Gauss-Newton steps, first on a part of the motions (`motion_subsampling`).
+    Linear families take one step. Others take Gauss-Newton steps, first on part of the motions (`motion_subsampling`).
     """
     if model.linear:
         return solve_family(model, data)

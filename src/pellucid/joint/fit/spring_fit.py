@@ -216,9 +216,7 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
         geometries["backlash"] = gap
         # Beside the spring the edges of its gap are free, which either side shows.
         tried["backlash"] = np.hstack([stacked(way, gap), _edges(motions, gap)])
-    crossed = {
-        name: cross_validated_residuals(_as_solution(x, target, lengths), lengths) for name, x in tried.items()
-    }
+    crossed = {name: cross_validated_residuals(_as_solution(x, target, lengths), lengths) for name, x in tried.items()}
     shape = compare_held_out(crossed).first(tuple(tried))
     geometry, columns = geometries[shape], tried[shape]
     values, statistical, residual = solve_spring(columns, target, lengths)
@@ -234,7 +232,7 @@ def fit_spring(motions: Sequence[Motion], *, coordinate: str, effort: str) -> Sp
         to_backlash[-2:] = 1.0 / values[0], -1.0 / values[0]  # a side that pulls less has its edge farther out
         statistical, unsure = (_with_backlash(c, to_backlash) for c in (statistical, unsure))
         width = gap.gap[1] - gap.gap[0] if gap.gap else 0.0
-        others = np.append(others[:count - 2], width + to_backlash @ others[:count])
+        others = np.append(others[: count - 2], width + to_backlash @ others[:count])
         values = np.append(values[:-2], width)
         columns = np.column_stack([columns[:, :-2], values[0] * (columns[:, -2] - columns[:, -1]) / 2.0])
         count -= 1

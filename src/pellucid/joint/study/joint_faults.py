@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ..._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
 from ...files.fault import Fault, warn_if_held_out
 from ...files.recording import Recording
-from ...models.joint import UNITS, JointModel, joint_model
+from ...models.joint import UNITS, JointModel
 from ...numerics.motion import differentiate, lowpassed, shortest
 from ...numerics.regression import Stack, stack
 from ...study.procedures.dead_effort import dead_effort_faults
 from ...study.quality import inspect
 from ...study.recorded_motions import (
     carries_unknown_payload,
-    drive_model,
     filtering_of,
     motions_of,
     short_stretch_faults,
@@ -27,7 +27,7 @@ from ...study.study import Study, drive_channel
 from ...study.study_file import Processing
 from ..fit.fit_joint import measure_excitation
 from ..fit.friction_solver import solve_family
-from .aligned_motions import align_recordings, find_alignments, find_clocks
+from .aligned_motions import align_recordings, find_alignments, find_clocks, simple_model
 from .joint_case import advice, wearer_faults
 
 MIN_ROWS_PER_PARAMETER = 10
@@ -192,30 +192,15 @@ def joint_faults(study: Study) -> list[Fault]:
     try:
         fitted = [r for r in align_recordings(study, "fit") if not carries_unknown_payload(r)]
         data = stack(motions_of(fitted, study))
-        model = joint_model(
-            "symmetric",
-            motion=study.rig.motion,
-            effort_unit=drive_model(study.rig).effort_unit,
-            gravity=study.model.gravity,
-            known=study.model.known,
-        )
+        model = replace(simple_model(study), payload_scale=1.0)
         faults += _integration_notes(study)
         faults.append(_excitation_note(study, model, data))
         solve_family(model, data)
         require_sign(model, data, drive_channel(study.recordings("fit")[0], study))
         faults += _delay_notes(study)
     except PellucidError as error:
-        faults.append(
-            Fault(
-                severity="refuse",
-                kind="excitation",
-                file="study.toml",
-                channel="",
-                found=str(error),
-                expected="a motion that shows every parameter",
-                message=str(error),
-            )
-        )
+        wanted = "a motion that shows every parameter"
+        faults.append(Fault("refuse", "excitation", "study.toml", "", str(error), wanted, str(error)))
     return faults
 
 

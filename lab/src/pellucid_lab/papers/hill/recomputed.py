@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.models.anthropometry import WINTER_MASS, Segment, shank_length, winter
+from pellucid.models.anthropometry import BODY_SHARES, Segment, shank_length, winter
 
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
@@ -82,14 +82,14 @@ def _row(name: str, quantity: str, unit: str, ours: float, *, printed=None, wron
 
 def _bodies(paper: PrintedPaper) -> list[Reproduced]:
     table, shank = paper.tables["swings"], mean_shank(paper)
-    people = shank.mass
+    people, share = shank.mass, BODY_SHARES.shank_mass
     bare = table["empty"]
     alone = point_mass(bare["p"].value, bare["q"].value)
     rows = [
         _row("empty.mass", "Least mass of the exoskeleton by Table 2", "kg", alone.mass, note="C2"),
         _row("empty.distance", "Largest distance of its centre by Table 2", "m", alone.distance,
              wrong=alone.distance < 0.9 * paper["empty_distance"], note="C2: 0.15 m in the text"),
-        _row("shank.mass", f"Mass of the mean subject's shank, {WINTER_MASS:g} of the body", "kg", people, note="C2"),
+        _row("shank.mass", f"Mass of the mean subject's shank, {share:g} of the body", "kg", people, note="C2"),
         _row("shank.q", "Its q by Winter", "kg*m", shank.mass * shank.centre, note="C2"),
         _row("shank.p", "Its p by Winter", "kg*m^2", shank.inertia, note="C2"),
     ]  # fmt: skip
@@ -99,7 +99,7 @@ def _bodies(paper: PrintedPaper) -> list[Reproduced]:
         leg_p, leg_q = (both[n].value - bare[n].value for n in ("p", "q"))
         most = alone.mass + people
         # Three standard deviations above the mean subject.
-        heaviest = alone.mass + WINTER_MASS * (paper["mass"] + 3.0 * paper["mass_sd"])
+        heaviest = alone.mass + share * (paper["mass"] + 3.0 * paper["mass_sd"])
         torque = both["q"].value * GRAVITY_M_S2
         rows += [
             _row(f"{subject}.mass", f"Least mass of leg and exoskeleton by Table 2, subject {number}", "kg", found.mass,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pellucid.models.anthropometry import WINTER_GYRATION, rod, shank_length, winter
+from pellucid.models.anthropometry import BODY_SHARES, rod, shank_length, winter
 from pellucid.numerics.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 
 from ..figure import Reproduced, figure
@@ -174,7 +174,7 @@ def _by_rounded_centre(printed: dict[str, Printed], heel: float) -> str:
     mass, centre = printed["mass"].value, printed["centre"].value
     return (
         "as printed with the rounded centre"
-        if printed["inertia"].agrees(mass * ((WINTER_GYRATION * heel) ** 2 + centre**2))
+        if printed["inertia"].agrees(mass * ((BODY_SHARES.shank_gyration * heel) ** 2 + centre**2))
         else ""
     )
 

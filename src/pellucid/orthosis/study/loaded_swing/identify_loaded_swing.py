@@ -15,7 +15,7 @@ import numpy as np
 from ...._errors import IdentificationError, PellucidError
 from ....files.fault import Fault, warn_if_held_out
 from ....files.recording import Recording, channels_within
-from ....models.anthropometry import WINTER_MASS, shank_length, winter
+from ....models.anthropometry import BODY_SHARES, shank_length, winter
 from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
@@ -210,7 +210,7 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
             verdicts.append(Verdict("warning", f"{text}Swing faster, within the same angles."))
         mass = getattr(config.participants.get(who), "mass", None)
         # A leg of mass m has at least the inertia (q' - q)^2 / m, and nobody's is twice as heavy as Winter's shank.
-        if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * WINTER_MASS * mass):
+        if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * BODY_SHARES.shank_mass * mass):
             text = f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
             verdicts.append(Verdict("warning", text))
     more = {who: 100.0 * (leg.weight_moment.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
