@@ -230,7 +230,7 @@ def test_a_wrong_constant_is_named_where_load_friction_cannot_explain_it():
     shares = {"load_motoring": Parameter("load_motoring", "1", 0.3, 0.01),
               "load_generating": Parameter("load_generating", "1", 0.1, 0.01)}  # fmt: skip
     case = SimpleNamespace(
-        study=SimpleNamespace(rig=SimpleNamespace(drive=SimpleNamespace(kind="torque", constant=None))),
+        drive=SimpleNamespace(kind="torque", constant=None),
         fit=type("Fit", (dict,), {"model": model()})(shares),
         level=0.95,
         rotary=True,

@@ -9,7 +9,6 @@ import pytest
 from pellucid._errors import RecordingError
 from pellucid.files import Channel, OpticalRecording, Recording
 from pellucid.joint.slider.markers import clock_offset, geometry_faults, slider_geometry
-from pellucid.study.study_file import Slider
 
 FS, ROBOT_FS = 179.0, 500.0
 NOISE = 0.0003
@@ -156,7 +155,7 @@ def test_all_is_found_at_once():
     assert holding.lost == 130
     assert holding.longest_loss == pytest.approx(100 / FS)
     assert holding.frames < len(recordings[1].optical) - 130
-    assert geometry_faults(geometry, Slider.model_construct(low=0.1, high=0.25))[0].kind == "clock"
+    assert geometry_faults(geometry, (0.1, 0.25))[0].kind == "clock"
     with pytest.raises(RecordingError, match=r'in a recording "other", found swing, holds, long'):
         geometry["other"]
 
@@ -292,7 +291,7 @@ def test_a_ruler_that_disagrees_is_noted():
 
 def test_a_place_beyond_the_rail_is_refused():
     geometry = slider_geometry([trial(x=0.3)])
-    fault = geometry_faults(geometry, Slider.model_construct(low=0.1, high=0.25))[0]
+    fault = geometry_faults(geometry, (0.1, 0.25))[0]
     assert (fault.severity, fault.kind) == ("refuse", "place")
     assert fault.expected == "100 mm to 250 mm as [rig.slider] says"
 

@@ -109,16 +109,12 @@ BODY_UNITS = {
 }
 """Parameters of the moving body, and their units."""
 
+DIRECTIONAL_TERMS = ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative")
+"""Friction terms of both families, for either direction of motion."""
+
 FRICTION_FAMILIES: Mapping[str, tuple[str, ...]] = {
-    "consistent": ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative"),
-    "load": (
-        "coulomb_positive",
-        "coulomb_negative",
-        "viscous_positive",
-        "viscous_negative",
-        "load_motoring",
-        "load_generating",
-    ),
+    "consistent": DIRECTIONAL_TERMS,
+    "load": (*DIRECTIONAL_TERMS, "load_motoring", "load_generating"),
 }
 """Friction terms of each family; all are kept from becoming negative."""
 
@@ -146,9 +142,7 @@ class SliderJointModel:
 
     def unit(self, name: str) -> str:
         """SI unit of a parameter, as plain text."""
-        if name in BODY_UNITS:
-            return BODY_UNITS[name]
-        return SYMBOLS_BY_NAME[name].unit()
+        return BODY_UNITS[name] if name in BODY_UNITS else SYMBOLS_BY_NAME[name].unit()
 
     @property
     def linear(self) -> bool:
@@ -159,12 +153,8 @@ class SliderJointModel:
         """Physical lower and upper bounds of the free parameters, each shape (p,), SI."""
         free = {"carriage_moment", "gravity", "gravity_cosine"}
         lower = np.array([-np.inf if n in free else 0.0 for n in self.names])
-        upper = np.array(
-            [
-                SYMBOLS_BY_NAME[n].upper if n in SYMBOLS_BY_NAME and not SYMBOLS_BY_NAME[n].linear else np.inf
-                for n in self.names
-            ]
-        )
+        symbols = [SYMBOLS_BY_NAME.get(n) for n in self.names]
+        upper = np.array([np.inf if s is None or s.linear else s.upper for s in symbols])
         return lower, upper
 
     @property

@@ -299,39 +299,26 @@ def _apply_other_methods(
         )
     make = partial(make_estimate, model, data, level=level, discrepancy=estimate.discrepancy)
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
-    others = {
-        "wls": make(weighted, "wls"),
-        "irls": make(robust, "irls"),
-    }
+    others = {"wls": make(weighted, "wls"), "irls": make(robust, "irls")}
     solved |= {n: SolvedMethod(model, x, weighs_rows=True) for n, x in (("wls", weighted), ("irls", robust))}
     failures: dict[str, str] = {}
 
-    def attempt(name: str, run: Callable[[], JointEstimate]) -> None:
+    def attempt(
+        name: str, solve: Callable[[], tuple[Solution, np.ndarray | None]], lengths: list[int] | None = None
+    ) -> None:
+        """Add what `solve` finds, with its instruments if it has any; `lengths` are those of stretches with rest."""
         try:
-            others[name] = run()
+            solution, z = solve()
+            solved[name] = SolvedMethod(model, solution, every_row=lengths is not None, instruments=z)
+            others[name] = make(solution, name, instruments=z, lengths=lengths)
         except (IdentificationError, np.linalg.LinAlgError) as error:
             failures[name] = str(error)
 
-    def instrumental() -> JointEstimate:
-        solution, z = solve_instrumental(model, data, machine, first)
-        solved["iv"] = SolvedMethod(model, solution, instruments=z)
-        return make(solution, "iv", instruments=z)
-
-    def didim() -> JointEstimate:
-        solution = solve_didim(model, data, machine, first)
-        solved["didim"] = SolvedMethod(model, solution)
-        return make(solution, "didim")
-
-    def output_error() -> JointEstimate:
-        solution = solve_output_error(model, data, machine, first)
-        stretches = [len(m.moving) for m in data.motions]
-        solved["output_error"] = SolvedMethod(model, solution, every_row=True)
-        return make(solution, "output_error", lengths=stretches)
-
+    given = model, data, machine, first
     if all(machine.can_close(m) for m in data.motions):
-        attempt("iv", instrumental)
-        attempt("didim", didim)
-    attempt("output_error", output_error)
+        attempt("iv", lambda: solve_instrumental(*given))
+        attempt("didim", lambda: (solve_didim(*given), None))
+    attempt("output_error", lambda: (solve_output_error(*given), None), [len(m.moving) for m in data.motions])
     simulations: dict[str, tuple[Simulation, ...]] = {}
     drawn = {"ls": first.values} | ({"output_error": others["output_error"].array} if "output_error" in others else {})
     for method, values in drawn.items():

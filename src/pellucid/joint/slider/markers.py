@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
@@ -243,20 +242,8 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
     )
 
 
-class Rail(Protocol):
-    """The ends of a carriage's rail, as distances from the joint's axis along the segment."""
-
-    @property
-    def low(self) -> float:
-        """Distance of the near end [m]."""
-
-    @property
-    def high(self) -> float:
-        """Distance of the far end [m]."""
-
-
-def geometry_faults(geometry: Geometry, rail: Rail | None = None) -> list[Fault]:
-    """What is wrong or remarkable in what the markers show."""
+def geometry_faults(geometry: Geometry, rail: tuple[float, float] | None = None) -> list[Fault]:
+    """What is wrong or remarkable in what the markers show; `rail` are its ends, from the joint's axis [m]."""
     faults: list[Fault] = []
     for placement in geometry.placements:
 
@@ -269,9 +256,9 @@ def geometry_faults(geometry: Geometry, rail: Rail | None = None) -> list[Fault]
         _marker_faults(placement, geometry.carriage, add)
         if rail is not None:
             slack = LIMITS.min_moved_distance_m + 3.0 * (placement.slider_se if placement.optical else 0.0)
-            if not rail.low - slack <= placement.slider <= rail.high + slack:
+            if not rail[0] - slack <= placement.slider <= rail[1] + slack:
                 found = f"the carriage at {1e3 * placement.slider:.1f} mm"
-                expected = f"{1e3 * rail.low:.0f} mm to {1e3 * rail.high:.0f} mm as [rig.slider] says"
+                expected = f"{1e3 * rail[0]:.0f} mm to {1e3 * rail[1]:.0f} mm as [rig.slider] says"
                 add("refuse", "place", geometry.carriage, found, expected)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
 

@@ -192,7 +192,7 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
 # --- the fit in effort ----------------------------------------------------------------------------------------------
 
 
-def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing:
+def effort(fit: JointResult, family: FamilyFit) -> Drawing:
     """Draw measured and predicted effort with the prediction interval, and a zoom on the largest changes."""
     groups = by_recording(family.predictions)
     shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
@@ -223,24 +223,18 @@ def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing
             zoom.set_title("zoom on the grey window", color=colour("muted"), fontsize=8.5)
         else:
             zoom.set_visible(False)
-        error, covered = (
-            pooled_error(group),
-            np.average([p.coverage for p in group], weights=[len(p.time) for p in group]),
-        )
-        rest = (
-            f"{SPLIT_LABELS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside"
-        )
+        error = percent(pooled_error(group))
+        covered = np.average([p.coverage for p in group], weights=[len(p.time) for p in group])
+        rest = f"{SPLIT_LABELS[first.split]} · error {error} % · {percent(100.0 * covered)} % of samples inside"
         heads([wide], [Head(first.recording, rest, colour(first.split))])
         if row == 0:
-            key(
-                zoom if zoom.get_visible() else wide,
-                [("measured", colour("measured")), ("predicted", colour(first.split))],
-            )
+            entries = [("measured", colour("measured")), ("predicted", colour(first.split))]
+            key(zoom if zoom.get_visible() else wide, entries)
         for axis in (wide, zoom):
             axis.set_xlabel("Time (s)" if row == len(shown) - 1 else "")
     left_out = len(groups) - len(shown)
     return Drawing(
-        name,
+        "effort",
         figure,
         f"Effort measured (grey) and predicted by the {family.family} model (colour); the band is the 95 % prediction "
         "interval. Error is the norm of the difference as a share of the norm of the effort."
@@ -270,13 +264,12 @@ def simulation(
         height_ratios=(1.1, 0.9, 1.0, 1.0),
     )
     off_scale, off_unit = difference_unit(chosen, reading)
+    position, velocity = f"Position ({reading.position})", f"Velocity ({reading.velocity})"
+    labels = (position, f"Difference ({off_unit})", velocity, _effort_label(fit))
     for column, run in enumerate(chosen):
         top, off, speed, drive = axes[:, column]
-        for axis, signal, scale in (
-            (top, "position", reading.scale),
-            (speed, "velocity", reading.scale),
-            (drive, "effort", 1.0),
-        ):
+        signals = ((top, "position", reading.scale), (speed, "velocity", reading.scale), (drive, "effort", 1.0))
+        for axis, signal, scale in signals:
             line(axis, run.time, scale * np.asarray(run.measured[signal]), color=colour("measured"), linewidth=1.1)
             line(
                 axis, run.time, scale * np.asarray(run.simulated[signal]), color=colour(run.split), linewidth=1.1,
@@ -287,25 +280,11 @@ def simulation(
             for r in (join_stretches(g) for g in by_recording(runs) if g[0].recording == run.recording):
                 difference = off_scale * (r.measured["position"] - r.simulated["position"])
                 line(off, r.time, difference, color=tone, linewidth=1.0, zorder=3 - 0.1 * k)
-        for axis, text in zip(
-            (top, off, speed, drive),
-            (
-                f"Position ({reading.position})",
-                f"Difference ({off_unit})",
-                f"Velocity ({reading.velocity})",
-                _effort_label(fit),
-            ),
-            strict=True,
-        ):
+        for axis, text in zip(axes[:, column], labels, strict=True):
             tidy(axis, first=column == 0, text=text, ticks=5)
         drive.set_xlabel("Time (s)")
-    heads(
-        axes[0],
-        [
-            Head(r.recording, f"{SPLIT_LABELS[r.split]} · position {percent(r.errors['position'])} %", colour(r.split))
-            for r in chosen
-        ],
-    )
+    errors = [f"{SPLIT_LABELS[r.split]} · position {percent(r.errors['position'])} %" for r in chosen]
+    heads(axes[0], [Head(r.recording, error, colour(r.split)) for r, error in zip(chosen, errors, strict=True)])
     key(axes[0, 0], [("measured", colour("measured")), ("simulated", colour(chosen[0].split))])
     if len(simulations) > 1:
         tones = [colour(chosen[0].split), *[colour("load")] * (len(simulations) - 1)]
@@ -326,7 +305,7 @@ def simulation(
 # --- residuals ------------------------------------------------------------------------------------------------------
 
 
-def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> Drawing:
+def residuals(fit: JointResult, family: FamilyFit) -> Drawing:
     """Draw residual effort against position, velocity and load, with running medians."""
     reading = MOTION_READINGS[fit.motion]
     unit = unit_text(fit.effort_unit)
@@ -359,7 +338,7 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
     present = [s for s in SPLIT_LABELS if any(p.split == s for p in family.predictions)]
     key(axes[0], [(SPLIT_LABELS[s], colour(s)) for s in present])
     return Drawing(
-        name,
+        "residuals",
         figure,
         "What the model does not explain: measured minus predicted effort against position, velocity and load (the "
         "effort that gravity and inertia take). Thick lines are running medians, the grey band is the 95 % prediction "
@@ -367,7 +346,7 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
     )
 
 
-def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> Drawing:
+def whiteness(fit: JointResult, family: FamilyFit) -> Drawing:
     """Draw the autocorrelation of the residuals of the fitted recordings."""
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     longest = max(chosen, key=lambda p: len(p.time))
@@ -392,7 +371,7 @@ def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> D
     axis.set_xlabel("Lag (s)" if even else "Lag (scored samples)")
     tidy(axis, first=True, text="Autocorrelation", ticks=4)
     return Drawing(
-        name,
+        "whiteness",
         figure,
         "Autocorrelation of the residuals of the fitted recordings. White residuals would stay in the green band. What "
         "lies outside it is structure that the model or the filter leaves, and it makes the naive intervals too "
@@ -403,7 +382,7 @@ def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> D
 # --- friction -------------------------------------------------------------------------------------------------------
 
 
-def friction(fit: JointResult, name: str = "friction") -> Drawing:
+def friction(fit: JointResult) -> Drawing:
     """Draw friction against velocity: the best family with its interval over the data, and all other families."""
     best = fit.headlined
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
@@ -428,7 +407,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
     origin(right)
     label_ends(right, ends)
     return Drawing(
-        name,
+        "friction",
         figure,
         "Friction against velocity. Dots are the fitted samples: measured effort less offset, gravity and inertia. The "
         "line is the identified friction, the band its 95 % interval from the parameters' covariance (often thinner "
@@ -436,7 +415,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
     )
 
 
-def families(fit: JointResult, name: str = "families") -> Drawing:
+def families(fit: JointResult) -> Drawing:
     """Draw the friction curve of each family in its own panel, on common axes."""
     count = len(fit.families)
     columns = min(count, 2 if count in (2, 4) else 3)
@@ -453,11 +432,9 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
             axis.set_xlabel("")
         else:
             axis.tick_params(axis="x", labelbottom=True)
-        error, split = (
-            (family.heldout_effort_error, "held out")
-            if np.isfinite(family.heldout_effort_error)
-            else (family.fitted_effort_error, "fitted")
-        )
+        error, split = family.fitted_effort_error, "fitted"
+        if np.isfinite(family.heldout_effort_error):
+            error, split = family.heldout_effort_error, "held out"
         axis.set_title(
             f"{family.family} · {percent(error)} % {split}" + (" · chosen" if family.family == fit.best else ""),
             color=colour(FAMILIES_BY_NAME[family.family].colour),
@@ -468,7 +445,7 @@ def families(fit: JointResult, name: str = "families") -> Drawing:
     if chosen.estimate.method != fit.families[fit.best].estimate.method and np.isfinite(chosen.heldout_effort_error):
         method = METHODS.get(chosen.estimate.method, chosen.estimate.method)
         caption += f" The page's first sentence is of {method}: {percent(chosen.heldout_effort_error)} %."
-    return Drawing(name, figure, caption)
+    return Drawing("families", figure, caption)
 
 
 def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:
@@ -533,7 +510,7 @@ def _loaded(family: FamilyFit) -> bool:
 # --- estimators and families in numbers -----------------------------------------------------------------------------
 
 
-def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") -> Drawing:
+def estimators(fit: JointResult, family: FamilyFit) -> Drawing:
     """Draw every parameter by every estimator, with 95 % intervals."""
     estimates = {family.estimate.method: family.estimate, **family.others}
     names = family.model.names
@@ -565,14 +542,14 @@ def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") ->
         if k % columns:
             axis.tick_params(axis="y", labelleft=False)
     return Drawing(
-        name,
+        "estimators",
         figure,
         f"Parameters of the {family.family} model by each estimator, with 95 % intervals; the grey band is the "
         "interval of the reference, filtered least squares.",
     )
 
 
-def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
+def heldout(fit: JointResult) -> Drawing:
     """Draw the effort error of every family, fitted and held out."""
     chosen = list(fit.families.values())
     figure, axis = one_panel(0.75 + 0.34 * len(chosen))
@@ -602,7 +579,7 @@ def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
     axis.set_xlim(max(0.0, low - pad), high + pad)
     axis.set_xlabel("Effort error (%)")
     return Drawing(
-        name,
+        "heldout",
         figure,
         "Effort error of each family by least squares: blue on what was fitted, orange on what was held out.",
     )

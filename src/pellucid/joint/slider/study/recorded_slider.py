@@ -78,7 +78,8 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> SliderExamina
     except PellucidError as error:
         return SliderExamination([_fault("geometry", "markers that show the axis and the carriage", error)])
     uses = {r.path.name if r.optical is None else r.optical.path.name: r.use for r in recordings}
-    faults = [warn_if_held_out(f, uses.get(f.file, "fit")) for f in geometry_faults(geometry, config.rig.slider)]
+    rail = None if config.rig.slider is None else (config.rig.slider.low, config.rig.slider.high)
+    faults = [warn_if_held_out(f, uses.get(f.file, "fit")) for f in geometry_faults(geometry, rail)]
     faults.sort(key=lambda fault: fault.severity != "refuse")
     if any(fault.severity == "refuse" for fault in faults):
         return SliderExamination(faults, geometry)
