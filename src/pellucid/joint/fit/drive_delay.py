@@ -1,4 +1,7 @@
-"""Estimate how late a joint's drive is recorded against its encoder, with friction models of increasing richness."""
+"""Estimate how late a joint's drive is recorded, and what of an actuator reaches its spring.
+
+The delay against the encoder is estimated with friction models of increasing richness.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Least-squares solver for friction families.
 
 Linear families are solved in one step. Load friction starts from the solution of its linear part. The Stribeck velocity
-is found by profiling.
+is found by profiling. Blocks of time are left out in turn for cross-validation. Weighted and robust fits start from
+least squares.
 """
 
 from __future__ import annotations

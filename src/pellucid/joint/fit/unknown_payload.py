@@ -1,4 +1,6 @@
-r"""Estimate a payload that nobody stated, from a recording with it and a joint that was identified without it.
+r"""Estimate a payload that nobody stated, and how much of the identified friction a controller may carry.
+
+The payload follows from a recording with it and a joint that was identified without it.
 
 A payload adds inertia and weight, and nothing else. With the joint's parameters :math:`\beta` and the regressor W of
 the recording,

@@ -1,4 +1,4 @@
-"""Input of the findings of a joint: the study, its motions, and every family fitted to them."""
+"""Input of the findings of a joint, and what several of them ask: wearers, unstated payloads, advice."""
 
 from __future__ import annotations
 

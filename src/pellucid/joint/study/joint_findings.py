@@ -1,4 +1,4 @@
-"""Finding: the encoder's zero is not where the joint hangs."""
+"""Findings on an identified joint: each function reports one thing that its recordings and its fits show."""
 
 from __future__ import annotations
 
