@@ -1,9 +1,9 @@
 """Find what each domain offers to the rest of Pellucid: a folder with a `domain.py`, such as `joint/` or `emg/`.
 
-A `domain.py` holds references, no imports, so that nothing of a domain is loaded before it is used:
+A `domain.py` holds references and imports nothing of its domain, so that none of it is loaded before it is used:
 
-``PROCEDURE_FOLDERS``
-    Packages of procedures that a study may ask for, each with ``PROCEDURE_ORDER`` and ``procedure.py``.
+``PROCEDURE_ENTRIES``
+    Procedures that a study may ask for: objects of `study.procedures.procedure.ProcedureEntry`.
 ``ARRAY_FUNCTIONS``
     Functions that a command calls if it is given arrays instead of a study, by the command's name.
 ``EXPORTER_CLASSES``

@@ -24,7 +24,7 @@ from ._errors import PluginError
 PLUGIN_GROUPS = {
     "pellucid.readers": "a module with ENDINGS and read(path), as those in pellucid/files/readers",
     "pellucid.estimators": "a module with FAMILIES, as those in pellucid/emg/estimators/families",
-    "pellucid.procedures": "a package with PROCEDURE_ORDER and procedure.py, as those that domains name in domain.py",
+    "pellucid.procedures": "a ProcedureEntry as in domain.py, or a package with PROCEDURE_ORDER and procedure.py",
     "pellucid.rigs": "a package whose folders have a rig.py each, with the rigs' files in its folder rigs",
     "pellucid.papers": "a package whose folders have printed.toml and paper.py each",
     "pellucid.study_sources": "a function (folder, name) that starts a study; its entry's name is its option of init",

@@ -25,8 +25,8 @@ from .study.procedures.command import (
     LEARN_GROUP,
     PEOPLE_GROUP,
     Command,
-    procedure_commands,
 )
+from .study.procedures.procedure import procedure_commands
 from .study.terminal import (
     MAX_ITEM_LINES_UNLESS_VERBOSE,
     CommandGroup,

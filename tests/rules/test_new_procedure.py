@@ -1,40 +1,45 @@
 """A new procedure is one folder: a copy of the package with it checks, runs, prints, saves and reports its result."""
 
+import inspect
 import json
+from importlib import import_module
 
 import numpy as np
 import pytest
 from copied_package import copied_package, run_copied
 
-from pellucid.study.procedures import command, registry
-from pellucid.study.procedures.procedure import Procedure
+from pellucid.study.procedures import registry
+from pellucid.study.procedures.procedure import ProcedureEntry, procedure_commands
 from pellucid.study.procedures.result import Result
 from pellucid.study.study_fields import ProcedureTable
 
-FOLDER = '''"""The largest torque of every recording."""
-
-from ...study.procedures.command import Command
-
-PROCEDURE_ORDER = 125
-PROCEDURE_COMMAND = Command("peak", "The largest torque of every recording.")
+ENTRIES = tuple(each for each in registry.ALL_PROCEDURES if isinstance(each, ProcedureEntry))
+ENTRY = '''    ProcedureEntry(
+        package=f"{__package__}.peak",
+        name="peak",
+        command="peak",
+        order=126,
+        table_class="peak:PeakTable",
+        find_faults="peak:faults",
+        find="peak:find_peaks",
+        draw="peak:page",
+        brings=Command("peak", "The largest torque of every recording."),
+    ),
 '''
 PROCEDURE = '''"""Find the largest torque of every recording."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ...study.results import ResultRow
-from ...study.study_fields import ProcedureTable, Word
-from ...study.procedures.procedure import Procedure, Progress, quiet
+from ...files.fault import Fault
+from ...study.pages.page import Page, Section
+from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.result import FigureTable, Result
-
-if TYPE_CHECKING:
-    from ...study.pages.page import Page
-    from ...files.fault import Fault
-    from ...study.study import Study
+from ...study.procedures.study_page import figure_tables, study_page
+from ...study.results import ResultRow
+from ...study.study import Study
+from ...study.study_fields import ProcedureTable, Word
 
 
 class PeakTable(ProcedureTable):
@@ -49,38 +54,34 @@ class PeakTable(ProcedureTable):
     channel: Word = "torque"
 
 
-class PeakProcedure(Procedure[PeakTable, Result]):
-    """The largest torque of every recording."""
+def faults(study: Study) -> list[Fault]:
+    """Return no faults."""
+    return []
 
-    name, command = "peak", "peak"
-    table = PeakTable
 
-    def faults(self, study: Study, table: PeakTable) -> list[Fault]:
-        return []
+def find_peaks(study: Study, tell: Progress = quiet) -> Result:
+    """Find the largest torque of every recording."""
+    recordings = study.recordings()
+    peaks = {r.name: float(np.max(np.abs(r[study.table(PeakTable).channel]))) for r in recordings}
+    tell("peaks", 0.5)
+    return Result(
+        study=study.name,
+        headline=f"The largest torque is {max(peaks.values()):.3g} N m.",
+        tables=(FigureTable("Peaks", ("Recording", "torque [N m]"), tuple(peaks.items())),),
+        verdicts=(),
+        rows=tuple(
+            ResultRow(f"{study.name}.{r.name}.peak", peaks[r.name], "N*m", "peak", "fitted", r.checksum)
+            for r in recordings
+        ),
+        cards={},
+        checksums={r.name: r.checksum for r in recordings},
+    )
 
-    def run(self, study: Study, table: PeakTable, tell: Progress = quiet) -> Result:
-        recordings = study.recordings()
-        peaks = {r.name: float(np.max(np.abs(r[table.channel]))) for r in recordings}
-        tell("peaks", 0.5)
-        return Result(
-            study=study.name,
-            headline=f"The largest torque is {max(peaks.values()):.3g} N m.",
-            tables=(FigureTable("Peaks", ("Recording", "torque [N m]"), tuple(peaks.items())),),
-            verdicts=(),
-            rows=tuple(
-                ResultRow(f"{study.name}.{r.name}.peak", peaks[r.name], "N*m", "peak", "fitted", r.checksum)
-                for r in recordings
-            ),
-            cards={},
-            checksums={r.name: r.checksum for r in recordings},
-        )
 
-    def page(self, study: Study, found: Result) -> Page:
-        from ...study.pages.page import Section
-        from ...study.procedures.study_page import figure_tables, study_page
-
-        section = Section("peak", "Peaks", (), figure_tables(found))
-        return study_page(f"{found.study}: peaks", found.headline, (), (section,), found.verdicts)
+def page(study: Study, found: Result) -> Page:
+    """Return the part of the report."""
+    section = Section("peak", "Peaks", (), figure_tables(found))
+    return study_page(f"{found.study}: peaks", found.headline, (), (section,), found.verdicts)
 '''
 STUDY = """
 name = "arm"
@@ -124,13 +125,14 @@ def test_a_procedure_is_one_folder(tmp_path):
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*") if path.is_file()}
     own = package / "people" / "peak"
     own.mkdir()
-    (own / "__init__.py").write_text(FOLDER, encoding="utf-8")
-    (own / "procedure.py").write_text(PROCEDURE, encoding="utf-8")
+    (own / "__init__.py").write_text('"""The largest torque of every recording."""\n', encoding="utf-8")
+    (own / "peak.py").write_text(PROCEDURE, encoding="utf-8")
     domain = package / "people" / "domain.py"
-    text = domain.read_text(encoding="utf-8")
-    domain.write_text(text.replace('"study",', '"study", "peak",'), encoding="utf-8")
+    text = domain.read_text(encoding="utf-8").replace("\nPROCEDURE_ENTRIES = (\n", f"\nPROCEDURE_ENTRIES = (\n{ENTRY}")
+    importing = "from ..study.procedures.command import Command\n"
+    domain.write_text(text.replace("from ..study", f"{importing}from ..study", 1), encoding="utf-8")
     touched = [path for path in package.rglob("*") if path.is_file() and before.get(path) != path.stat().st_mtime_ns]
-    assert sorted(path.name for path in touched) == ["__init__.py", "domain.py", "procedure.py"]
+    assert sorted(path.name for path in touched) == ["__init__.py", "domain.py", "peak.py"]
     assert {path.parent for path in touched} == {own, domain.parent}
     folder = tmp_path / "arm"
     folder.mkdir()
@@ -147,28 +149,31 @@ def test_a_procedure_is_one_folder(tmp_path):
     assert "The largest torque is 2.5" in (folder / "report" / "index.html").read_text(encoding="utf-8")
 
 
-def test_every_folder_has_one_procedure_and_an_order_of_its_own():
-    folders = command.procedure_folders()
-    assert [type(p).__module__.rpartition(".")[0] for p in registry.ALL_PROCEDURES] == [f.__name__ for f in folders]
-    assert len({p.name for p in registry.ALL_PROCEDURES}) == len(folders)
-    assert len({each.PROCEDURE_ORDER for each in folders}) == len(folders)
+def test_every_procedure_has_a_name_and_an_order_of_its_own():
+    assert len({each.name for each in registry.ALL_PROCEDURES}) == len(registry.ALL_PROCEDURES)
+    assert len({each.order for each in ENTRIES}) == len(ENTRIES)
 
 
-def test_every_procedure_is_typed_by_its_table_and_its_result():
-    for procedure in registry.ALL_PROCEDURES:
-        (base,) = type(procedure).__orig_bases__
-        table, found = base.__args__
-        assert base.__origin__ is Procedure
-        assert procedure.table is (None if table is type(None) else table), procedure.name
-        assert procedure.table is None or issubclass(procedure.table, ProcedureTable)
-        assert found is not Result, procedure.name
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_every_entry_names_functions_that_take_what_they_are_given(entry):
+    assert entry.table is None or issubclass(entry.table, ProcedureTable)
+    assert entry.table is not None or entry.is_asked is not None
+    arguments = {"find": 2, "draw": 2, "find_faults": 1, "is_asked": 1, "find_inputs": 1, "find_notes": 1}
+    for field, count in arguments.items():
+        if getattr(entry, field) is not None:
+            inspect.signature(entry._load(getattr(entry, field))).bind(*range(count))
+    results = inspect.signature(entry._load(entry.find)).return_annotation
+    module = import_module(entry._load(entry.find).__module__)
+    for name in results.split(" | "):
+        found = getattr(module, name, None)
+        assert found is None or (issubclass(found, Result) and found is not Result), name
 
 
 def test_every_command_has_a_procedure_and_every_procedure_a_command():
     from pellucid.cli import app
 
     named = {each.name or each.callback.__name__ for each in app.registered_commands}
-    brought = {each.name for each in command.procedure_commands()}
+    brought = {each.name for each in procedure_commands()}
     asked = {procedure.command for procedure in registry.ALL_PROCEDURES}
     assert brought <= asked <= named
     assert asked - brought == {"identify", "assess"}  # they have options of their own, and stand in cli.py

@@ -43,18 +43,28 @@ def mean_torque(settings, seen):
 
 FAMILIES = {"acme_mean": Family("the mean torque", mean_torque)}
 '''
-PROCEDURE_FOLDER = '''"""The largest torque of every recording."""
+PROCEDURE_ENTRY = '''"""What this package adds to the procedures."""
 
 from pellucid.study.procedures.command import Command
+from pellucid.study.procedures.procedure import ProcedureEntry
 
-PROCEDURE_ORDER = 125
-PROCEDURE_COMMAND = Command("peak", "The largest torque of every recording.")
+PEAK = ProcedureEntry(
+    package=__package__,
+    name="peak",
+    command="peak",
+    order=126,
+    table_class="peak:PeakTable",
+    find_faults="peak:faults",
+    find="peak:find_peaks",
+    draw="peak:page",
+    brings=Command("peak", "The largest torque of every recording."),
+)
 '''
 PROCEDURE = '''"""Find the largest torque of every recording."""
 
 import numpy as np
 
-from pellucid.study.procedures.procedure import Procedure, quiet
+from pellucid.study.procedures.procedure import quiet
 from pellucid.study.procedures.result import FigureTable, Result
 from pellucid.study.results import ResultRow
 from pellucid.study.study_fields import ProcedureTable
@@ -64,27 +74,57 @@ class PeakTable(ProcedureTable):
     """Settings of the largest torque: ``[peak]``, which has none."""
 
 
-class PeakProcedure(Procedure[PeakTable, Result]):
-    """The largest torque of every recording."""
+def faults(study):
+    return []
 
-    name, command = "peak", "peak"
-    table = PeakTable
+
+def find_peaks(study, tell=quiet):
+    peaks = {r.name: float(np.max(np.abs(r["torque"]))) for r in study.recordings()}
+    rows = tuple(ResultRow(f"{study.name}.{k}.peak", v, "N*m", "peak", "fitted", None) for k, v in peaks.items())
+    tables = (FigureTable("Peaks", ("Recording", "torque [N m]"), tuple(peaks.items())),)
+    return Result(study=study.name, headline="Peaks.", tables=tables, verdicts=(), rows=rows, cards={}, checksums={})
+
+
+def page(study, found):
+    from pellucid.study.procedures.study_page import study_page
+
+    return study_page(f"{found.study}: peaks", found.headline, (), (), found.verdicts)
+'''
+CLASS_FOLDER = '''"""The number of recordings, by a subclass of `Procedure`."""
+
+from pellucid.study.procedures.command import Command
+
+PROCEDURE_ORDER = 127
+PROCEDURE_COMMAND = Command("count", "The number of recordings.")
+'''
+CLASS = '''"""Count recordings."""
+
+from pellucid.study.procedures.procedure import Procedure, quiet
+from pellucid.study.procedures.result import Result
+from pellucid.study.study_fields import ProcedureTable
+
+
+class CountTable(ProcedureTable):
+    """Settings of the number of recordings: ``[count]``, which has none."""
+
+
+class CountProcedure(Procedure[CountTable, Result]):
+    """The number of recordings."""
+
+    name, command = "count", "count"
+    table = CountTable
 
     def faults(self, study, table):
         return []
 
     def run(self, study, table, tell=quiet):
-        peaks = {r.name: float(np.max(np.abs(r["torque"]))) for r in study.recordings()}
-        rows = tuple(ResultRow(f"{study.name}.{k}.peak", v, "N*m", "peak", "fitted", None) for k, v in peaks.items())
-        tables = (FigureTable("Peaks", ("Recording", "torque [N m]"), tuple(peaks.items())),)
-        return Result(
-            study=study.name, headline="Peaks.", tables=tables, verdicts=(), rows=rows, cards={}, checksums={}
-        )
+        headline = f"{len(study.recordings())} recording."
+        return Result(study=study.name, headline=headline, tables=(), verdicts=(), rows=(), cards={}, checksums={})
 
     def page(self, study, found):
         from pellucid.study.procedures.study_page import study_page
 
-        return study_page(f"{found.study}: peaks", found.headline, (), (), found.verdicts)
+        return study_page(f"{found.study}: count", found.headline, (), (), found.verdicts)
 '''
 PRINTED = """
 name = "tides"
@@ -134,8 +174,10 @@ FILES = {
     "acme/log.py": READER,
     "acme/log_apart.py": READER_APART,
     "acme/mean.py": ESTIMATOR,
-    "acme/peak/__init__.py": PROCEDURE_FOLDER,
-    "acme/peak/procedure.py": PROCEDURE,
+    "acme/peak_entry.py": PROCEDURE_ENTRY,
+    "acme/peak.py": PROCEDURE,
+    "acme/count/__init__.py": CLASS_FOLDER,
+    "acme/count/procedure.py": CLASS,
     "acme/papers/__init__.py": "",
     "acme/papers/tides/printed.toml": PRINTED,
     "acme/papers/tides/paper.py": PAPER,
@@ -148,7 +190,7 @@ FILES = {
 ENTRIES = {
     "pellucid.readers": "acme = acme.log\nacmez = acme.log_apart",
     "pellucid.estimators": "acme = acme.mean",
-    "pellucid.procedures": "acme = acme.peak",
+    "pellucid.procedures": "acme = acme.peak_entry:PEAK\nacme_count = acme.count",
     "pellucid.papers": "acme = acme.papers",
     "pellucid.commands": "acme = acme.commands:add_commands",
     "pellucid.rigs": "acme = acme.lab",
@@ -163,6 +205,7 @@ time = { column = "t", unit = "s" }
 position = { column = "q", unit = "rad" }
 torque = { column = "tau", unit = "N*m" }
 [peak]
+[count]
 [[recordings]]
 name = "one"
 file = "one.acme"
@@ -183,7 +226,8 @@ X = np.linspace(0.0, 1.0, 50)[:, None]
 print(pl.TorqueRegressor("acme_mean").fit(X, X[:, 0]).predict(X)[0])
 print(pl.reproduce("tides", sys.argv[2]).lines[0])
 rig = sys.argv[2] + "-rig"
-for command in (["greet"], ["peak", sys.argv[1]], ["init", rig, "--rig", "pendulum"], ["simulate", rig]):
+ran = (["peak", sys.argv[1]], ["count", sys.argv[1]])
+for command in (["greet"], *ran, ["init", rig, "--rig", "pendulum"], ["simulate", rig]):
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, repr(result.exception)
     print(result.stdout.strip().splitlines()[0])
@@ -224,13 +268,14 @@ def test_a_package_adds_one_of_each_without_touching_pellucid(tmp_path):
     path = f"{package.parent}:{tmp_path / 'site'}"
     done = run_copied(path, SCRIPT, study, tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    numbers, peak, mean, paper, greeting, table, started, simulated = done.stdout.splitlines()
+    numbers, peak, mean, paper, greeting, table, count, started, simulated = done.stdout.splitlines()
     assert numbers == "200 200"
     assert float(peak) == pytest.approx(19.9)
     assert float(mean) == pytest.approx(0.5)
     assert paper == "Period: 2.006 s, published 2.01"
     assert greeting == "from another package"
     assert table == "arm: Peaks."
+    assert count == "arm: 1 recording."
     assert "the rig pendulum" in started
     assert "2 recordings" in simulated
 

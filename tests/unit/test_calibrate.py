@@ -20,7 +20,6 @@ from pellucid.emg.estimators.torque_trial import MovedBody, compute_features
 from pellucid.emg.study.emg_torque import calibrate as module
 from pellucid.emg.study.emg_torque.calibration_page import coverage_text, page
 from pellucid.emg.study.emg_torque.estimator_cards import PRODUCT_SEPARATOR
-from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.emg.study.emg_torque.torque_findings import (
     EstimatorEvaluation,
     TorqueTrace,
@@ -33,7 +32,7 @@ from pellucid.models.parameter_card import ParameterCard, read_parameter_card, w
 from pellucid.orthosis.strap.orthosis_alone import strapped_torque
 from pellucid.orthosis.strap.strap_model import StrapModel
 from pellucid.study.pages.page import write_page
-from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.result import Result
 from pellucid.study.procedures.run import calibrate
 
@@ -197,7 +196,8 @@ def test_short_gaps_of_angles_are_interpolated_and_longer_ones_end_a_piece(tmp_p
         slow = np.genfromtxt(angles, delimiter=",", names=True)
         kept = np.delete(np.arange(6000), np.arange(1000, 1000 + missing))
         table(angles, time=t[kept], **{n: np.interp(t, slow["time"], slow[n])[kept] for n in ("hip", "knee")})
-        taken = EmgTorqueProcedure().taken(open_study(folder))
+        study = open_study(folder)
+        taken = asked(study, "emg_torque")[0].taken(study)
         made[name] = moment_trials(taken, "knee")
     names = {name: [trial.name for trial in trials] for name, trials in made.items()}
     assert names["whole"] == names["short"] == ["fitted", "judged", "rest"]
@@ -450,7 +450,8 @@ def test_the_page_shows_what_was_found(tmp_path, calibrated):
 
 
 def test_what_was_found_is_kept_until_something_changes(tmp_path, quick):
-    study, procedure = leg(tmp_path), EmgTorqueProcedure()
+    study = leg(tmp_path)
+    (procedure,) = asked(study, "emg_torque")
     found = calibrate(study)
     assert Result.kept(study, procedure) is None
     found.save(study)

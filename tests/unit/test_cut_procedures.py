@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.isolated_muscle.isolated_muscle import isolated_muscle
 from pellucid.files.cut import Cut
@@ -19,6 +18,7 @@ from pellucid.orthosis.study.loaded_swing.identify_loaded_swing import swings_of
 from pellucid.orthosis.swing.loaded_swing import corrected_form, fit_swings
 from pellucid.people.study.pointing import pointing_record
 from pellucid.study.datasets import init
+from pellucid.study.procedures.registry import asked
 from pellucid.study.procedures.run import check, identify
 
 SPIKE, NAN = (slice(900, 901), 50.0), (slice(900, 940), np.nan)
@@ -134,7 +134,7 @@ def test_torque_from_emg_uses_both_sides_of_a_cut(data_folder, tmp_path):
     study = init(tmp_path / "walking", dataset="lower_limb_walking")
     names = [recording.name for recording in study.recordings()]
     study = with_cut(study, names[0], "angle.knee", 200, 202)
-    taken = EmgTorqueProcedure().taken(study)
+    taken = asked(study, "emg_torque")[0].taken(study)
     assert [r.name for r in taken.recordings()] == [f"{names[0]}.1", f"{names[0]}.2", *names[1:]]
     trials = moment_trials(taken, "knee")
     assert [t.recording for t in trials] == [names[0], names[0], *names[1:]]
@@ -149,7 +149,7 @@ def test_torque_from_emg_leaves_a_recording_out_of_which_too_little_is_left(data
     every = [Cut("gap", "time", t, t, i, i - 1, "a gap") for i, t in enumerate(recording.time) if i % 20 == 10]
     study._loaded[recording.name] = replace(recording, cuts=tuple(every))
     with_others = [r.name for r in study.recordings()[1:]]
-    assert [r.name for r in EmgTorqueProcedure().taken(study).recordings()] == with_others
+    assert [r.name for r in asked(study, "emg_torque")[0].taken(study).recordings()] == with_others
     (told,) = [fault for fault in check(study) if fault.kind == "left_out"]
     assert told.severity == "warn"
     assert told.message.endswith("expected 1 s of samples without a break: the recording is left out")

@@ -9,7 +9,6 @@ import pytest
 from stand_in_engine import Clock, StandInEngine
 
 from pellucid._errors import StudyError
-from pellucid.emg.study.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.live.session import live_session
 from pellucid.live.session.live_session import ARMED_PHASES, OPERATOR_AWAY_S, SAVING_LIMIT_S, LiveSession, Phase
 from pellucid.live.session.recorded_trial import study_with
@@ -17,7 +16,7 @@ from pellucid.live.session.run_session import SHIPPED_SESSIONS, choose_participa
 from pellucid.live.session.running_task import RunningHolding, Sensed
 from pellucid.live.session.trial_plan import PlannedTrial, balanced_orders, condition_order, plan_trials
 from pellucid.study.instruments_table import HoldingTask
-from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.registry import asked, open_study
 
 STEP_S = 0.05
 
@@ -165,7 +164,7 @@ def test_late_cycles_cut_a_trial_and_lose_none(tmp_path):
     assert (told["reason"], told["used_by"]) == ("", ["calibrate"])
     assert any("a gap of" in fault["text"] and "cut out" in fault["text"] for fault in told["faults"])
     session.act("operator", "accept")
-    taken = EmgTorqueProcedure().taken(session.study)
+    taken = asked(session.study, "emg_torque")[0].taken(session.study)
     assert {r.trial for r in taken.recordings()} == {session.plan[0].name}
     assert len(taken.recordings()) > 1
 
@@ -173,7 +172,8 @@ def test_late_cycles_cut_a_trial_and_lose_none(tmp_path):
 def test_a_trial_that_calibrate_leaves_out_is_to_be_repeated(tmp_path):
     """What `calibrate` would say of the trial is said after it, by the same function."""
     session = run_knee_trial(tmp_path, (100, 4))  # no piece of a second is left
-    (left_out,) = EmgTorqueProcedure().unfit(study_with(session.study, session.trial, session.attempt.file)).values()
+    study = study_with(session.study, session.trial, session.attempt.file)
+    (left_out,) = asked(study, "emg_torque")[0].unfit(study).values()
     told = session.operator_state()["judged"]
     assert told["used_by"] == []
     assert told["reason"] == session.reason == left_out.message

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.study.emg_torque.procedure import EmgTorqueTable as EmgTorque
+from pellucid.emg.study.emg_torque.emg_torque_table import EmgTorqueTable as EmgTorque
 from pellucid.emg.study.emg_torque.study_muscles import read_muscle_constants, study_muscles
 
 MODEL = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="leg"><ForceSet><objects>

@@ -12,6 +12,7 @@ from pellucid.files.optical import OpticalRecording
 from pellucid.files.recording import Channel, Recording
 from pellucid.people.emg_timing import emg_lead
 from pellucid.people.movements import MovementRule, kinematics
+from pellucid.people.study.assessment_table import AssessmentTable as Assessment
 from pellucid.people.study.measured_study import measure
 from pellucid.people.study.pointing import (
     drop_mistaken,
@@ -21,7 +22,6 @@ from pellucid.people.study.pointing import (
     with_rule,
 )
 from pellucid.people.study.pointing_faults import pointing_faults
-from pellucid.people.study.procedure import AssessmentTable as Assessment
 
 SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.emg.study.emg_torque.procedure import MIN_PIECE_S
+from pellucid.emg.domain import MIN_PIECE_S
 from pellucid.files.cut import Cut
 from pellucid.files.defects import clipped, dropouts, gaps
 from pellucid.files.defects.watched import WatchedRecording

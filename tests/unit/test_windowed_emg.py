@@ -10,7 +10,6 @@ from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings, f
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.muscle_channels import relative_envelopes
 from pellucid.emg.study.onset.find_onsets import find_onsets
-from pellucid.emg.study.onset.onset_table import OnsetTable
 from pellucid.people.study.assessment_table import AssessmentTable
 from pellucid.people.study.pointing import activity
 from pellucid.study.procedures.registry import open_study
@@ -103,7 +102,7 @@ def test_relative_envelopes_of_windows_are_those_of_the_whole(study):
 
 
 def test_onsets_in_windows_are_those_of_the_whole(study):
-    found = {(each.recording, each.muscle): each.bursts for each in find_onsets(study, study.table(OnsetTable)).muscles}
+    found = {(each.recording, each.muscle): each.bursts for each in find_onsets(study).muscles}
     for (name, muscle), bursts in found.items():
         if WINDOWS[name] is None:
             continue

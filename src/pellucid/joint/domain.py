@@ -1,6 +1,30 @@
 """One joint: what it offers to the rest of Pellucid, as `_domains.py` describes."""
 
-PROCEDURE_FOLDERS = (
-    "study",
-    "slider.study",
+from ..study.procedures.procedure import ProcedureEntry
+
+PROCEDURE_ENTRIES = (
+    ProcedureEntry(
+        package=f"{__package__}.study",
+        name="joint",
+        command="identify",
+        order=10,
+        find_faults="procedure:faults",
+        find="procedure:run",
+        draw="procedure:page",
+        is_asked="procedure:is_joint_asked",
+        find_notes="procedure:notes",
+        leaves_out=False,
+        takes_families=True,
+    ),
+    ProcedureEntry(
+        package=f"{__package__}.slider.study",
+        name="slider",
+        command="identify",
+        order=20,
+        find_faults="recorded_slider:slider_faults",
+        find="identify_slider:identify_slider",
+        draw="slider_page:page",
+        is_asked="..study.procedure:is_slider_asked",
+        leaves_out=False,
+    ),
 )

@@ -1,7 +1,18 @@
 """Movements of people: what it offers to the rest of Pellucid, as `_domains.py` describes."""
 
-PROCEDURE_FOLDERS = (
-    "study",
+from ..study.procedures.procedure import ProcedureEntry
+
+PROCEDURE_ENTRIES = (
+    ProcedureEntry(
+        package=f"{__package__}.study",
+        name="assessment",
+        command="assess",
+        order=140,
+        table_class="assessment_table:AssessmentTable",
+        find_faults="pointing_faults:assessment_faults",
+        find="assess:assess",
+        draw="assessment_page:page",
+    ),
 )
 ARRAY_FUNCTIONS = {
     "assess": "assess_table:assess_table",

@@ -1,4 +1,1 @@
 """A robot of several joints, identified together."""
-
-PROCEDURE_ORDER = 30
-"""Position of this procedure among all procedures; the smallest comes first."""

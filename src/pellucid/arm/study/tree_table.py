@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -14,6 +15,7 @@ from ...study.study_file import RigJoint
 from ...units import parse_quantity
 
 if TYPE_CHECKING:
+    from ...study.study import Study
     from ...study.study_file import StudyFile
 
 READ_QUANTITIES = frozenset(
@@ -203,3 +205,9 @@ def _unlike_frames(joints: Sequence[object]) -> Iterator[str]:
         other = [joint.name for joint in told if getattr(joint, key) is None]
         if other and len(other) < len(told):
             yield f"[[rig.joints]] {other[0]}: found no {key}, which other joints have; expected it of each, or of none"
+
+
+def robot_files(study: Study) -> Iterator[Path]:
+    """Yield the file of the robot, if a study names one."""
+    for file in study.table(TreeTable).named_files():
+        yield study.inside(file, "[tree] urdf")

@@ -1,10 +1,10 @@
-"""A joint with friction, driven by a motor."""
+"""A joint with friction, driven by a motor: what of it is done with moving, held and locked joints."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...study.procedures.procedure import Procedure, Progress, quiet
+from ...study.procedures.procedure import Progress, quiet
 from ...study.study import Study
 
 if TYPE_CHECKING:
@@ -17,79 +17,79 @@ if TYPE_CHECKING:
     from .static_postures import PostureResult
 
 
-class JointProcedure(Procedure[None, "JointResult | PostureResult | SpringResult"]):
-    """A joint with friction, driven by a motor."""
+def is_joint_asked(study: Study) -> bool:
+    """Return whether a study describes a driven joint without a carriage, and no other procedure that runs alone."""
+    return _has_drive(study) and study.rig.slider is None
 
-    name, command = "joint", "identify"
-    takes_families = True
 
-    def faults(self, study: Study, table: None) -> list[Fault]:
-        from .held_joint import is_held_throughout, is_locked_spring, with_spring_advice
-        from .joint_faults import joint_faults
+def is_slider_asked(study: Study) -> bool:
+    """Return whether a study describes a driven joint with a carriage, and no other procedure that runs alone."""
+    return _has_drive(study) and study.rig.slider is not None
 
-        if is_locked_spring(study):
-            from .spring_recordings import spring_faults
 
-            return spring_faults(study)
+def _has_drive(study: Study) -> bool:
+    return study.rig.drive is not None and not any(table.alone for table in study.config.procedures.values())
+
+
+def faults(study: Study) -> list[Fault]:
+    """Return the faults of recordings of a moving joint, a held one, or a locked spring."""
+    from .held_joint import is_held_throughout, is_locked_spring, with_spring_advice
+
+    if is_locked_spring(study):
+        from .spring_recordings import spring_faults
+
+        return spring_faults(study)
+    if is_held_throughout(study):
+        from .static_postures import posture_faults
+
+        return with_spring_advice(study, posture_faults(study))
+    from .joint_faults import joint_faults
+
+    return with_spring_advice(study, joint_faults(study))
+
+
+def run(
+    study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
+) -> JointResult | PostureResult | SpringResult:
+    """Identify a moving joint, a held one, or a locked spring."""
+    from ..._errors import IdentificationError
+    from .held_joint import is_held_throughout, is_locked_spring, spring_advice
+
+    if is_locked_spring(study):
+        from .spring_recordings import identify_spring
+
+        return identify_spring(study)
+    try:
         if is_held_throughout(study):
-            from .static_postures import posture_faults
+            from .static_postures import identify_postures
 
-            return with_spring_advice(study, posture_faults(study))
-        return with_spring_advice(study, joint_faults(study))
-
-    def run(
-        self,
-        study: Study,
-        table: None,
-        tell: Progress = quiet,
-        *,
-        families: Sequence[str] | None = None,
-        thorough: bool = True,
-    ) -> JointResult | PostureResult | SpringResult:
-        from ..._errors import IdentificationError
-        from .held_joint import is_held_throughout, is_locked_spring, spring_advice
+            return identify_postures(study)
         from .identify_joint import identify_joint
 
-        if is_locked_spring(study):
-            from .spring_recordings import identify_spring
+        return identify_joint(study, tell, families=families, thorough=thorough)
+    except IdentificationError as error:
+        advice = spring_advice(study)
+        if not advice:
+            raise
+        raise IdentificationError(f"{error}; {advice}") from error
 
-            return identify_spring(study)
-        try:
-            if is_held_throughout(study):
-                from .static_postures import identify_postures
 
-                return identify_postures(study)
-            return identify_joint(study, tell, families=families, thorough=thorough)
-        except IdentificationError as error:
-            advice = spring_advice(study)
-            if not advice:
-                raise
-            raise IdentificationError(f"{error}; {advice}") from error
+def page(study: Study, found: JointResult | PostureResult | SpringResult) -> Page:
+    """Return the part of the report that shows a moving joint, a held one, or a locked spring."""
+    from . import joint_page, spring_recordings, static_postures
+    from .spring_result import SpringResult
 
-    def page(self, study: Study, found: JointResult | PostureResult | SpringResult) -> Page:
-        from .joint_page import page
-        from .spring_recordings import spring_page
-        from .spring_result import SpringResult
-        from .static_postures import PostureResult, posture_page
+    if isinstance(found, SpringResult):
+        return spring_recordings.spring_page(study, found)
+    if isinstance(found, static_postures.PostureResult):
+        return static_postures.posture_page(study, found)
+    return joint_page.page(study, found)
 
-        if isinstance(found, SpringResult):
-            return spring_page(study, found)
-        if isinstance(found, PostureResult):
-            return posture_page(study, found)
-        return page(study, found)
 
-    def cut(self, study: Study) -> list[Fault]:
-        """Return the cuts, the stretches that are too short, and the notes on clocks."""
-        from ...study.quality import clock_faults
-        from ...study.recorded_motions import short_stretch_faults
+def notes(study: Study) -> list[Fault]:
+    """Return the stretches that are too short, and the notes on clocks."""
+    from ...study.quality import clock_faults
+    from ...study.recorded_motions import short_stretch_faults
 
-        clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))
-        return [*super().cut(study), *short_stretch_faults(study), *clocks]
-
-    def unfit(self, study: Study) -> dict[str, Fault]:
-        """Return nothing, because a recording with too many cuts refuses the whole study."""
-        return {}
-
-    def asked(self, study: Study) -> bool:
-        alone = any(table.alone for table in study.config.procedures.values())
-        return not alone and study.rig.drive is not None and study.rig.slider is None
+    clocks = (fault for recording in study.recordings() for fault in clock_faults(recording, study))
+    return [*short_stretch_faults(study), *clocks]

@@ -46,14 +46,10 @@ PLANNED_CHANGE_SHARES = (0.05, 0.1, 0.2, 0.3)
 
 
 def assess(
-    study: Study,
-    table: AssessmentTable,
-    tell: Progress = quiet,
-    *,
-    studies: int = DEFAULT_STUDIES,
-    executor: Any = None,
+    study: Study, tell: Progress = quiet, *, studies: int = DEFAULT_STUDIES, executor: Any = None
 ) -> AssessmentResult:
-    """Compare a study's conditions by the settings of its `table`."""
+    """Compare a study's conditions by the settings of its table."""
+    table = study.table(AssessmentTable)
     tell("reading recordings", 0.05)
     return assess_recordings(
         study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor

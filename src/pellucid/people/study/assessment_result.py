@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..._errors import StudyError
+from ...study.procedures.procedure import Progress, quiet
+from ...study.procedures.registry import asked
 from ...study.procedures.result import Result
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
@@ -18,6 +21,7 @@ from ..indices import Index, indices_along
 from ..isochrony import Isochrony
 from ..movement_indices import IndexTable
 from ..survival import Survival
+from .assessment_table import AssessmentTable
 from .certified_condition import Certified
 
 
@@ -155,3 +159,18 @@ class AssessmentResult(Result):
     def save_more(self, study: Study) -> None:
         if self.write_tables is not None:
             self.write_tables(study.place("tables"), self)
+
+
+def kept_certificates(study: Study, expected: str, tell: Progress = quiet) -> AssessmentResult:
+    """Return what `assess` kept of a study with margins if it is fresh, or else finds now.
+
+    Raises
+    ------
+    StudyError
+        If the study states no margins; the message says what was `expected`.
+    """
+    spec = study.find_table(AssessmentTable)
+    if spec is None or not spec.index_margins:
+        raise StudyError(f"{study.folder}, study.toml: found no [assessment.margins], expected {expected}")
+    (procedure,) = asked(study, "assess")
+    return AssessmentResult.kept(study, procedure) or procedure.run(study, spec, tell)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..._errors import StudyError
-from ...study.procedures.result import Result
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
 from ..certificate import Estimand
@@ -23,6 +22,7 @@ from ..equivalence_power import (
     participants_for_changes,
 )
 from ..indices import indices_along
+from .assessment_result import kept_certificates
 from .assessment_table import AssessmentTable
 from .certified import end_points
 from .certified_condition import EndPoint
@@ -110,12 +110,7 @@ def plan(
 
 def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
     """Return people's changes by end point of an assessed pilot, (n,), in its condition in which they differ most."""
-    from .procedure import AssessmentProcedure
-
-    spec, procedure = pilot.find_table(AssessmentTable), AssessmentProcedure()
-    if spec is None or not spec.index_margins:
-        raise StudyError(f"{pilot.folder}, study.toml: found no [assessment.margins], expected those of the plan")
-    found = Result.kept(pilot, procedure) or procedure.run(pilot, spec)
+    found = kept_certificates(pilot, "those of the plan")
     widest = max(found.certified, key=lambda each: sum(
         float(np.var(test.differences)) / test.margin.high**2 for test in each.certificate.end_points.values()
     ))  # fmt: skip

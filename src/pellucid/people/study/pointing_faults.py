@@ -38,8 +38,9 @@ MAX_SILENT_LEFT_OUT_SHARE = 0.2
 """Largest share of a recording's movements that may be left out without a report."""
 
 
-def assessment_faults(study: Study, spec: AssessmentTable) -> list[Fault]:
+def assessment_faults(study: Study) -> list[Fault]:
     """Return what is wrong with the recordings that are to be assessed."""
+    spec = study.table(AssessmentTable)
     faults: list[Fault] = []
     records: list[PointingRecord] = []
     for recording in recordings_with_condition(study.recordings()):

@@ -6,26 +6,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..._errors import StudyError
 from ..._printed_command import printed_command
 from ...study.pages.forest import Row, Table
 from ...study.pages.page import Page, Section, Tile, write_page
 from ...study.pages.quantities import typeset_cell, typeset_sentence
 from ...study.procedures.procedure import quiet
-from ...study.procedures.result import Result
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import checksum
 from ..comparison import HIDDEN_SHARE, MIN_PEOPLE
 from ..equivalence import FAR_MARGIN_COUNT
 from . import assessment_tables as tables
 from .assessment_page import certificate_answer
+from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
 from .pointing_faults import REASON_WORDS
 
 if TYPE_CHECKING:
     from ...study.study import Study
-    from .assessment_result import AssessmentResult
 
 PAGE_FOLDER = "certificate"
 """Folder of the page, in the study's folder or in the one for what is made."""
@@ -50,15 +48,8 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
     StudyError
         If the study states no margins.
     """
-    from .procedure import AssessmentProcedure
-
-    spec, procedure = study.find_table(AssessmentTable), AssessmentProcedure()
-    if spec is None or not spec.index_margins:
-        raise StudyError(f"{study.folder}, study.toml: found no [assessment.margins], expected margins to certify")
-    found = Result.kept(study, procedure)
-    if found is None:
-        found = procedure.run(study, spec, on_progress or quiet)
-    return write_page(Path(study.place(PAGE_FOLDER)), reviewer_page(study, spec, found))
+    found = kept_certificates(study, "margins to certify", on_progress or quiet)
+    return write_page(Path(study.place(PAGE_FOLDER)), reviewer_page(study, study.table(AssessmentTable), found))
 
 
 def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) -> Page:

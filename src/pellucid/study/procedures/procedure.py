@@ -1,19 +1,29 @@
-"""The base class of procedures: the table that asks for one, its faults, its run and its page."""
+"""Procedures as domains and plug-ins describe them: what asks for one, and the functions that check, run and show it.
+
+Nothing heavy is imported here: ``pellucid --help`` names every command, and a study is opened without what it does not
+ask for.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
+from ..._domains import find_domains
 from ..._errors import RecordingError
+from ..._plugins import load_plugins, require_attributes
 
 if TYPE_CHECKING:
     from ...files.fault import Fault
     from ..pages.page import Page
     from ..study import Study
     from ..study_fields import ProcedureTable
+    from .command import Command
     from .result import Result
 
 Progress = Callable[[str, float], None]
@@ -33,30 +43,30 @@ def quiet(text: str, share: float) -> None:
 class Procedure(ABC, Generic[Table, Found]):
     """A question that a study can ask: the table that asks it, the faults that prevent it, its run and its page.
 
-    `procedures.registry` finds each class in its folder and keeps one object of it. Methods import what is heavy when
-    they are called, so that a study is opened and its table checked without it.
+    Pellucid's own are a `ProcedureEntry` each. Another package may write a subclass instead, in the ``procedure.py`` of
+    a package with ``PROCEDURE_ORDER``, and name that package as an entry point of ``pellucid.procedures``.
     """
 
-    name: ClassVar[str]
-    """Name of its folder, and of its table in study.toml."""
+    name: str
+    """Its name in messages and results, and that of its table in study.toml."""
 
-    command: ClassVar[str]
+    command: str
     """Command that runs it, such as ``"identify"``; a command may run several procedures."""
 
     table: type[Table] | None = None
     """Class of its table in study.toml; None where other tables ask for it."""
 
-    whole: ClassVar[bool] = False
+    whole: bool = False
     """Whether it needs recordings without a break. Recordings with a cut are then left out, and named."""
 
-    shortest_piece: ClassVar[float | None] = None
+    shortest_piece: float | None = None
     """With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None: they
     are left out."""
 
-    takes_families: ClassVar[bool] = False
+    takes_families: bool = False
     """Whether the caller may choose the friction families that it compares."""
 
-    uses_limits: ClassVar[bool] = False
+    uses_limits: bool = False
     """Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
     set after an identification."""
 
@@ -128,3 +138,89 @@ class Procedure(ABC, Generic[Table, Found]):
     def inputs(self, study: Study) -> Iterable[Path]:
         """Return the files that it reads beside study.toml and the recordings."""
         return ()
+
+
+@dataclass(frozen=True)
+class ProcedureEntry(Procedure[Any, Any]):
+    """A procedure as a row of a domain's ``domain.py``: what it is, and where its functions are.
+
+    Functions and tables are named as ``"module:attribute"`` and imported when they are called, the module relative to
+    `package`: ``".hinge.faults"`` is in the folder beside it. Functions that need the table take it from the study.
+    """
+
+    package: str  # Package of the files below, such as ``pellucid.emg.study.onset``
+    name: str
+    command: str
+    order: int  # Place among all procedures; the smallest is checked, and drawn in reports, first
+    find_faults: str  # Function of a study that returns its faults
+    find: str  # Function of a study and of `tell`, with the procedure's own options, that returns the result
+    draw: str  # Function of a study and of the result that returns the page
+    table_class: str | None = None  # Subclass of `ProcedureTable`; None where other tables ask for it
+    is_asked: str | None = None  # Function of a study, where it is not the table that asks
+    find_inputs: str | None = None  # Function of a study that returns the files that it reads beside the recordings
+    find_notes: str | None = None  # Function of a study that returns further faults to be told beside the result
+    brings: Command | None = None  # Its command, unless that has options of its own and stands in `cli.py`
+    leaves_out: bool = True  # Whether recordings with too many cuts are left out; otherwise they refuse the study
+    whole: bool = False
+    shortest_piece: float | None = None
+    takes_families: bool = False
+    uses_limits: bool = False
+
+    @property
+    def table(self) -> Any:
+        """Class of its table in study.toml; None where other tables ask for it."""
+        return None if self.table_class is None else self._load(self.table_class)
+
+    def asked(self, study: Study) -> bool:
+        return super().asked(study) if self.is_asked is None else self._load(self.is_asked)(study)
+
+    def faults(self, study: Study, table: Any) -> list[Fault]:
+        return self._load(self.find_faults)(study)
+
+    def cut(self, study: Study) -> list[Fault]:
+        """Return what is left out of the recordings, what may be clipped, and this procedure's own notes."""
+        return super().cut(study) + ([] if self.find_notes is None else self._load(self.find_notes)(study))
+
+    def unfit(self, study: Study) -> dict[str, Fault]:
+        """Return the fault of each recording that is left out; nothing where such a recording refuses the study."""
+        return super().unfit(study) if self.leaves_out else {}
+
+    def run(self, study: Study, table: Any, tell: Progress = quiet, **options: Any) -> Any:
+        return self._load(self.find)(study, tell, **options)
+
+    def page(self, study: Study, found: Any) -> Page:
+        return self._load(self.draw)(study, found)
+
+    def inputs(self, study: Study) -> Iterable[Path]:
+        return () if self.find_inputs is None else self._load(self.find_inputs)(study)
+
+    def _load(self, reference: str) -> Any:
+        """Return what a reference names, imported now."""
+        module, _, attribute = reference.partition(":")
+        return getattr(import_module(f".{module}", self.package), attribute)
+
+
+def described_procedures() -> tuple[ProcedureEntry | ModuleType, ...]:
+    """Return what describes each procedure, in the order in which a study is checked and its report drawn.
+
+    Domains list entries in ``domain.py``. Another package names an entry, or a package with ``PROCEDURE_ORDER`` and a
+    subclass of `Procedure` in its ``procedure.py``, as an entry point of ``pellucid.procedures``.
+    """
+    found = {entry: entry.order for domain in find_domains() for entry in getattr(domain, "PROCEDURE_ENTRIES", ())}
+    for plugin in load_plugins("pellucid.procedures"):
+        if isinstance(plugin.value, ProcedureEntry):
+            found[plugin.value] = plugin.value.order
+        else:
+            require_attributes(plugin, "pellucid.procedures", "PROCEDURE_ORDER", "__path__")
+            found[plugin.value] = plugin.value.PROCEDURE_ORDER
+    return tuple(sorted(found, key=found.__getitem__))
+
+
+def procedure_commands() -> tuple[Command, ...]:
+    """Return the commands that procedures bring, in the order of the procedures."""
+    described = described_procedures()
+    brought = [
+        each.brings if isinstance(each, ProcedureEntry) else getattr(each, "PROCEDURE_COMMAND", None)
+        for each in described
+    ]
+    return tuple(command for command in brought if command is not None)

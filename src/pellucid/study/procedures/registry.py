@@ -9,31 +9,26 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from ..._domains import missing_domain
 from ..._errors import PellucidError
 from ..study import Study
-from .command import procedure_folders
-from .procedure import Procedure
+from .procedure import Procedure, ProcedureEntry, described_procedures
 
 if TYPE_CHECKING:
     from ..study_file import StudyFile
 
 def find_procedures() -> tuple[Procedure, ...]:
-    """Return an object of every procedure: each subclass of `Procedure` in the ``procedure.py`` of a folder."""
-    modules = []
-    for folder in procedure_folders():
-        try:
-            modules.append(import_module(f"{folder.__name__}.procedure"))
-        except ModuleNotFoundError as error:
-            if missing_domain(error) is None:
-                raise
-    kinds = [kind for module in modules for kind in vars(module).values() if _is_procedure_of(kind, module)]
-    return tuple(kind() for kind in kinds)
+    """Return every procedure: an entry as it is, and an object of the subclass that a plug-in's package defines."""
+    return tuple(
+        each if isinstance(each, ProcedureEntry) else _procedure_of_package(each) for each in described_procedures()
+    )
 
 
-def _is_procedure_of(kind: object, module: ModuleType) -> bool:
-    """Return whether `kind` is a procedure's class that `module` itself defines."""
-    return isinstance(kind, type) and issubclass(kind, Procedure) and kind.__module__ == module.__name__
+def _procedure_of_package(package: ModuleType) -> Procedure:
+    """Return an object of the subclass of `Procedure` that the ``procedure.py`` of a package itself defines."""
+    module = import_module(f"{package.__name__}.procedure")
+    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, Procedure)]
+    (own,) = (each for each in classes if each.__module__ == module.__name__)
+    return own()
 
 
 ALL_PROCEDURES: tuple[Procedure, ...] = find_procedures()

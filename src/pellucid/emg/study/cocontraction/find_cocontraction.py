@@ -8,13 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...._errors import RecordingError
+from ....files.fault import Fault
 from ....models.estimates import Verdict
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
 from ...cocontraction import Cocontraction, CocontractionIndex, cocontraction_over_time
-from ..muscle_channels import MAXIMAL_PROTOCOL, MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
+from ..muscle_channels import (
+    MAXIMAL_PROTOCOL,
+    MuscleEnvelopes,
+    emg_faults,
+    envelope_faults,
+    raise_refusals,
+    relative_envelopes,
+)
 from .cocontraction_table import CocontractionTable
 
 DRAWN_STRETCH_S = 6.0
@@ -54,11 +62,12 @@ class CocontractionResult(Result):
         return "No card is made of indices"
 
 
-def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress = quiet) -> CocontractionResult:
-    """Compute both indices of every pair of the `table` in every recording."""
+def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionResult:
+    """Compute both indices of every pair of the table in every recording."""
+    table = study.table(CocontractionTable)
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
-    recordings = require_pairs(study, table, relative_envelopes(study, table))
+    recordings = _require_pairs(study, table, relative_envelopes(study, table))
     found, rows = [], []
     for each in recordings:
         for pair in table.pairs:
@@ -77,7 +86,13 @@ def find_cocontraction(study: Study, table: CocontractionTable, tell: Progress =
     )  # fmt: skip
 
 
-def require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+def faults(study: Study) -> list[Fault]:
+    """Return the faults of EMG, and of pairs that lack an envelope."""
+    table = study.table(CocontractionTable)
+    return envelope_faults(study, table, lambda made: _require_pairs(study, table, made), "antagonists")
+
+
+def _require_pairs(study: Study, table: CocontractionTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
     """Return the recordings; raise a RecordingError if a pair is invalid or lacks EMG in one of them."""
     for pair in table.pairs:
         if pair[0] == pair[1]:

@@ -17,6 +17,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ...._errors import RecordingError
+from ....files.fault import Fault
 from ....models.estimates import Verdict
 from ....numerics.filters import zero_phase_lowpass
 from ....study.pages.quantities import MINUS_SIGN
@@ -24,7 +25,7 @@ from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
 from ....study.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, raise_refusals, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, raise_refusals, relative_envelopes
 from .emg_force_table import EmgForceTable
 
 FORCE_LOWPASS_HZ = 6.0
@@ -82,11 +83,12 @@ class EmgForceResult(Result):
         return "No card is made of correlations"
 
 
-def find_emg_force(study: Study, table: EmgForceTable, tell: Progress = quiet) -> EmgForceResult:
+def find_emg_force(study: Study, tell: Progress = quiet) -> EmgForceResult:
     """Correlate every muscle's envelope with the force of each task, over people."""
+    table = study.table(EmgForceTable)
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.1)
-    recordings = require_tasks(study, table, relative_envelopes(study, table))
+    recordings = _require_tasks(study, table, relative_envelopes(study, table))
     forces = {r.name: (r.time, r[table.force], r.fs) for r in study.recordings() if table.force in r.channels}
     each: dict[tuple[str, str], dict[str, float]] = {}
     for recording in recordings:
@@ -106,7 +108,13 @@ def find_emg_force(study: Study, table: EmgForceTable, tell: Progress = quiet) -
     )  # fmt: skip
 
 
-def require_tasks(study: Study, table: EmgForceTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
+def faults(study: Study) -> list[Fault]:
+    """Return the faults of EMG, and of tasks that lack a force or an envelope."""
+    table = study.table(EmgForceTable)
+    return envelope_faults(study, table, lambda made: _require_tasks(study, table, made), "force and EMG of each task")
+
+
+def _require_tasks(study: Study, table: EmgForceTable, recordings: list[MuscleEnvelopes]) -> list[MuscleEnvelopes]:
     """Return the recordings of the tasks; raise a RecordingError if a force, a task or its muscle is missing."""
     channels = {r.name: r.channels for r in study.recordings()}
     for each in recordings:

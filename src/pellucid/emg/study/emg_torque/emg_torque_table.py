@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import ClassVar, Literal
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 from ....study.study_fields import ProcedureTable, RelativePath, ShownText, Word, quantity
 from ...estimators.emg_worth import DEFAULT_WORTHWHILE_GAIN
+
+if TYPE_CHECKING:
+    from ....study.study import Study
 
 BODY_CARD_NAMES = ("orthosis", "limb", "coupling", "strap")
 """Last parts of the names of cards by `identify` from which the wearer's torque is computed."""
@@ -109,3 +113,15 @@ class EmgTorqueTable(ProcedureTable):
         """
         is_raw = self.chain != "none" and any(name.startswith("emg.") for name in channels)
         return 0.0 if is_raw or {"position", "torque"} & set(channels) else MAX_INTERPOLATED_GAP_S
+
+
+def muscle_files(study: Study) -> Iterator[Path]:
+    """Yield the file of the muscles' constants, if a study names one."""
+    for file in study.table(EmgTorqueTable).named_files():
+        yield study.inside(file, "[emg_torque] muscle_file")
+
+
+def card_and_muscle_files(study: Study) -> Iterator[Path]:
+    """Yield the cards from which the wearer's torque is computed, and the file of the muscles' constants."""
+    yield from (path for path in study.cards() if path.stem.split(".")[-1] in BODY_CARD_NAMES)
+    yield from muscle_files(study)

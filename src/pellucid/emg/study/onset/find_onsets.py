@@ -82,8 +82,9 @@ class OnsetResult(Result):
         write_text_atomically(folder / "onsets.csv", text.getvalue())
 
 
-def faults(study: Study, table: OnsetTable) -> list[Fault]:
+def faults(study: Study) -> list[Fault]:
     """Return faults of EMG that is unfit for use, or in which no onset can be found."""
+    table = study.table(OnsetTable)
     found = emg_faults(study, table)
     for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
@@ -99,8 +100,9 @@ def faults(study: Study, table: OnsetTable) -> list[Fault]:
     return found
 
 
-def find_onsets(study: Study, table: OnsetTable, tell: Progress = quiet) -> OnsetResult:
+def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     """Find the bursts of every muscle in every recording. `study` [onset]."""
+    table = study.table(OnsetTable)
     raise_refusals(emg_faults(study, table))
     recordings = find_recordings_with_emg(study, table)
     found, rows, missed = [], [], []

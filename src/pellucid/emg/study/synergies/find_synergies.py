@@ -69,13 +69,15 @@ class SynergiesResult(Result):
         return "Weights and variances of each group are rows"
 
 
-def faults(study: Study, table: SynergiesTable) -> list[Fault]:
+def faults(study: Study) -> list[Fault]:
     """Return faults of EMG that is unfit for use, or of too few muscles."""
+    table = study.table(SynergiesTable)
     return envelope_faults(study, table, lambda made: _group_recordings(study, made), "muscles")
 
 
-def run(study: Study, table: SynergiesTable, tell: Progress = quiet) -> SynergiesResult:
+def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
     """Find the synergies of every group, and the similarity of groups. `study` [synergies]."""
+    table = study.table(SynergiesTable)
     raise_refusals(emg_faults(study, table))
     tell("envelopes", 0.05)
     grouped = _group_recordings(study, divide_by_own_maximum(relative_envelopes(study, table)))
