@@ -7,7 +7,6 @@ import pytest
 from pellucid.people.study.assessment_page import page
 from pellucid.people.study.certified_rows import certificate_table
 from pellucid.people.study.primary_change import primary_change
-from pellucid.people.study.statements import change_text
 from pellucid.study.pages.values import plain_text
 from pellucid.study.procedures.print_result import print_to_text
 from pellucid.study.procedures.registry import open_study
@@ -68,7 +67,7 @@ def test_the_settings_above_the_table_are_passed_over_and_time_goes_the_way_of_t
 def test_one_change_of_recorded_people_is_one_number_everywhere(folder, found, condition):
     """Headline, tile, certificate, text, row and terminal tell the same change of the median duration."""
     change = primary_change(found, "duration_median", condition)
-    told, rows = change_text(change), {row.id: row.value for row in found.rows}
+    told, rows = change.text, {row.id: row.value for row in found.rows}
     tiles = {tile.what: tile.figure for tile in page(open_study(folder), found).tiles}
     assert told in found.headline
     label = f"Median duration, {condition.replace('_', ' ')}"

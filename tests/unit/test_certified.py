@@ -17,7 +17,6 @@ from pellucid.people.study.certified_rows import (
 )
 from pellucid.people.study.primary_change import primary_change
 from pellucid.people.study.reviewer_page import write_certificate
-from pellucid.people.study.statements import change_text
 from pellucid.study.pages.values import plain_text
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import assess
@@ -241,7 +240,7 @@ def test_one_change_is_one_number_everywhere(of_twelve):
     shown = page(of_twelve, found)
     for name, tile in (("duration_median", "Median duration, FC"), ("vmax", "Peak velocity, FC")):
         change = primary_change(found, name, "FC")
-        told = change_text(change)
+        told = change.text
         certified = next(row for row in certificate_table(found).rows if row[1] == found.indices[name].short)
         assert certified[2] == told
         (said,) = certificate_sentences(found)
@@ -260,7 +259,7 @@ def test_one_change_is_one_number_everywhere(of_twelve):
             assert float(chosen[2].replace("\N{MINUS SIGN}", "-")) == pytest.approx(change.value, abs=0.06)
         others = [row for row in found.rows if row.id.endswith(f"{name}.fc.change_of_mean")]
         assert all(row.note.startswith("sensitivity analysis") for row in others)
-    assert told in found.headline or change_text(primary_change(found, "duration_median", "FC")) in found.headline
+    assert told in found.headline or primary_change(found, "duration_median", "FC").text in found.headline
 
 
 def test_a_reviewer_gets_all_that_was_stated_and_left_out(of_twelve):

@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
+from pellucid.numerics.block_test import holm
 from pellucid.people.comparison import (
     compare_conditions,
-    holm,
     mean_interval,
     sign_distribution,
     signed_rank,

@@ -55,9 +55,7 @@ def test_within_is_said_exactly_when_the_interval_lies_inside(rng, method):
         d = rng.normal(0.05, 0.1, 16 if method == "skew_robust" else 9)
         found = equivalence(d, Margin(-0.1, 0.12), method=method)
         inside = found.interval[0] > -0.1 and found.interval[1] < 0.12
-        # The bootstrap's p counts one draw more than its interval.
-        if method != "bootstrap" or abs(found.p_within - found.alpha) > 2e-3:
-            assert (found.verdict == "within") == inside
+        assert (found.verdict == "within") == inside
 
 
 def test_ranks_at_the_margin_err_as_often_as_counted():
@@ -167,13 +165,10 @@ def test_participants_needed_grow_with_spread_and_with_end_points():
 def test_boundaries_are_the_published_ones():
     """Five looks, two-sided 0.05: DeMets and Lan 1994, Stat. Med. 13, table 1 (their bounds at 0.025 a side)."""
     assert looks(np.arange(1, 6) / 5, 0.025).boundary == pytest.approx((4.877, 3.357, 2.680, 2.290, 2.031), abs=2e-3)
-    assert looks(np.arange(1, 6) / 5, 0.025, "pocock").boundary == pytest.approx(
-        (2.438, 2.427, 2.410, 2.397, 2.386), abs=2e-3
-    )
 
 
 def test_looks_spend_alpha(rng):
-    plan = looks((0.3, 0.6, 1.0), 0.05, "linear")
+    plan = looks((0.3, 0.6, 1.0), 0.05)
     steps = rng.normal(0.0, np.sqrt(np.diff(plan.share, prepend=0.0)), (200_000, 3))
     z = np.cumsum(steps, axis=1) / np.sqrt(plan.share)
     assert np.mean((z > plan.boundary).any(axis=1)) == pytest.approx(0.05, abs=4.0 * np.sqrt(0.05 * 0.95 / 200_000))
@@ -191,7 +186,6 @@ def test_looks_spend_alpha(rng):
         (lambda: certificate({}, {}), "no margin"),
         (lambda: equivalence_power(np.eye(2), [Margin(-1, 1)], (5,)), "covariance"),
         (lambda: looks((0.5, 0.4)), "rise"),
-        (lambda: looks((0.5, 1.0), spending="all"), "obrien_fleming"),
     ],
 )
 def test_what_cannot_be_tested_is_told(call, said):

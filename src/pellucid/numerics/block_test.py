@@ -5,7 +5,7 @@ All models predict the same samples, so their losses are compared sample by samp
 `BLOCK_CORRELATION_LENGTHS` correlation lengths of :math:`d`, which are nearly independent. If the models were equally
 good, each block sum :math:`D_b` could as well have the other sign [2]_. The p value is the share of all choices of
 signs whose total is no smaller than the observed one. It holds for blocks of unequal spread; Student's t assumes equal
-spread.
+spread. `holm` corrects the p values of several tests together.
 
 .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", J. Business & Economic Statistics 13, 1995.
 .. [2] R. A. Fisher, "The Design of Experiments", 1935, section 21.
@@ -126,3 +126,13 @@ def _block_starts(samples: int, blocks: int) -> np.ndarray:
 def _count_blocks(difference: np.ndarray) -> int:
     """Return how many blocks a recording's loss difference, shape (n,), is cut into."""
     return max(1, int(len(difference) / (BLOCK_CORRELATION_LENGTHS * correlation_length(difference))))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p values corrected together after Holm, in the same order; at most 1."""
+    p = np.asarray(p_values, float)
+    order = np.argsort(p, kind="stable")
+    corrected = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)
+    back = np.empty(len(p))
+    back[order] = corrected
+    return [float(each) for each in back]

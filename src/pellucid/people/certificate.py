@@ -30,7 +30,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import PellucidError
-from .comparison import HIDDEN_SHARE, MIN_PEOPLE, holm, signed_rank
+from ..numerics.block_test import holm
+from .comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
 from .curves import CurveComparison
 from .equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence, Margin, Method, equivalence
 from .indices import INDICES, PercentOf, Worse
@@ -160,8 +161,7 @@ def certificate(
     people : float, optional
         Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
     method : str, optional
-        Another test in place of the estimand's: ``"t"`` or ``"bootstrap"``, whose level does not hold for skewed
-        differences.
+        Another test in place of the estimand's: ``"t"``, whose level does not hold for skewed differences.
 
     Returns
     -------

@@ -26,6 +26,8 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
+from .._tabular import html_table, text_table
+from ..numerics.block_test import holm
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_ranks, tied_signs
 from .friedman import FriedmanTest, friedman, nemenyi
 
@@ -288,17 +290,9 @@ class ConditionComparison:
             f"Kendall's W = {self.kendall:.2g}"
         )
 
-    def _table(self) -> list[tuple[str, ...]]:
-        head = (
-            "condition",
-            "mean",
-            "change",
-            f"{100.0 * self.confidence:g} % interval",
-            "p (Holm)",
-            "d",
-            "Cliff's delta",
-        )
-        rows: list[tuple[str, ...]] = [head]
+    def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        level = f"{100.0 * self.confidence:g} % interval"
+        rows: list[tuple[str, ...]] = []
         against = self.pairwise
         for name, mean in zip(self.conditions, self.values.mean(axis=0), strict=True):
             found = against.get(name)
@@ -310,20 +304,13 @@ class ConditionComparison:
                     f"{found.p:.2g}", f"{found.standardised:.2g}", f"{found.cliff:.2g}",
                 )
             )  # fmt: skip
-        return rows
+        return ("condition", "mean", "change", level, "p (Holm)", "d", "Cliff's delta"), rows
 
     def __str__(self) -> str:
-        table = self._table()
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in table]
-        return "\n".join((self.headline, "", *lines))
+        return f"{self.headline}\n\n{text_table(*self._table())}"
 
     def _repr_html_(self) -> str:
-        from html import escape
-
-        cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._table()]
-        body = "".join(f"<tr>{row}</tr>" for row in (cells[0].replace("td>", "th>"), *cells[1:]))
-        return f"<table><caption>{escape(self.headline)}</caption>{body}</table>"
+        return html_table(self.headline, *self._table())
 
 
 def compare_conditions(
@@ -463,13 +450,3 @@ def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generat
     tail = float(stats.norm.cdf(-np.sqrt(n / (n - 1.0)) * stats.t.ppf(0.5 + 0.5 * confidence, n - 1)))
     low, high = np.quantile(means, (tail, 1.0 - tail))
     return float(low), float(high)
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p values corrected together after Holm, in the same order; at most 1."""
-    p = np.asarray(p_values, float)
-    order = np.argsort(p, kind="stable")
-    corrected = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)
-    back = np.empty(len(p))
-    back[order] = corrected
-    return [float(each) for each in back]

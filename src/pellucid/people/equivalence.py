@@ -6,9 +6,9 @@ hypotheses are that the change is at or beyond the lower margin, and at or beyon
 within the margins.
 
 Each side is a test of the differences d less that margin. For the mean it is Student's statistic, judged by its least
-favourable skewed distribution (`mean_test`); Student's t and a bootstrap of means, whose levels do not hold for skewed
-differences, are there to compare with. For the pseudo-median it is counted signed ranks, exact where differences are as
-likely above as below it. Ranks count through the means of all pairs of differences, Walsh's averages: as many of them
+favourable skewed distribution (`mean_p_values`); Student's t, whose level does not hold for skewed differences, is
+there to compare with. For the pseudo-median it is counted signed ranks, exact where differences are as likely above as
+below it. Ranks count through the means of all pairs of differences, Walsh's averages: as many of them
 lie above a margin as W+ says, so the interval's ends are two of them [2]_.
 
 Neither mean nor pseudo-median says that everybody is spared. Beside them stands how many people lie within the margin,
@@ -45,8 +45,8 @@ from .._errors import PellucidError
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
 from .comparison import critical_statistic, mean_p_values, sign_distribution
 
-Method = Literal["skew_robust", "signed_rank", "t", "bootstrap"]
-METHODS = ("skew_robust", "signed_rank", "t", "bootstrap")
+Method = Literal["skew_robust", "signed_rank", "t"]
+METHODS = ("skew_robust", "signed_rank", "t")
 
 WITHIN_MARGIN = "within"
 """Verdict if the change lies within its margin at level alpha."""
@@ -56,9 +56,6 @@ BEYOND_MARGIN = "beyond"
 
 UNDECIDED = "undecided"
 """Verdict if neither is significant."""
-
-BOOTSTRAP_RESAMPLES = 10_000
-"""Number of bootstrap resamples of a test."""
 
 FAR_MARGIN_COUNT = 3.0
 """A person lies far beyond if the change leaves the middle of the margin by more than this many of its half-widths."""
@@ -167,7 +164,6 @@ def equivalence(
     upper: ArrayLike | None = None,
     alpha: float = 0.05,
     method: Method = "skew_robust",
-    rng: np.random.Generator | None = None,
 ) -> Equivalence:
     """Test whether paired differences lie within a margin.
 
@@ -183,9 +179,7 @@ def equivalence(
     alpha : float
         Level of each one-sided test, in (0, 0.5).
     method : str
-        ``"skew_robust"``, ``"t"`` or ``"bootstrap"`` for the mean; ``"signed_rank"`` for the pseudo-median.
-    rng : numpy.random.Generator, optional
-        Generator of the bootstrap; by default one with a fixed seed.
+        ``"skew_robust"`` or ``"t"`` for the mean; ``"signed_rank"`` for the pseudo-median.
 
     Returns
     -------
@@ -217,7 +211,7 @@ def equivalence(
     if method not in METHODS:
         raise PellucidError(f"equivalence: found the method {method!r}, expected one of {', '.join(METHODS)}")
     bounded = int(np.sum(high > d))
-    if bounded and method not in ("skew_robust", "signed_rank"):
+    if bounded and method == "t":
         raise PellucidError(f"equivalence: found bounds and the method {method!r}, expected skew_robust or signed_rank")
     ends = high if bounded else None
     if method == "skew_robust":
@@ -229,13 +223,9 @@ def equivalence(
     if method == "t":
         error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
         return equivalence_of_estimate(float(d.mean()), error, len(d) - 1, margin, alpha=alpha, differences=d)
-    if method == "signed_rank":
-        p_above, interval = _test_by_ranks(d, high, alpha)
-        known = d if np.isfinite(d).all() else high
-        middle = float(np.median(walsh_averages(known))) if np.isfinite(known).all() else nan
-    else:
-        p_above, interval = _test_by_bootstrap(d, alpha, np.random.default_rng(0) if rng is None else rng)
-        middle = float(d.mean())
+    p_above, interval = _test_by_ranks(d, high, alpha)
+    known = d if np.isfinite(d).all() else high
+    middle = float(np.median(walsh_averages(known))) if np.isfinite(known).all() else nan
     within = max(p_above(margin.low, d), p_above(-margin.high, -high))
     beyond = min(p_above(-margin.low, -high), p_above(margin.high, d))
     return Equivalence(margin, len(d), middle, interval, within, beyond, alpha, method, d, bounded, ends)
@@ -324,22 +314,6 @@ def _test_by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
     if needed is None:
         return p_above, (-inf, inf)
     return p_above, (float(walsh_averages(d)[-needed]), float(walsh_averages(high)[needed - 1]))
-
-
-def _test_by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):
-    n = len(d)
-    means = rng.choice(d, (BOOTSTRAP_RESAMPLES, n)).mean(axis=1)
-    # The interval is widened for small samples, as those of `comparison` are.
-    stretched = d.mean() + (means - d.mean()) * np.sqrt(n / (n - 1.0)) * stats.t.isf(alpha, n - 1) / stats.norm.isf(
-        alpha
-    )
-
-    def p_above(margin: float, own: np.ndarray) -> float:
-        drawn = stretched if own is d else -stretched
-        return (1.0 + float(np.sum(drawn <= margin))) / (BOOTSTRAP_RESAMPLES + 1.0)
-
-    low, high = np.quantile(stretched, (alpha, 1.0 - alpha))
-    return p_above, (float(low), float(high))
 
 
 def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:

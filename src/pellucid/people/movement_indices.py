@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import RecordingError
+from .._tabular import html_table, text_table
 from ..numerics.tied_ranks import TIE_TOLERANCE
 from ..units import COORDINATES_BY_UNIT
 from .certificate import ESTIMAND_METHODS, Estimand
@@ -62,21 +62,17 @@ class MovementIndices(Mapping[str, np.ndarray]):
         """Number of movements."""
         return len(self.columns["start"])
 
-    def _table(self) -> list[list[str]]:
-        head = [f"{name} ({UNITS[name]})" if UNITS[name] != "1" else name for name in self]
-        return [head, *([f"{x:.3g}" for x in row] for row in zip(*self.values(), strict=True))]
+    def _table(self) -> tuple[list[str], list[list[str]]]:
+        heads = [f"{name} ({UNITS[name]})" if UNITS[name] != "1" else name for name in self]
+        return heads, [[f"{x:.3g}" for x in row] for row in zip(*self.values(), strict=True)]
 
     def __str__(self) -> str:
-        table = self._table()
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        lines = ["  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in table]
         left = ", ".join(f"{n} {reason}" for reason, n in self.left_out.items())
-        return "\n".join((f"{self.count} movements" + (f"; left out: {left}" if left else ""), *lines))
+        head = f"{self.count} movements" + (f"; left out: {left}" if left else "")
+        return f"{head}\n{text_table(*self._table())}"
 
     def _repr_html_(self) -> str:
-        cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._table()]
-        body = "".join(f"<tr>{row}</tr>" for row in (cells[0].replace("td>", "th>"), *cells[1:]))
-        return f"<table><caption>{self.count} movements</caption>{body}</table>"
+        return html_table(f"{self.count} movements", *self._table())
 
 
 def movement_indices(

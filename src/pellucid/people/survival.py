@@ -16,7 +16,7 @@ half were cut off there is none, and the longest time seen is a bound from below
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,15 +71,6 @@ def survival(duration: np.ndarray, ended: np.ndarray, confidence: float = 0.95) 
     return Survival(time, share, low, high, float(duration.max()), float(np.mean(~ended)))
 
 
-SPENDING_FUNCTIONS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
-    "obrien_fleming": lambda t, alpha: 2.0 * stats.norm.sf(stats.norm.isf(0.5 * alpha) / np.sqrt(t)),
-    "pocock": lambda t, alpha: alpha * np.log(1.0 + (np.e - 1.0) * t),
-    "linear": lambda t, alpha: alpha * t,
-}
-"""Spending functions of Lan and DeMets by name: share t of the participants and alpha to the alpha spent so far.
-
-``obrien_fleming`` spends little at first, ``pocock`` about as much at each look, ``linear`` in proportion to t."""
-
 INTEGRATION_NODE_COUNT = 801
 """Number of nodes of the numerical integration over the statistic."""
 
@@ -97,8 +88,10 @@ class Looks:
     spent: tuple[float, ...]  # alpha spent up to and including each look
 
 
-def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_fleming") -> Looks:
-    """Return the levels of interim looks at given shares of the participants.
+def looks(share: Sequence[float], alpha: float = 0.05) -> Looks:
+    """Return the levels of interim looks at given shares of the participants, by the spending of O'Brien and Fleming.
+
+    It spends little of alpha at first, so that an early look can claim only what is very clear.
 
     Parameters
     ----------
@@ -106,8 +99,6 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
         Increasing shares of the participants, in (0, 1].
     alpha : float
         One-sided level of the whole study, in (0, 0.5).
-    spending : str
-        ``"obrien_fleming"``, ``"pocock"`` or ``"linear"``.
 
     Returns
     -------
@@ -116,7 +107,7 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
     Raises
     ------
     PellucidError
-        If shares do not rise, or the spending function is none of these.
+        If shares do not rise, or the level is none.
 
     Examples
     --------
@@ -126,11 +117,9 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
     t = np.asarray(share, float)
     if t.ndim != 1 or not len(t) or not (np.diff(t, prepend=0.0) > 0.0).all() or t[-1] > 1.0 + 1e-12:
         raise PellucidError(f"looks: found the shares {list(share)}, expected some that rise, above 0 and up to 1")
-    if spending not in SPENDING_FUNCTIONS:
-        raise PellucidError(f"looks: found the spending {spending!r}, expected one of {', '.join(SPENDING_FUNCTIONS)}")
     if not 0.0 < alpha < 0.5:
         raise PellucidError(f"looks: found the level {alpha!r}, expected one between 0 and 0.5")
-    spent = SPENDING_FUNCTIONS[spending](np.minimum(t, 1.0), alpha)
+    spent = 2.0 * stats.norm.sf(stats.norm.isf(0.5 * alpha) / np.sqrt(np.minimum(t, 1.0)))
     boundaries: list[float] = []
     grid = density = None
     for k, new in enumerate(np.diff(spent, prepend=0.0)):

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    pass
 
 DRIVE_CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
 """Channels that may carry the command of each kind of drive; the first one that is recorded counts."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.estimates import Verdict
-from ...study.procedures.print_result import MAX_GOOD_ERROR
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ..fit.tree_estimate import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
 from .tree_result import ROW_KIND_DESCRIPTIONS, TreeResult, errors_by_recording, unidentified_parameters
 

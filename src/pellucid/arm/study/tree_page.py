@@ -19,7 +19,7 @@ from ...study.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ...study.procedures.print_result import MAX_GOOD_ERROR
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.friction_terms import sum_friction

@@ -25,8 +25,8 @@ from ...numerics.spring_evidence import (
     USUAL_LEVER_M,
 )
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
+from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
-from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
 from ..fit.estimators import DECISIVE_ERROR_RATIO
 from ..fit.fit_joint import JointEstimate
 from ..fit.friction_family import added_terms

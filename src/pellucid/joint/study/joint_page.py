@@ -29,8 +29,8 @@ from ...study.pages.quantities import (
     value_and_half_interval,
 )
 from ...study.pages.values import Value
+from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_figures import posterior_figure
-from ...study.procedures.print_result import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.fit_joint import JointEstimate

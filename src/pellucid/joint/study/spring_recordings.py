@@ -10,7 +10,7 @@ from ...models.estimates import Verdict
 from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import number, unit_text
 from ...study.procedures.dead_effort import dead_effort_faults, require_live_effort
-from ...study.procedures.print_result import MAX_GOOD_ERROR
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, ParameterTable
 from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ...study.quality import inspect, require_sound

@@ -260,14 +260,6 @@ def _moving_limbs(axis: Axes, profiles: Sequence[Profile], tone: Mapping[str, st
     return ways, lasting + REST_S
 
 
-def interval_text(change: PrimaryChange) -> str:
-    """Return the interval of a change in words; "" where there is none."""
-    if not (np.isfinite(change.low) and np.isfinite(change.high)):
-        return ""
-    low, high = (change_figure(end, change.unit).replace("-", MINUS_SIGN) for end in (change.low, change.high))
-    return f"{low} to {high}"
-
-
 VERDICT_COLOUR_ROLES = {"within": "good", "undecided": "muted", "beyond": "measured"}
 """Colour role of each verdict on an end point."""
 

@@ -22,7 +22,7 @@ from .assessment_result import AssessmentResult
 from .assessment_table import AssessmentTable
 from .certified_rows import certificate_remarks, certificate_sentences
 from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
-from .statements import change_text, lowered
+from .statements import lowered
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -103,7 +103,7 @@ def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryCha
 
 def change_value(findings: AssessmentResult, name: str, condition: str, change: PrimaryChange) -> Value:
     """Return a primary change as every part of a page shows it, under the id of its row in results.json."""
-    text = change_text(change).removesuffix(f" {change.unit}") if change.unit else change_text(change)
+    text = change.figure if np.isfinite(change.value) else change.text
     row = f"{findings.study}.transparency.{name}.{condition.lower()}"
     return Value(row, change.value, text.replace("-", MINUS_SIGN))
 
@@ -118,7 +118,7 @@ def _answer_sentence(findings: AssessmentResult) -> str:
     level, parts = f"{100.0 * findings.confidence:g} % CI", []
     for condition, change in changes.items():
         shown = change_value(findings, name, condition, change)
-        ends = figures.interval_text(change) or "not known"
+        ends = change.interval.replace("-", MINUS_SIGN) or "not known"
         parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
     words = each.table.index.words
     verdicts = "".join(f"{one.condition.replace('_', ' ')}: {one.certificate.verdict}. " for one in findings.certified)

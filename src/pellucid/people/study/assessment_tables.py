@@ -62,15 +62,9 @@ def change_table(found: AssessmentResult) -> FigureTable:
             change = primary_change(found, name, own.condition)
             if change is None or not np.isfinite(change.value):
                 continue
-            value, low, high = (
-                change_figure(x, change.unit).replace("-", MINUS_SIGN) for x in (change.value, change.low, change.high)
-            )
-            bounded = np.isfinite(change.low) and np.isfinite(change.high)
-            interval = f" ({low} to {high})" if bounded else ""
-            least = "at least " if change.at_least else ""
-            told = _test_text(found, each, own.condition)
-            change_cell = f"{least}{value}{interval} {change.unit}".rstrip()
-            rows.append((each.table.index.short, own.condition, change_cell, told))
+            interval = f" ({change.interval})" if change.interval else ""
+            cell = f"{change.figure}{interval} {change.unit}".rstrip().replace("-", MINUS_SIGN)
+            rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, own.condition)))
     level = f"{100 * found.confidence:g} % CI"
     title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
     return FigureTable(title, ("Index", "Condition", "Change", "Test says"), tuple(rows))
@@ -193,10 +187,8 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
         if own is not None:
             change = changes[condition]
             known = change is not None and np.isfinite(change.value)
-            figures = [change_figure(x, change.unit).replace("-", MINUS_SIGN)
-                       for x in (change.value, change.low, change.high)] if known else None  # fmt: skip
-            bounded = figures is not None and np.isfinite(change.low) and np.isfinite(change.high)
-            row += [figures[0] if figures else None, f"{figures[1]} to {figures[2]}" if bounded else None]
+            value = change_figure(change.value, change.unit) if known else None
+            row += [text.replace("-", MINUS_SIGN) if text else None for text in (value, known and change.interval)]
             row.append(p_text(own.holm))
         elif against:
             row += [None, None, None]

@@ -138,24 +138,15 @@ def curve_table(found: AssessmentResult) -> FigureTable:
             own = curve.comparison
             at = "; ".join(f"{c.first} to {c.last} % ({_p(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
             curve_verdict = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
-            rows.append(
-                (
-                    each.condition,
-                    QUANTITY_NAMES[curve.quantity],
-                    _furthest(curve),
-                    at or "nowhere",
-                    curve.stated or None,
-                    _p(own.p_within) if curve.stated else None,
-                    curve_verdict,
-                )
-            )
+            cells = curve.stated or None, _p(own.p_within) if curve.stated else None, curve_verdict
+            rows.append((each.condition, QUANTITY_NAMES[curve.quantity], _furthest(curve), at or "nowhere", *cells))
     heads = ("Condition", "Curve", "Furthest", "Differs at (p)", "Margin", "p within", "Said")
     return FigureTable("Curves over the time of a movement", heads, tuple(rows))
 
 
 def _furthest(curve: CurveEndPoint) -> str:
-    mean = curve.factor * curve.comparison.mean
-    return f"{mean[np.argmax(np.abs(mean))]:+.3g} {curve.unit} at {int(np.argmax(np.abs(mean)))} %"
+    value, percent = curve.furthest
+    return f"{value:+.3g} {curve.unit} at {percent} %"
 
 
 def _share(found: AssessmentResult) -> float:
@@ -209,7 +200,7 @@ def _nearest_text(each: Certified) -> str:
 
 def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
     """Return a sentence on each condition."""
-    return tuple(_sentence(each) for each in found.certified)
+    return tuple(map(_sentence, found.certified))
 
 
 def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
@@ -440,7 +431,8 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
         head, own = f"{found.study}.certificate.{each.condition.lower()}", each.certificate
 
         def add(name: str, value: float | None, unit: str, note: str = "", head=head) -> None:
-            rows.append(ResultRow(f"{head}.{name}", value, unit, "assess", "fitted", digest, note))
+            known = value if value is not None and np.isfinite(value) else None
+            rows.append(ResultRow(f"{head}.{name}", known, unit, "assess", "fitted", digest, note))
 
         add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
         add("p", own.p_value, "1", f"that all end points lie within: {TEST_NAMES[each.test]}")
@@ -448,19 +440,16 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
         add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
         for name, point in each.end_points.items():
             part = own.end_points[name]
-            add(f"{name}.change", _finite(point.shown(part.estimate)), point.unit, TEST_NAMES[each.test])
             level = f"{100.0 * (1.0 - 2.0 * own.alpha):.4g} % interval"
-            add(f"{name}.low", _finite(point.shown(part.interval[0])), point.unit, level)
-            add(f"{name}.high", _finite(point.shown(part.interval[1])), point.unit)
-            add(f"{name}.p_within", part.p_within, "1", f"margin {point.stated}")
+            _test_rows(name, point, part, add, TEST_NAMES[each.test], level, f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
             add(f"{name}.people_within", part.people_within, "1", f"of {len(part.differences)}")
             bound = f"lower bound at {100.0 * (1.0 - own.alpha):.4g} % confidence"
-            add(f"{name}.share_within", _finite(100.0 * part.share_within), "%", bound)
+            add(f"{name}.share_within", 100.0 * part.share_within, "%", bound)
             for rank, row in enumerate(part.far_people, start=1):
                 who = each.people[row] if each.people else f"person {row + 1}"
-                add(f"{name}.far.{rank}", _finite(point.shown(part.differences[row])), point.unit, who)
-            add(f"{name}.bayes_factor", _finite(part.bayes_factor), "1", "of within against beyond")
+                add(f"{name}.far.{rank}", point.shown(part.differences[row]), point.unit, who)
+            add(f"{name}.bayes_factor", part.bayes_factor, "1", "of within against beyond")
             for condition, (gone, of) in each.lost[name].items():
                 share = 100.0 * gone / of if of else 0.0
                 add(f"{name}.left_out.{condition.lower()}", share, "%", f"{gone} of {of} movements")
@@ -470,23 +459,25 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
     return tuple(rows)
 
 
+def _test_rows(
+    head: str, point: EndPoint, test: Equivalence, add, note: str, level: str = "", margin: str = ""
+) -> None:
+    """Add the rows of one test of an end point: its change, the interval's ends, and p; each with its note."""
+    add(f"{head}.change", point.shown(test.estimate), point.unit, note)
+    add(f"{head}.low", point.shown(test.interval[0]), point.unit, level)
+    add(f"{head}.high", point.shown(test.interval[1]), point.unit)
+    add(f"{head}.p_within", test.p_within, "1", margin)
+
+
 def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
     model = each.models[name]
     for test, results in each.beside.items():
         other = results.get(name)
         if other is not None and not (test == "mixed_model" and model.trouble):
-            note = f"sensitivity analysis: {TEST_NAMES[test]}"
-            add(f"{name}.{test}.change", _finite(point.shown(other.estimate)), point.unit, note)
-            add(f"{name}.{test}.low", _finite(point.shown(other.interval[0])), point.unit)
-            add(f"{name}.{test}.high", _finite(point.shown(other.interval[1])), point.unit)
-            add(f"{name}.{test}.p_within", other.p_within, "1")
+            _test_rows(f"{name}.{test}", point, other, add, f"sensitivity analysis: {TEST_NAMES[test]}")
     if model.movements:
-        add(
-            f"{name}.model.spread",
-            _finite(_scaled(point, model.spread)),
-            point.unit,
-            model.trouble or "of people's changes",
-        )
+        spread = _scaled(point, model.spread)
+        add(f"{name}.model.spread", spread, point.unit, model.trouble or "of people's changes")
     for covariate, coefficient in model.covariates.items():
         if covariate in ("trial", "trial x condition", "period"):
             add(f"{name}.model.{covariate.replace(' x ', '_by_')}.p", coefficient.p_value, "1", "mixed model")
@@ -495,25 +486,17 @@ def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
         add(f"{name}.learning.drift", drift, point.unit, "last third less first, condition less control, median")
     for doubt in each.certificate.doubts.get(name, ()):
         key = doubt.what.replace("-", "_").replace(" ", "_")
-        add(f"{name}.{key}.p", _finite(doubt.p_value), "1", "" if np.isfinite(doubt.p_value) else "not of chance")
-        add(
-            f"{name}.{key}.change_without",
-            _finite(point.shown(doubt.without.estimate)),
-            point.unit,
-            doubt.without.verdict,
-        )
+        add(f"{name}.{key}.p", doubt.p_value, "1", "" if np.isfinite(doubt.p_value) else "not of chance")
+        change = point.shown(doubt.without.estimate)
+        add(f"{name}.{key}.change_without", change, point.unit, doubt.without.verdict)
         add(f"{name}.{key}.p_within_without", doubt.without.p_within, "1")
 
 
 def _curve_rows(curve: CurveEndPoint, add) -> None:
     own, head = curve.comparison, f"curve.{curve.quantity}"
-    mean = curve.factor * own.mean
-    add(f"{head}.furthest", float(mean[np.argmax(np.abs(mean))]), curve.unit, f"at {int(np.argmax(np.abs(mean)))} %")
+    value, percent = curve.furthest
+    add(f"{head}.furthest", value, curve.unit, f"at {percent} %")
     add(f"{head}.cluster_p", min((c.p_value for c in own.clusters), default=1.0), "1", "signs of curves")
     if curve.stated:
         add(f"{head}.p_within", own.p_within, "1", f"all along, margin {curve.stated}")
         add(f"{head}.p_beyond", own.p_beyond, "1", "somewhere")
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -28,7 +28,8 @@ from ..indices import (
     target_zero,
 )
 from ..movements import Kinematics, Movement, MovementRule, NoMovement
-from .pointing import PointingRecord, PointingSettings, activity, drop_mistaken, labelled_amplitudes
+from .assessment_table import AssessmentTable
+from .pointing import PointingRecord, activity, drop_mistaken, labelled_amplitudes
 
 MAX_DRIFT = 0.01
 """Largest plausible drift between two clocks [s/s]. A larger one means lost samples or a wrong rate in the file."""
@@ -80,7 +81,7 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
 
 
 def emg_on_motions_clock(
-    record: PointingRecord, made: Activity, spec: PointingSettings, rule: MovementRule
+    record: PointingRecord, made: Activity, spec: AssessmentTable, rule: MovementRule
 ) -> tuple[Activity, list[Fault]]:
     """Return a recording's EMG with its drift corrected, and the faults of its clock."""
     name = record.recording.stream_or_self(spec.emg).path.name
@@ -144,7 +145,7 @@ class MeasuredStudy:
 
 
 def activities(
-    records: Sequence[PointingRecord], spec: PointingSettings, rule: MovementRule
+    records: Sequence[PointingRecord], spec: AssessmentTable, rule: MovementRule
 ) -> tuple[dict[str, Activity], dict[str, dict[str, float]], list[Fault]]:
     """Return the EMG of every recording, each muscle's largest activity, and the faults of clocks."""
     found: dict[str, Activity] = {}
@@ -163,7 +164,7 @@ def activities(
 
 def measure(
     records: Sequence[PointingRecord],
-    spec: PointingSettings,
+    spec: AssessmentTable,
     rule: MovementRule,
     emg: Mapping[str, Activity],
     largest: Mapping[str, Mapping[str, float]],

@@ -12,8 +12,9 @@ from ...units import Coordinate, parse_quantity
 from ..curves import CurveComparison, compare_curves, resample_movement
 from ..emg_index import Activity
 from ..equivalence import Margin
+from .assessment_table import AssessmentTable
 from .measured_study import MeasuredStudy
-from .pointing import PointingRecord, PointingSettings
+from .pointing import PointingRecord
 
 SMOOTHING_SHARE = 0.05
 """Share of a movement over which rectified EMG is averaged, because that of single movements is noisy."""
@@ -39,13 +40,20 @@ class CurveEndPoint:
     comparison: CurveComparison
     factor: float = 1.0  # factor from the comparison's unit to the displayed one
 
+    @property
+    def furthest(self) -> tuple[float, int]:
+        """Largest mean difference from control, in the displayed unit, and where it is [% of the movement]."""
+        mean = self.factor * self.comparison.mean
+        percent = int(np.argmax(np.abs(mean)))
+        return float(mean[percent]), percent
+
 
 def participants_curves(
     records: Sequence[PointingRecord],
     whole: MeasuredStudy,
     emg: Mapping[str, Activity],
     largest: Mapping[str, Mapping[str, float]],
-    spec: PointingSettings,
+    spec: AssessmentTable,
 ) -> Curves:
     """Return the curves of these records' participants."""
     sums: dict[tuple, list[np.ndarray]] = {}

@@ -90,11 +90,11 @@ def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | Non
     tables = paper_tables([result for result, _ in found])
     for name, table in tables.items():
         write_text_atomically(folder / "tables" / f"{name}.tex", latex(table))
-        write_text_atomically(folder / "tables" / f"{name}.csv", _csv_text(table.heads, table.rows))
+        write_text_atomically(folder / "tables" / f"{name}.csv", csv_text(table.heads, table.rows, csv_shown))
     recordings = study.recordings()
     heads = ("recording", "file", "use", "sha256")
     rows = [(r.name, r.path.name, r.use, r.checksum) for r in recordings]
-    write_text_atomically(folder / "recordings.csv", _csv_text(heads, rows))
+    write_text_atomically(folder / "recordings.csv", csv_text(heads, rows, csv_shown))
     short = [(*row[:-1], f"{row[-1][:SHOWN_CHECKSUM_LENGTH]}…") for row in rows]
     write_text_atomically(folder / "tables" / "recordings.tex", latex(FigureTable("Recordings", heads, tuple(short))))
     results = [result for result, _ in found]
@@ -196,12 +196,16 @@ def _one_sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
-def _csv_text(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    for row in (heads, *rows):
-        writer.writerow(["" if cell is None else csv_cell(str(cell)) for cell in row])
-    return made.getvalue()
+def csv_figure(cell: object) -> str:
+    """Return a cell as a program reads it: figures as numbers with an ASCII minus sign, nothing for NaN."""
+    if isinstance(cell, float):
+        return "" if np.isnan(cell) else f"{cell:.7g}"
+    return csv_cell(str(cell).replace(MINUS_SIGN, "-"))
+
+
+def csv_shown(cell: object) -> str:
+    """Return a cell with the characters that a paper shows."""
+    return csv_cell(str(cell))
 
 
 def _main_text(study: Study, figures: Sequence[tuple[str, str]], tables: Sequence[str]) -> str:
@@ -278,17 +282,10 @@ def movement_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tupl
     return heads, rows
 
 
-def csv_text(heads, rows) -> str:
-    """A table as comma-separated text: figures as numbers, nothing where there is none."""
+def csv_text(heads: Sequence[str], rows: Sequence[Sequence[object]], cell_text: Callable = csv_figure) -> str:
+    """Return a table as comma-separated text, each cell as `cell_text` gives it, and nothing where there is None."""
     made = io.StringIO()
     writer = csv.writer(made, lineterminator="\n")
-    writer.writerow(map(_csv_cell, heads))
-    for row in rows:
-        writer.writerow([_csv_cell(cell) for cell in row])
+    for row in (heads, *rows):
+        writer.writerow(["" if cell is None else cell_text(cell) for cell in row])
     return made.getvalue()
-
-
-def _csv_cell(cell) -> str:
-    if cell is None or (isinstance(cell, float) and np.isnan(cell)):
-        return ""
-    return f"{cell:.7g}" if isinstance(cell, float) else csv_cell(str(cell).replace(MINUS_SIGN, "-"))

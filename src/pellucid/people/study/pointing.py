@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from ..movements import (
     target_stretches,
 )
 from ..segment_angle import segment_angle
+from .assessment_table import AssessmentTable
 
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""
@@ -52,23 +52,6 @@ COMPARISON_RATE_HZ = 25.0
 
 LABEL_ROUNDING_RAD = 0.005
 """Labels closer than this count as one label that was rounded [rad]."""
-
-
-class PointingSettings(Protocol):
-    """Settings of a study of pointing; ``[assessment]`` in study.toml."""
-
-    control: str
-    angle: str
-    segment: tuple[str, ...]
-    target: str
-    agonists: tuple[str, ...]
-    antagonists: tuple[str, ...]
-    emg: str
-    interaction: str
-    lowpass: float  # Hz
-    order: int
-    threshold: float
-    advance: float  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +114,7 @@ def recordings_with_condition(recordings: Sequence[Recording]) -> list[Recording
     return found
 
 
-def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRecord:
+def pointing_record(recording: Recording, spec: AssessmentTable) -> PointingRecord:
     """Read angle and targets from a recording."""
     where = f"{recording.path.name} (recording {recording.name})"
     delay, drift = None, 0.0
@@ -223,7 +206,7 @@ def drop_mistaken(
     return kept, len(found) - len(kept)
 
 
-def with_rule(spec: PointingSettings, **changes) -> MovementRule:
+def with_rule(spec: AssessmentTable, **changes) -> MovementRule:
     """Return the study's rule for movements, with changes such as ``lowpass=6.0``."""
     return replace(MovementRule(spec.lowpass, spec.order, spec.threshold), **changes)
 
@@ -286,7 +269,7 @@ def _within(recordings: Sequence[Recording]) -> dict[str, int]:
     return places
 
 
-def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
+def activity(recording: Recording, spec: AssessmentTable) -> Activity | None:
     """Return the EMG of a recording, processed as published except for normalisation, which needs all recordings."""
     muscles = (*spec.agonists, *spec.antagonists)
     names = [f"emg.{muscle}" for muscle in muscles]

@@ -17,7 +17,6 @@ from ..movements import Movement, MovementRule, NoAngle
 from .assessment_table import AssessmentTable
 from .pointing import (
     PointingRecord,
-    PointingSettings,
     labelled_amplitudes,
     pointing_record,
     recordings_with_condition,
@@ -60,7 +59,7 @@ def assessment_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> tuple[list[PointingRecord], list[Fault]]:
+def usable_records(recordings: Sequence[Recording], spec: AssessmentTable) -> tuple[list[PointingRecord], list[Fault]]:
     """Return the records of usable recordings, and a fault for each other one; one bad file does not stop a study."""
     records, faults = [], []
     for recording in recordings:
@@ -77,7 +76,7 @@ def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> t
     return records, faults
 
 
-def _gaps(record: PointingRecord, spec: PointingSettings) -> str:
+def _gaps(record: PointingRecord, spec: AssessmentTable) -> str:
     """Return the reason why most movements cannot be used if it is missing samples; otherwise an empty text."""
     _, found, left_out = record.movements(with_rule(spec))
     lost = sum(each.kind == "lost" for each in left_out)

@@ -47,6 +47,23 @@ class PrimaryChange:
     unit: str  # ``"%"`` or the unit of tables
     at_least: bool = False  # whether the value is a lower bound, because somebody's movements were cut off
 
+    @property
+    def text(self) -> str:
+        """The change with its sign and unit, as headline, tile, text and tables tell it."""
+        return f"{self.figure} {self.unit}".rstrip() if np.isfinite(self.value) else "not known"
+
+    @property
+    def figure(self) -> str:
+        """The change with its sign, without its unit."""
+        return ("at least " if self.at_least else "") + change_figure(self.value, self.unit)
+
+    @property
+    def interval(self) -> str:
+        """The interval without its unit; "" where there is none."""
+        if not (np.isfinite(self.value) and np.isfinite(self.low) and np.isfinite(self.high)):
+            return ""
+        return f"{change_figure(self.low, self.unit)} to {change_figure(self.high, self.unit)}"
+
 
 def primary_change(found: AssessmentResult, name: str, condition: str) -> PrimaryChange | None:
     """Return the primary change of an index under a condition; None if it has no control to change from."""

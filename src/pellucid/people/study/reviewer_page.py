@@ -21,6 +21,7 @@ from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
 from .pointing_faults import REASON_WORDS
+from .statements import p_statement
 
 if TYPE_CHECKING:
     from ...study.study import Study
@@ -55,20 +56,17 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
 def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) -> Page:
     """Build the page: verdicts, protocol, margins, assumptions, results, sensitivity, exclusions, provenance."""
     verdicts = [(each.condition, each.certificate.verdict) for each in found.certified]
-    following = (f"Make this page again: `{printed_command('certificate', study.folder)}`.",)
+    command = printed_command("certificate", study.folder)
+    following = (f"Make this page again: `{command}`.",)
     return study_page(
         f"{found.study}: certificate",
         " ".join(map(typeset_sentence, certificate_sentences(found))),
-        [Tile(condition, verdict, "", _p_text(each.certificate.p_value))
+        [Tile(condition, verdict, "", p_statement(each.certificate.p_value))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found), _sensitivity(found),
-         _exclusions(found), provenance(study, _recipe(study), _checksums(study, found))],
+         _exclusions(found), provenance(study, [("Made again by", command)], _checksums(study, found))],
         answer=certificate_answer(found, following),
     )  # fmt: skip
-
-
-def _p_text(p: float) -> str:
-    return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"
 
 
 def _table(heads: tuple[str, ...], rows: list[tuple], caption: str, words: int = 1) -> Table:
@@ -191,10 +189,6 @@ def _exclusions(found: AssessmentResult) -> Section:
     return Section(
         "exclusions", "Exclusions", tables=(_table(("What", "Which", "Why"), rows, "All that was left out.", 3),)
     )
-
-
-def _recipe(study: Study) -> list[tuple[str, str]]:
-    return [("Made again by", printed_command("certificate", study.folder))]
 
 
 def _checksums(study: Study, found: AssessmentResult) -> Table:

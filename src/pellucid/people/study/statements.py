@@ -14,7 +14,7 @@ from ..equivalence import WITHIN_MARGIN
 from ..indices import MOVEMENT_DURATION, index_names, leading_index
 from .assessment_tables import PRINTED_UNITS
 from .pointing_faults import REASON_WORDS
-from .primary_change import ESTIMAND_WORDS, PrimaryChange, change_figure, primary_change
+from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
@@ -93,7 +93,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
         return sentences
     test = compared.friedman
     exact = "exact " if test.exact_p_value is not None else ""
-    result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{_p(compared.p_value)}"
+    result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{p_statement(compared.p_value)}"
     if compared.p_value >= alpha:
         compared_text = _listed(compared.conditions) if index.over_control else "conditions"
         return [*sentences, f"No difference between {compared_text} was found ({result})."]
@@ -103,7 +103,7 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
         for b in compared.conditions[i + 1 :]
         if compared.pair(a, b) < alpha
     ]
-    which = _listed([f"{a} from {b} ({_p(q)})" for a, b, q in pairs])
+    which = _listed([f"{a} from {b} ({p_statement(q)})" for a, b, q in pairs])
     told = f"Nemenyi's test told {which}" if pairs else "Nemenyi's test could not say which"
     return [*sentences, f"Conditions differed ({result}); {told}."]
 
@@ -120,14 +120,6 @@ def lowered(words: str) -> str:
     return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
-def change_text(change: PrimaryChange) -> str:
-    """Format a primary change with its sign and unit, as headline, tile, text and tables tell it."""
-    if not np.isfinite(change.value):
-        return "not known"
-    least = "at least " if change.at_least else ""
-    return f"{least}{change_figure(change.value, change.unit)} {change.unit}".rstrip()
-
-
 def _change(found: AssessmentResult, each: Assessed, condition: str) -> str:
     """Format the primary change from control with its interval; empty if there is none."""
     return ", ".join(part for part in _change_and_interval(found, each, condition) if part)
@@ -138,11 +130,8 @@ def _change_and_interval(found: AssessmentResult, each: Assessed, condition: str
     change = primary_change(found, each.name, condition)
     if change is None:
         return "", ""
-    if not (np.isfinite(change.low) and np.isfinite(change.high) and np.isfinite(change.value)):
-        return change_text(change), ""
-    low, high = (change_figure(end, change.unit) for end in (change.low, change.high))
-    ends = f"{low} to {high} {change.unit}".rstrip()
-    return change_text(change), f"{100 * found.confidence:g} % CI {ends}"
+    ends = f"{change.interval} {change.unit}".rstrip()
+    return change.text, f"{100 * found.confidence:g} % CI {ends}" if change.interval else ""
 
 
 def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
@@ -152,7 +141,7 @@ def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
     same = [e for e in others if e.comparison.p_value >= alpha]
 
     def named(each: Assessed) -> str:
-        return f"{lowered(each.table.index.words)} ({_p(each.comparison.p_value)})"
+        return f"{lowered(each.table.index.words)} ({p_statement(each.comparison.p_value)})"
 
     sentences = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
     return sentences + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
@@ -266,5 +255,6 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:+.1f} %"
 
 
-def _p(p: float) -> str:
+def p_statement(p: float) -> str:
+    """Return a p value as a sentence has it."""
     return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"

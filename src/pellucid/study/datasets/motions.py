@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -109,8 +109,7 @@ class RecordedGait:
     @property
     def rows(self) -> tuple[np.ndarray, ...]:
         """The arrays, in the order of the fields."""
-        own = (self.flexion, self.tilt, self.hip, self.forward, self.upward)
-        return (*own, self.knee_moment, self.ankle_moment)
+        return tuple(getattr(self, each.name) for each in fields(self)[2:])
 
 
 def recorded_gait(speed: str) -> RecordedGait:
@@ -129,14 +128,15 @@ def recorded_gait(speed: str) -> RecordedGait:
         if not all((path(name) / files[kind]).is_file() for kind in ("angles", "moments")):
             continue
         angles, moments = (read_columns(path(name) / files[kind]) for kind in ("angles", "moments"))
-        turned, moment = gait["sign"] * (np.pi / 180.0 if gait["unit"] == "deg" else 1.0), gait["sign"]
-        other = np.pi / 180.0 if gait["unit"] == "deg" else 1.0
-        at = np.interp
-        time = angles["time"]
-        own = {key: np.asarray(angles[gait[key]]) for key in ("knee", "tilt", "hip", "forward", "upward")}
-        known = {key: at(time, moments["time"], moments[gait[key]]) for key in ("knee_moment", "ankle_moment")}
+        radian = np.pi / 180.0 if gait["unit"] == "deg" else 1.0
+        knee, tilt, hip, forward, upward = (
+            np.asarray(angles[gait[key]]) for key in ("knee", "tilt", "hip", "forward", "upward")
+        )
+        knee_moment, ankle_moment = (
+            np.interp(angles["time"], moments["time"], moments[gait[key]]) for key in ("knee_moment", "ankle_moment")
+        )
         return RecordedGait(
-            f"{name}, {files['words']}", gait["rate"], turned * own["knee"], other * own["tilt"], other * own["hip"],
-            own["forward"], own["upward"], moment * known["knee_moment"], known["ankle_moment"],
+            f"{name}, {files['words']}", gait["rate"], gait["sign"] * radian * knee, radian * tilt, radian * hip,
+            forward, upward, gait["sign"] * knee_moment, ankle_moment,
         )  # fmt: skip
     raise DatasetError(f"walking: found no data set with a gait at the speed {speed!r}, expected one")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -13,14 +14,14 @@ from ..._errors import DatasetError
 
 
 class Bar:
-    """Progress bar with the few methods Pooch calls."""
+    """Progress bar with the few methods Pooch calls, which also sets the file's size, `total` [byte]."""
 
     def __init__(self, title: str):
         from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn
 
         self._progress = Progress(TextColumn("{task.description}"), BarColumn(), DownloadColumn(), transient=True)
         self._task = self._progress.add_task(title, total=None)
-        self._total: float | None = None
+        self.total: float | None = None
 
     def __enter__(self) -> Bar:
         self._progress.start()
@@ -29,23 +30,13 @@ class Bar:
     def __exit__(self, *_) -> None:
         self._progress.stop()
 
-    @property
-    def total(self) -> float | None:
-        """Size of the file [byte]."""
-        return self._total
-
-    @total.setter
-    def total(self, size: float | None) -> None:
-        self._total = size
-        self._progress.update(self._task, total=size)
-
     def update(self, size: float) -> None:
         """Add `size` bytes."""
-        self._progress.update(self._task, advance=size)
+        self._progress.update(self._task, total=self.total, advance=size)
 
     def reset(self) -> None:
         """Set the progress back to 0."""
-        self._progress.reset(self._task, total=self._total)
+        self._progress.reset(self._task, total=self.total)
 
     def close(self) -> None:
         """Do nothing: Pooch calls this at the end, but the context ends the display."""
@@ -163,7 +154,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
     pooch.get_logger().setLevel(logging.ERROR)
     for file in dataset.files:
         try:
-            with _bar(file, progress) as bar:
+            with Bar(file) if progress else nullcontext(False) as bar:
                 store.fetch(file, downloader=pooch.HTTPDownloader(timeout=30, progressbar=bar))
         except ValueError as error:
             # Pooch compares checksums before it moves the file into place.
@@ -225,12 +216,3 @@ def _advice(dataset: Dataset) -> str:
         f"{', '.join(dataset.files)} from {dataset.origin} into a folder {dataset.folders[0]} and set {DATA_VARIABLE} "
         f"to the folder above it ({where})"
     )
-
-
-def _bar(file: str, shown: bool):
-    import contextlib
-
-    if not shown:
-        return contextlib.nullcontext(False)
-
-    return Bar(file)

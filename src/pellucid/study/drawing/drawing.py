@@ -192,16 +192,11 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
             name, (0.0, 1.0), xytext=(0, 6 if one_line else 19), xycoords="axes fraction", textcoords="offset points",
             fontweight="bold", fontsize=9.5, va="bottom",
         )  # fmt: skip
-        if one_line:
-            rest = axis.annotate(
-                text.rest, (1.0, 0.0), xytext=(8, 0.4), xycoords=head, textcoords="offset points", color=text.tone,
-                fontsize=8.5, va="bottom",
-            )  # fmt: skip
-        else:
-            rest = axis.annotate(
-                text.rest, (0.0, 1.0), xytext=(0, 6), xycoords="axes fraction", textcoords="offset points",
-                color=text.tone, fontsize=8.5, va="bottom",
-            )  # fmt: skip
+        at, shift, frame = ((1.0, 0.0), (8, 0.4), head) if one_line else ((0.0, 1.0), (0, 6), "axes fraction")
+        rest = axis.annotate(
+            text.rest, at, xytext=shift, xycoords=frame, textcoords="offset points", color=text.tone, fontsize=8.5,
+            va="bottom",
+        )  # fmt: skip
         for artist in (head, rest):
             artist.set_in_layout(False)
 

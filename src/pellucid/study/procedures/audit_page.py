@@ -56,12 +56,8 @@ def first_channels(audit: Audit) -> Drawing:
     return _channels(sound[:FIRST_PANELS], "first_channels", "good")
 
 
-def audit_figure(audit: Audit) -> Drawing:
-    """Draw each unsound channel against its row, one panel beneath another."""
-    return _channels(audited_channels(audit), "channels", "wrong")
-
-
 def _channels(drawn: list[tuple[ChannelVerdict, str, Log, LogChannel]], name_of_figure: str, role: str) -> Drawing:
+    """Draw channels against their rows, one panel beneath another; `role` is the colour of what is said of each."""
     figure = Figure(figsize=(FIGURE_WIDTH, PANEL_HEIGHT * len(drawn) + 0.4), layout="constrained")
     axes = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
     for axis, (verdict, name, _, channel) in zip(axes, drawn, strict=True):
@@ -84,7 +80,8 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
     readable = any(file.log is not None for file in found.files)
     sections = [Section("verdicts", "One verdict for each channel", tables=(_verdict_table(found),))]
     if len(unsound) > FIRST_PANELS:
-        sections.append(Section("channels", "The unsound channels", drawings=(draw(audit_figure, found),)))
+        drawing = draw(_channels, unsound, "channels", "wrong")
+        sections.append(Section("channels", "The unsound channels", drawings=(drawing,)))
     sections.append(_file_section(found))
     study = printed_command("init", "my-study", "--from", *found.paths)
     page = Page(

@@ -13,6 +13,7 @@ from ...models.card import Card, read_card
 from ...models.estimates import Verdict
 from ...models.slider_joint import read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
+from ...numerics.block_test import holm
 from ..study import STUDY_FILE
 from .card_sources import require_fresh
 from .registry import open_study
@@ -107,11 +108,9 @@ def compare(
     covariance = _part(one, shared) + _part(two, shared)
     sd = np.sqrt(np.diag(covariance))
     z = np.divide(difference, sd, out=np.zeros_like(difference), where=sd > 0.0)
-    p = _holm(2.0 * ndtr(-np.abs(z)))
+    p = holm(2.0 * ndtr(-np.abs(z)))
     rows = tuple(
-        ComparedParameter(
-            n, one[n].unit, one[n].value, two[n].value, float(s), float(zi), float(pi), bool(pi < 1.0 - level)
-        )
+        ComparedParameter(n, one[n].unit, one[n].value, two[n].value, float(s), float(zi), pi, pi < 1.0 - level)
         for n, s, zi, pi in zip(shared, sd, z, p, strict=True)
     )
     free = sd > 0.0
@@ -150,14 +149,6 @@ def _part(card: Card | TreeCard, names: list[str]) -> np.ndarray:
     index = [i for n in names for i, p in enumerate(card.parameters) if p.name == n]
     # Effects that the model neglects are the same on both cards and cause no change, so they are not counted.
     return np.array(card.statistical or card.covariance)[np.ix_(index, index)]
-
-
-def _holm(p: np.ndarray) -> np.ndarray:
-    order = np.argsort(p)
-    adjusted = np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p))))
-    out = np.empty_like(p)
-    out[order] = np.minimum(adjusted, 1.0)
-    return out
 
 
 def _sentences(rows: tuple[ComparedParameter, ...], p_value: float) -> tuple[Verdict, ...]:

@@ -1,4 +1,7 @@
-"""Collect the findings on a result from a module with one function for each finding."""
+"""Collect the findings on a result, and state what counts as a good model in all of them.
+
+A module of findings has one function for each.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,25 @@ from types import ModuleType
 from typing import Any
 
 from ...models.estimates import Verdict, rank_verdicts
+
+MAX_GOOD_ERROR = 20.0
+"""Largest held-out error of a good prediction [% of the RMS effort].
+
+The bound leaves 4 % of the power of the effort unexplained. A controller that compensates the model leaves at most a
+fifth of the joint's own effort to the wearer. The public data sets of single joints lie between 5 and 12 %.
+"""
+
+SOUND_R2 = 0.8
+"""A model explains the effort if its R2 is above this: a constant effort makes the RMS effort large, and R2 does not
+count it."""
+
+MAX_BODY_ERROR_RATIO = 1.1
+"""One body predicts as well as two directions if its error is at most this many times theirs: it has ten parameters in
+place of sixteen."""
+
+MIN_EXPLAINED_PERCENT = 50.0
+"""A strap explains the angle between limb and orthosis if it explains at least this share of it held out: more than is
+left unexplained."""
 
 FINDING_PREFIX = "report_"
 """Prefix of the functions that report a finding; what follows is the finding's name."""

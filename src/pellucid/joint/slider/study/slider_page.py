@@ -26,7 +26,7 @@ from ....study.pages.quantities import (
     unit_text,
 )
 from ....study.pages.values import Value
-from ....study.procedures.print_result import MAX_BODY_ERROR_RATIO
+from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
 from ....study.procedures.study_page import provenance, study_page
 from ....study.study import Study
 from ...study.joint_figures import busiest

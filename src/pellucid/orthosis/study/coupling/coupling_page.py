@@ -18,8 +18,8 @@ from ....study.pages.forest import number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ....study.pages.page import Answer, Page, Section, Tile, without_drawing
 from ....study.pages.quantities import number, typeset_sentence, unit_text
+from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.posterior_figures import posterior_figure
-from ....study.procedures.print_result import MIN_EXPLAINED_PERCENT
 from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ....study.study import Study
 from ...strap.identified_strap import IdentifiedStrap
