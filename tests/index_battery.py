@@ -28,8 +28,7 @@ from pellucid.people.movement_indices import index_table
 from pellucid.people.study.assessment_table import AssessmentTable
 from pellucid.people.study.certified import end_points
 from pellucid.people.study.measured_study import MeasuredStudy, activities, measure
-from pellucid.people.study.pointing import with_rule
-from pellucid.people.study.pointing_faults import usable_records
+from pellucid.people.study.pointing import usable_records, with_rule
 from pellucid.units import COORDINATES_BY_UNIT, parse_quantity
 from pellucid_lab.pointing.predicted_indices import PREDICTED_INDICES
 

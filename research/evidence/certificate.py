@@ -26,8 +26,8 @@ from scipy.special import log_ndtr
 from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, Estimand, certificate
 from pellucid.people.comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
 from pellucid.people.equivalence import Margin, Method
-from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.power import Active, equivalence_power, find_equivalence_participants
 from pellucid.people.survival import looks
 from pellucid.study.results import ResultRow
 from pellucid_lab.processes import ordered_results

@@ -377,7 +377,7 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
 
     The page lists protocol, margins, assumptions, exclusions and checksums.
     """
-    from .people.study.reviewer_page import write_certificate as run
+    from .people.study.assessment_page import write_certificate as run
 
     study = _opened(folder, out, allow_outside)
     with show_progress() as tell:

@@ -10,9 +10,8 @@ from scipy import stats
 
 from pellucid.numerics.tied_ranks import tie_groups, tied_ranks, tied_signs
 from pellucid.people.assess_table import assess_table
-from pellucid.people.comparison import compare_conditions, rank_sums, signed_rank
+from pellucid.people.comparison import compare_conditions, friedman, nemenyi, rank_sums, signed_rank
 from pellucid.people.equivalence import Margin, equivalence
-from pellucid.people.friedman import friedman, nemenyi
 
 TABLES = 1_500
 """Tables of which each p value is compared."""

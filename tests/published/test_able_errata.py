@@ -12,7 +12,7 @@ from sd_bounds import sd_bounds
 from pellucid._errors import PellucidError, StudyError
 from pellucid.models.joint import GRAVITY
 from pellucid.numerics.protocols.excitation import swept_sine
-from pellucid.people.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
+from pellucid.people.comparison import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.units import to_si_factor
 from pellucid_lab.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
 from pellucid_lab.papers.able.elbow import able_elbow

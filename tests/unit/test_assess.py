@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from pellucid import cli
 from pellucid._errors import IdentificationError, RecordingError, StudyError
-from pellucid.people.isochrony import affine
+from pellucid.people.movement_indices import affine
 from pellucid.people.study.paper import write_tables
 from pellucid.people.study.primary_change import primary_change
 from pellucid.study.procedures.registry import open_study

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.people.study.assessment_page import page
+from pellucid.people.study.assessment_page import page, write_certificate
 from pellucid.people.study.assessment_tables import description_table, range_table
 from pellucid.people.study.certified_rows import (
     certificate_remarks,
@@ -16,7 +16,6 @@ from pellucid.people.study.certified_rows import (
     certificate_table,
 )
 from pellucid.people.study.primary_change import primary_change
-from pellucid.people.study.reviewer_page import write_certificate
 from pellucid.study.pages.values import plain_text
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import assess

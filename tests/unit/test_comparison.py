@@ -8,12 +8,13 @@ from pellucid._errors import PellucidError
 from pellucid.numerics.block_test import holm
 from pellucid.people.comparison import (
     compare_conditions,
+    friedman,
     mean_interval,
+    nemenyi,
     sign_distribution,
     signed_rank,
     smallest_p,
 )
-from pellucid.people.friedman import friedman, nemenyi
 
 
 @pytest.mark.parametrize("n", [4, 9, 20])

@@ -18,9 +18,8 @@ from pellucid.people.equivalence import (
     people_for_share,
     share_bound,
 )
-from pellucid.people.equivalence_power import Active, equivalence_power, find_equivalence_participants
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent, are_within
-from pellucid.people.power import lasting_bounds
+from pellucid.people.power import Active, equivalence_power, find_equivalence_participants, lasting_bounds
 from pellucid.people.survival import looks
 
 

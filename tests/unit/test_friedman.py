@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from pellucid import _errors
-from pellucid.people.friedman import friedman, friedman_from_rank_sums, nemenyi, nemenyi_from_rank_sums
+from pellucid.people.comparison import friedman, friedman_from_rank_sums, nemenyi, nemenyi_from_rank_sums
 
 
 def listed_p(data: np.ndarray) -> float:

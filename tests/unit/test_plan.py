@@ -8,7 +8,7 @@ import pytest
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.people.equivalence import Margin
-from pellucid.people.equivalence_power import Active, find_equivalence_participants, participants_for_changes
+from pellucid.people.power import Active, find_equivalence_participants, participants_for_changes
 from pellucid.people.study.plan import plan
 from pellucid.study.procedures.registry import open_study
 

@@ -10,18 +10,18 @@ import pytest
 from pellucid._errors import RecordingError
 from pellucid.files.optical import OpticalRecording
 from pellucid.files.recording import Channel, Recording
-from pellucid.people.emg_timing import emg_lead
+from pellucid.people.emg_index import emg_lead
 from pellucid.people.movements import MovementRule, kinematics
 from pellucid.people.study.assessment_table import AssessmentTable as Assessment
 from pellucid.people.study.measured_study import measure
 from pellucid.people.study.pointing import (
     drop_mistaken,
     labelled_amplitudes,
+    pointing_faults,
     pointing_record,
     recordings_with_condition,
     with_rule,
 )
-from pellucid.people.study.pointing_faults import pointing_faults
 
 SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
 

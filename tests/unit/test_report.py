@@ -13,8 +13,7 @@ from pellucid.joint.study.joint_figures import busiest, join_stretches, running_
 from pellucid.models.estimates import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.study.drawing.drawing import draw
-from pellucid.study.drawing.line_points import broken, outline
+from pellucid.study.drawing.drawing import broken, draw, outline
 from pellucid.study.drawing.style import COLOURS, css_variables
 from pellucid.study.pages.quantities import (
     number,

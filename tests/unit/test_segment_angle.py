@@ -7,7 +7,7 @@ import pytest
 
 from pellucid._errors import RecordingError
 from pellucid.files.optical import OpticalRecording
-from pellucid.people.segment_angle import segment_angle
+from pellucid.people.movements import segment_angle
 
 
 def seen(angle, heading=0.7, down=(0.0, 0.0, -1.0), out_of_plane=0.0):

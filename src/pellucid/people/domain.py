@@ -9,7 +9,7 @@ PROCEDURE_ENTRIES = (
         command="assess",
         order=140,
         table_class="assessment_table:AssessmentTable",
-        find_faults="pointing_faults:assessment_faults",
+        find_faults="pointing:assessment_faults",
         find="assess:assess",
         draw="assessment_page:page",
     ),

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pellucid.people.isochrony import affine
+from pellucid.people.movement_indices import affine
 from pellucid.people.movements import Kinematics, Movement, MovementRule, Stretch, movements
 from pellucid.people.survival import survival
 

@@ -12,7 +12,7 @@ import numpy as np
 from pellucid._errors import PellucidError
 from pellucid._given import require_folder
 from pellucid.numerics.tied_ranks import tied_ranks
-from pellucid.people.friedman import friedman, nemenyi
+from pellucid.people.comparison import friedman, nemenyi
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 
 from ..processes import shared_results

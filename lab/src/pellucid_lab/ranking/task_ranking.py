@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from pellucid.people.friedman import FriedmanTest
+from pellucid.people.comparison import FriedmanTest
 
 from .tried import ControllerTrial
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...study.drawing.drawing import Drawing, draw
 from ...study.drawing.style import colour
 from ...study.pages.forest import Row, Table, number_table
-from ...study.pages.over_time import Traces, over_time
+from ...study.pages.moving import Traces, over_time
 from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
 from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text

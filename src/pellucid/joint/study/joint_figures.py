@@ -16,8 +16,21 @@ from matplotlib.ticker import MaxNLocator
 from ...models.friction import FrictionCurve, friction_curve
 from ...models.friction_terms import FAMILIES_BY_NAME, grows_with_load
 from ...numerics.gravity_holds import GravityFit, Hold
-from ...study.drawing.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
-from ...study.drawing.line_points import LINE_POINTS, broken, every
+from ...study.drawing.drawing import (
+    LINE_POINTS,
+    Drawing,
+    Head,
+    broken,
+    dots,
+    every,
+    heads,
+    key,
+    label_ends,
+    line,
+    one_panel,
+    origin,
+    tidy,
+)
 from ...study.drawing.style import FIGURE_WIDTH, colour
 from ...study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ...study.pages.quantities import (

@@ -16,14 +16,13 @@ import numpy as np
 from ..._errors import PellucidError
 from ...files.recording import Recording
 from ...people.certificate import certificate
-from ...people.equivalence_power import Active, find_equivalence_participants
 from ...people.indices import Index, indices_along
 from ...people.movement_indices import index_table
+from ...people.power import Active, find_equivalence_participants
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.certified import PLANNED_POWER, end_points
 from ...people.study.measured_study import MeasuredStudy, join_studies, measure, with_assumed_delays
-from ...people.study.pointing import PointingRecord, labelled_amplitudes, with_rule
-from ...people.study.pointing_faults import usable_records
+from ...people.study.pointing import PointingRecord, labelled_amplitudes, usable_records, with_rule
 
 SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
 """Indices that the operator's page shows."""

@@ -19,22 +19,27 @@ from ..certificate import Estimand
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
-from ..isochrony import isochrony
-from ..movement_indices import index_table
+from ..movement_indices import index_table, isochrony
 from ..movements import MovementRule
 from ..power import STANDARDISED_CHANGES, lasting_bounds, participants_for_effects
 from ..survival import survival
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
-from .assessment_rows import result_rows
 from .assessment_table import DEFAULT_STUDIES, AssessmentTable
-from .assessment_tables import tables
+from .assessment_tables import result_rows, tables
 from .certified import certify_conditions, end_points
 from .certified_rows import certificate_verdicts
 from .measured_study import MeasuredStudy, activities, delay_notes, join_studies, measure, with_assumed_delays
 from .movement_curves import Curves, participants_curves
 from .paper import write_tables
-from .pointing import PointingRecord, labelled_amplitudes, recordings_with_condition, session_order, with_rule
-from .pointing_faults import pointing_faults, usable_records
+from .pointing import (
+    PointingRecord,
+    labelled_amplitudes,
+    pointing_faults,
+    recordings_with_condition,
+    session_order,
+    usable_records,
+    with_rule,
+)
 from .primary_change import change_of_table
 from .statements import headline, paragraph, verdicts
 

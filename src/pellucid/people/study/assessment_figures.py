@@ -18,9 +18,8 @@ from ...study.pages.moving import MovingDrawing, Way, strokes
 from ...study.pages.quantities import MINUS_SIGN, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
-from ..isochrony import Isochrony
-from .assessment_result import Assessed, Profile, Settling
-from .certified_condition import Certified
+from ..movement_indices import Isochrony
+from .assessment_result import Assessed, Certified, Profile, Settling
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import PrimaryChange, change_figure
 

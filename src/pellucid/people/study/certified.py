@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -10,21 +11,274 @@ import numpy as np
 
 from ..._errors import StudyError
 from ...units import parse_quantity
-from ..certificate import ESTIMAND_METHODS, certificate_from_tests, doubts_of_loss, doubts_of_lost_people
+from ..certificate import (
+    ESTIMAND_METHODS,
+    LEFT_OUT_DOUBT,
+    Doubt,
+    LostCounts,
+    carry_over_doubt,
+    certificate_from_tests,
+    doubts_of_loss,
+    doubts_of_lost_people,
+    learning_doubt,
+    period_doubt,
+)
+from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..equivalence import Equivalence, Margin, Method, equivalence
-from ..equivalence_power import Active, find_equivalence_participants
 from ..indices import CutOff, Index, PercentOf, Worse
-from ..power import lasting_bounds
-from .certificate_doubts import find_doubts, lost_movements, people_with_losses
-from .certified_condition import Certified, EndPoint
+from ..mixed_model import MIN_MOVEMENTS, MixedModel, Thirds, failed_model, mixed_model, thirds
+from ..power import Active, find_equivalence_participants, lasting_bounds
+from .assessment_result import Certified, EndPoint
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
-from .movement_model import model_of, of_model
 from .pointing import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
     from .assessment_table import AssessmentTable
+
+MAX_AMPLITUDE_LEVELS = 8
+"""Largest number of amplitudes with a separate effect each. With more, the effect of amplitude is a straight line."""
+
+
+def movements_of(
+    whole: MeasuredStudy, point: EndPoint, conditions: Sequence[str], participants: Sequence[str], order: SessionOrder
+) -> list[tuple[MeasuredMovement, float]]:
+    """Return movements with their values in chronological order; none if the index has no values of single movements.
+
+    Only cells that a participant has in all `conditions` are used.
+    """
+    of = "" if point.index.spread else point.index.of
+    own = []
+    for m in whole.movements:
+        value = m.values.get(of, np.nan)
+        there = m.condition in conditions and m.participant in participants
+        if (
+            there
+            and np.isfinite(value)
+            and point.index.direction in ("", m.cell[1])
+            and (value > 0.0 or not point.logs)
+        ):
+            own.append((m, float(np.log(value)) if point.logs else float(value)))
+    cells: dict[tuple, set] = {}
+    for m, _ in own:
+        cells.setdefault((m.participant, m.cell), set()).add(m.condition)
+    own = [each for each in own if len(cells[each[0].participant, each[0].cell]) == len(conditions)]
+    return sorted(own, key=lambda each: (order.within[each[0].recording], each[0].movement.start))
+
+
+def thirds_of(
+    own: Sequence[tuple[MeasuredMovement, float]], condition: str, participants: Sequence[str], order: SessionOrder
+) -> list[Thirds] | None:
+    """Return early and late movements of a condition, by participant; None if unknown order or too few movements."""
+    made = []
+    for person in participants:
+        mine = [(m, y) for m, y in own if (m.participant, m.condition) == (person, condition)]
+        if any(order.within[m.recording] < 0 for m, _ in mine):
+            return None
+        found = thirds([y for _, y in mine], [m.cell for m, _ in mine])
+        if found is None:
+            return None
+        made.append(found)
+    return made
+
+
+def model_of(
+    whole: MeasuredStudy, point: EndPoint, condition: str, control: str | None, people: Sequence[str],
+    order: SessionOrder,
+) -> MixedModel:  # fmt: skip
+    """Fit the mixed model of one end point to every movement of these `people`; `control` is None if it has none."""
+    conditions = [condition] if control is None else [control, condition]
+    own = movements_of(whole, point, conditions, people, order)
+    if not own:
+        return failed_model(len(people), 0, "no value of single movements")
+    if point.index.cut_off is not CutOff.NO_VALUE:
+        cut = sum(
+            not each.settled for each in whole.lasted if each.condition in conditions and each.participant in people
+        )
+        if cut:
+            return failed_model(len(people), len(own), f"{cut} movements were cut off: a mean of them is one of where")
+    under = None if control is None else np.array([m.condition == condition for m, _ in own])
+    who = np.array([m.participant for m, _ in own])
+    if {(m.participant, m.condition) for m, _ in own} != {(p, c) for p in people for c in conditions}:
+        return failed_model(len(people), len(own), "a participant lacks movements that are alike")
+    return mixed_model(np.array([y for _, y in own]), who, under, _covariates(own, under, order))
+
+
+def _covariates(
+    own: Sequence[tuple[MeasuredMovement, float]], under: np.ndarray | None, order: SessionOrder
+) -> dict[str, np.ndarray]:
+    """Return the covariates, (n,) each: amplitude and trial, alone and times the condition, direction, and period."""
+    made: dict[str, np.ndarray] = {}
+    amplitude = [m.cell[0] for m, _ in own]
+    levels = [] if None in amplitude else sorted(set(amplitude))
+    if 1 < len(levels) <= MAX_AMPLITUDE_LEVELS:
+        made |= {f"amplitude {level:g}": np.array([float(a == level) for a in amplitude]) for level in levels[1:]}
+    elif levels[1:]:
+        made["amplitude"] = np.array(amplitude, float)
+    known = all(order.within[m.recording] >= 0 for m, _ in own)
+    if known:
+        made["trial"] = _trial(own)
+    if under is not None:
+        made |= {f"{name} x condition": (each - each.mean()) * (under - 0.5) for name, each in made.items()}
+    made["direction"] = np.array([float(m.cell[1] == DIRECTION_UP) for m, _ in own])
+    if order.period:
+        made["period"] = np.array([float(order.period[m.recording]) for m, _ in own])
+    return made
+
+
+def _trial(own: Sequence[tuple[MeasuredMovement, float]]) -> np.ndarray:
+    """Return the rank of each movement in its participant and condition, (n,), from 0 (first) to 1 (last)."""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for i, (m, _) in enumerate(own):
+        groups.setdefault((m.participant, m.condition), []).append(i)
+    made = np.zeros(len(own))
+    for rows in groups.values():
+        made[rows] = np.arange(len(rows)) / max(len(rows) - 1, 1)
+    return made
+
+
+def of_model(model: MixedModel, point: EndPoint, alpha: float) -> Equivalence:
+    """Test the model's change against the end point's margin, in the unit of participants' changes."""
+    if not point.index.over_control:
+        return model.equivalence(point.margin, alpha)
+    # A change as a share of control is exp(difference of logarithms) - 1; the transformation does not affect tests.
+    with np.errstate(divide="ignore"):
+        ends = (float(np.log1p(max(end, -1.0))) for end in (point.margin.low, point.margin.high))
+        made = model.equivalence(Margin(*ends), alpha)
+    low, high = (float(np.expm1(end)) for end in made.interval)
+    return replace(made, margin=point.margin, estimate=float(np.expm1(made.estimate)), interval=(low, high))
+
+
+def lost_movements(
+    whole: MeasuredStudy, wanted: Mapping[str, EndPoint], curves: Iterable[str], pair: tuple[str, str],
+    people: list[str],
+) -> dict[str, LostCounts]:  # fmt: skip
+    """Count the movements of both conditions that gave no value, for each end point and curve.
+
+    Median durations include movements that were cut off and targets that were never reached. Other indices of duration
+    include those that were cut off.
+    """
+
+    def count(each: Iterable, condition: str) -> int:
+        return sum(x.condition == condition and x.participant in people for x in each)
+
+    found: dict[str, LostCounts] = {}
+    for name in (*wanted, *curves):
+        known = whole.movements
+        cut_off = wanted[name].index.cut_off if name in wanted else CutOff.NO_VALUE
+        if cut_off is not CutOff.NO_VALUE:
+            known = (*whole.lasted, *(whole.failed if cut_off is CutOff.AT_LEAST_SEEN else ()))
+        found[name] = {}
+        for condition in pair:
+            total = count(whole.movements, condition) + sum(
+                sum(whole.left_out[recording].values())
+                for recording, (person, own) in whole.recorded.items()
+                if own == condition and person in people
+            )
+            found[name][condition] = max(total - count(known, condition), 0), total
+    return found
+
+
+def people_with_losses(
+    whole: MeasuredStudy, wanted: Mapping[str, EndPoint], pair: tuple[str, str], people: list[str]
+) -> dict[str, np.ndarray]:
+    """Return, by end point, which of the `people` lost a movement in one of both conditions, (n,)."""
+    by_person = {person: lost_movements(whole, wanted, (), pair, [person]) for person in people}
+    return {
+        name: np.array([any(gone for gone, _ in by_person[person][name].values()) for person in people])
+        for name in wanted
+    }
+
+
+def find_doubts(
+    found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
+    seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float, method: Method,
+) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
+    """Return the doubts and the trend of each end point, and sentences on what cannot be tested.
+
+    A trend is the change from the first to the last third of a session, with its p value.
+    """
+    doubts, trends, unknown = {}, {}, []
+    if not order.period:
+        unknown.append(f"{order.unknown}: what order and carry-over did cannot be told from what conditions did.")
+    for name, point in wanted.items():
+        own = []
+        if order.period:
+            own += _of_order(found, point, condition, people, seen[name], order, alpha, method, unknown)
+        own += _learning(found, whole, point, condition, people, seen[name], order, alpha, method, trends, unknown)
+        failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
+        if point.index.cut_off is CutOff.AT_LEAST_SEEN and failed:
+            own += _left_out(found, whole, point, condition, people, alpha, method)
+        doubts[name] = tuple(own)
+    return doubts, trends, tuple(dict.fromkeys(unknown))
+
+
+def _of_order(found, point, condition, people, seen, order, alpha, method, unknown) -> list[Doubt]:
+    made = []
+    table = found.assessed[point.index.name].table
+    control = found.control if found.control in table.conditions or table.index.over_control else None
+    later = order.later(people, condition, control)
+    doubt = period_doubt(seen, later, point.margin, alpha=alpha, method=method)
+    if doubt is None:
+        few = len(people) < 4
+        unknown.append(
+            f"With {len(people)} participants an effect of the period is not looked for."
+            if few
+            else f"{condition} came equally long after {found.control} for everybody: an effect of the period cannot "
+            "be told from its own."
+        )
+    else:
+        made.append(doubt)
+    if found.control in table.conditions:
+        rows = [table.participants.index(person) for person in people]
+        values = np.log(table.values[rows]) if point.ratio else table.values[rows]
+        periods = np.array([[order.by_condition[person, c] for c in table.conditions] for person in people])
+        at = table.conditions.index
+        lingers = carry_over_doubt(values, periods, at(found.control), at(condition), point.margin, alpha=alpha)
+        if lingers is None:
+            unknown.append(
+                "Orders differ too little between people to tell what lingers of the condition before (carry-over)."
+            )
+        else:
+            made.append(lingers)
+    return made
+
+
+def _learning(found, whole, point, condition, people, seen, order, alpha, method, trends, unknown) -> list[Doubt]:
+    table = found.assessed[point.index.name].table
+    base = found.control if found.control in table.conditions or table.index.over_control else None
+    conditions = [condition] if base is None else [base, condition]
+    own = movements_of(whole, point, conditions, people, order)
+    if not own:
+        return []
+    parts = [thirds_of(own, c, people, order) for c in conditions]
+    if None in parts:
+        unknown.append(
+            f"Whether movements were still changing is not looked for: somebody has fewer than {MIN_MOVEMENTS} of a "
+            "condition, "
+            "or several recordings of it whose order (period, repetition) is not stated."
+        )
+        return []
+    signs = (1.0,) if base is None else (-1.0, 1.0)
+    drift = np.sum([[s * each.drift for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
+    late = np.sum([[s * each.last for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
+    at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
+    doubt = learning_doubt(drift, at_end, point.margin, alpha=alpha, method=method)
+    trends[point.index.name] = float(np.median(drift)), doubt.p_value
+    return [doubt]
+
+
+def _left_out(found, whole, point, condition, people, alpha, method) -> list[Doubt]:
+    """Return a doubt if failed movements, counted as longer than any other, change the verdict."""
+    every = whole.lasted + whole.failed
+    bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
+    if bounds is None:
+        return []
+    low, high = bounds
+    counted = equivalence(low, point.margin, upper=high, alpha=alpha, method=method)
+    return [Doubt(LEFT_OUT_DOUBT, float("nan"), counted, always=True)]
+
 
 PLANNED_POWER = 0.9
 """Power for which the number of participants is planned."""

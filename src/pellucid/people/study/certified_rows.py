@@ -35,8 +35,7 @@ from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
 
 if TYPE_CHECKING:
-    from .assessment_result import AssessmentResult
-    from .certified_condition import Certified, EndPoint
+    from .assessment_result import AssessmentResult, Certified, EndPoint
     from .movement_curves import CurveEndPoint
 
 TEST_NAMES = {

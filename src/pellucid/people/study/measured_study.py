@@ -13,8 +13,16 @@ from ...files.fault import Fault
 from ...numerics.resampling import linear
 from ...units import Coordinate
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
-from ..emg_index import LABEL_TOLERANCE_RAD, MAX_AMPLITUDE_COUNT, Activity, emg_per_acceleration, maxima
-from ..emg_timing import PLAUSIBLE_LEAD_S, emg_drift, emg_lead
+from ..emg_index import (
+    LABEL_TOLERANCE_RAD,
+    MAX_AMPLITUDE_COUNT,
+    PLAUSIBLE_LEAD_S,
+    Activity,
+    emg_drift,
+    emg_lead,
+    emg_per_acceleration,
+    maxima,
+)
 from ..indices import (
     EMG_LEVEL,
     EMG_PER_ACCELERATION,

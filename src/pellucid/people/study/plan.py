@@ -14,18 +14,17 @@ from ...units import COORDINATES_BY_UNIT, parse_quantity
 from ..certificate import Estimand
 from ..comparison import MIN_PEOPLE
 from ..equivalence import Margin, critical_rank_sum, people_for_share
-from ..equivalence_power import (
-    CANDIDATE_SIZES,
+from ..indices import indices_along
+from ..power import (
+    CERTIFICATE_SIZES,
     Active,
     equivalence_power,
     find_equivalence_participants,
     participants_for_changes,
 )
-from ..indices import indices_along
-from .assessment_result import kept_certificates
+from .assessment_result import EndPoint, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified import end_points
-from .certified_condition import EndPoint
 
 TRUE_CHANGE_SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
 """True changes for which the number is planned, as shares of the margin, with their names."""
@@ -134,7 +133,7 @@ def _tested(estimand: Estimand, people: float | None, alpha: float) -> str:
 def _fewest(spec: AssessmentTable) -> int:
     """Return the fewest participants with whom anything can be certified."""
     if spec.estimand == "pseudo-median":
-        return next(n for n in CANDIDATE_SIZES if critical_rank_sum(n, spec.false_transparent) is not None)
+        return next(n for n in CERTIFICATE_SIZES if critical_rank_sum(n, spec.false_transparent) is not None)
     share = 0 if spec.people is None else people_for_share(spec.people, spec.false_transparent)
     return max(MIN_PEOPLE, share)
 
@@ -173,7 +172,7 @@ def _of_pilot(
 
 
 def _people(needed: int | None) -> str | int:
-    return f">{CANDIDATE_SIZES[-1]}" if needed is None else needed
+    return f">{CERTIFICATE_SIZES[-1]}" if needed is None else needed
 
 
 def _spread(point: EndPoint, stated: str) -> float:

@@ -17,7 +17,7 @@ from ..certificate import ESTIMAND_METHODS, Estimand
 from ..equivalence import Margin, equivalence
 from ..indices import CutOff
 from ..movement_indices import IndexTable
-from .certified_condition import EndPoint
+from .assessment_result import EndPoint
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult

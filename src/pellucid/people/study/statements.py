@@ -13,7 +13,7 @@ from ..comparison import smallest_p
 from ..equivalence import WITHIN_MARGIN
 from ..indices import MOVEMENT_DURATION, index_names, leading_index
 from .assessment_tables import PRINTED_UNITS
-from .pointing_faults import REASON_WORDS
+from .pointing import REASON_WORDS
 from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from pellucid.numerics.tied_ranks import tied_ranks
-from pellucid.people.friedman import nemenyi_from_rank_sums
+from pellucid.people.comparison import nemenyi_from_rank_sums
 
 from ...elbow.rig import ElbowRig
 from ...pointing.prediction import INDICES, STUDY_INTERVAL_SHARE, DrawnStudies, Prediction, predict_effects

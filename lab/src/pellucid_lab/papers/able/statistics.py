@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from pellucid.people.friedman import friedman_from_rank_sums, nemenyi_from_rank_sums
+from pellucid.people.comparison import friedman_from_rank_sums, nemenyi_from_rank_sums
 
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper

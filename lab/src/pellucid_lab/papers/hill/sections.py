@@ -9,7 +9,7 @@ import numpy as np
 
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import number_table
-from pellucid.study.pages.over_time import Traces, over_time
+from pellucid.study.pages.moving import Traces, over_time
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import number
 

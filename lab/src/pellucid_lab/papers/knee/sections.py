@@ -10,7 +10,7 @@ from pellucid.emg.study.emg_torque import calibration_page as calibration_figure
 from pellucid.models.estimates import Parameter
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Row, number_table
-from pellucid.study.pages.over_time import Traces, over_time
+from pellucid.study.pages.moving import Traces, over_time
 from pellucid.study.pages.page import Section
 from pellucid.study.pages.quantities import MINUS_SIGN, number, unit_text
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ....study.drawing.drawing import draw
-from ....study.pages.over_time import Traces, over_time
+from ....study.pages.moving import Traces, over_time
 from ....study.pages.page import Answer, Page, Section
 from ....study.pages.quantities import typeset_sentence
 from ....study.procedures.posterior_beside import pair_with_posterior

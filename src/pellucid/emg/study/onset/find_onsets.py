@@ -16,7 +16,7 @@ from ...._given import csv_cell
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
-from ....study.drawing.line_points import outline
+from ....study.drawing.drawing import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ....study.drawing.drawing import Drawing, draw
-from ....study.pages.over_time import Traces, over_time
+from ....study.pages.moving import Traces, over_time
 from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import number, typeset_sentence
 from ....study.procedures.study_page import figure_tables, paper_step, parameter_tables, study_page
