@@ -10,8 +10,29 @@ The interval of a mean difference is a bootstrap over participants. With a handf
 is too narrow, by the missing :math:`\sqrt{n/(n-1)}` and by the normal tails it imitates; its levels are therefore
 widened to :math:`\Phi(-\sqrt{n/(n-1)}\, t_{\alpha/2,\,n-1})` [2]_.
 
+Each of n participants (rows) ranks the k conditions (columns); R_j is the sum of a condition's ranks. Friedman [3]_
+asks whether the rank sums are further apart than chance:
+
+.. math::
+   \chi^2 = \frac{(k-1) \sum_j (R_j - n(k+1)/2)^2}{\sum_{ij} (r_{ij} - (k+1)/2)^2}
+   \quad\overset{\text{no ties}}{=}\quad \frac{12}{nk(k+1)} \sum_j R_j^2 - 3n(k+1)
+
+with ties sharing their mean rank; values that rounding alone tells apart are ties (`numerics/tied_ranks.py`). Its
+distribution over many participants is chi-squared with k - 1 degrees of freedom; over few, the chance of the same or a
+larger statistic is counted exactly instead: under the null hypothesis each participant's ranks are as likely in any
+order, and the orders of one participant after another are folded into a distribution of rank sums. That takes moments
+where listing all :math:`(k!)^n` outcomes would take hours.
+
+Nemenyi's test [4]_ compares all pairs, and holds the chance of any false alarm at its level:
+:math:`q = |R_i - R_j| / n \,/ \sqrt{k(k+1)/6n}`, times :math:`\sqrt 2`, against the studentised range of k means with
+infinite degrees of freedom. (A chi-squared variant exists, and gives other numbers.) Ties are not corrected for.
+
 .. [1] S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6, 1979.
 .. [2] T. C. Hesterberg, "What teachers should know about the bootstrap", Am. Stat. 69, 2015.
+.. [3] M. Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis of variance",
+   J. Am. Stat. Assoc. 32, 1937.
+.. [4] P. Nemenyi, "Distribution-free multiple comparisons", PhD thesis, Princeton, 1963; J. Demsar, "Statistical
+   comparisons of classifiers over multiple data sets", J. Mach. Learn. Res. 7, 2006.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 A column is one by its name (`design_word`), or by its values: few levels, the same ones in every condition and
 participant, are set by a design, not measured (`is_designed`).
+
+`MeasuredMovement` is one movement with its indices and its place in the design. `cluster` gives the workers of a
+scheduler to simulations.
 """
 
 from __future__ import annotations

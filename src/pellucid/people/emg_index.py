@@ -8,6 +8,9 @@ participant's recordings, and taken 0.1 s earlier than the motion. Over a moveme
 with C the same ratio in the control condition, for the same participant and amplitude [1]_. It is 0 for control by its
 definition, and is not computed for movements that gravity helps.
 
+Do EMG and motion run on one clock (`emg_lead`, `emg_drift`)? Muscles become active just before a limb accelerates,
+never a second later.
+
 .. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
    transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, eq. 9.
 """

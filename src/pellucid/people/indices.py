@@ -3,6 +3,9 @@
 An index states its words, its unit, which change is worse, what a percentage of it means, how it is made of movements
 and where reports show it. Tables, tests, certificates, pages and predictions walk this catalogue, so that a new index
 that is made of a movement's angle is complete with its one entry.
+
+Below the catalogue stand the values of a movement that are more than a field of it: smoothness, end-point errors and
+interaction.
 """
 
 from __future__ import annotations

@@ -16,6 +16,8 @@ for others: Satterthwaite's and Kenward and Roger's approximations are not in st
 Where no optimiser comes to rest, or the standard error is no number, the model says so and nothing else: its answer is
 then that anything is possible. A variance that comes to rest at 0 is an answer, not a failure.
 
+Order effects (`period_effect`, `carry_over`) and thirds of a session (`thirds`) say what else may have changed a value.
+
 .. [1] N. M. Laird, J. H. Ware, "Random-effects models for longitudinal data", Biometrics 38, 1982.
 """
 

@@ -1,4 +1,9 @@
-"""Movements in an angle record and their indices: duration, peak velocity, smoothness, straight from arrays."""
+"""Indices of movements: of a record's arrays, of a study's participants and conditions, and of simulated studies.
+
+`movement_indices` finds movements in an angle record and gives duration, peak velocity, smoothness. `index_table` has
+one value of each participant and condition; `isochrony` says how mean velocity and duration grow with amplitude.
+`are_transparent` decides many simulated studies at once as `certificate` decides one.
+"""
 
 from __future__ import annotations
 

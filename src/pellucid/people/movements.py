@@ -14,6 +14,11 @@ movement that lasts as long.
 Two motions belong to a neighbour: one against the direction of the target that was under way when the target came ends
 the movement before, and one towards the next target that is fastest after that target came begins the next movement.
 
+One-way movements go from a start line to a target line (`one_way_movements`). Where pointing is aimed at a line and
+nobody says when a movement ends, the end is the last rest before the return: a corrected end belongs to the movement
+that it corrects, and so does the time that it took. This rule stands where the pointer is carried back, or lifted off,
+after each movement; the others stand where there are targets or rests between.
+
 .. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
    transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, section 4.3.
 """

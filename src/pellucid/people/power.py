@@ -7,6 +7,12 @@ power is the share of them in which the test is significant.
 
 Draws come in parts with seeds of their own, so that the outcome is the same on however many cores. The parts go through
 an executor of the standard library's kind; without one, small runs stay in this process and larger ones use every core.
+
+With how many participants "transparent" would be said, if it is true, is found in the same way (`equivalence_power`).
+Changes of all end points are drawn together about the changes that are supposed to be true (none, unless said): from a
+normal distribution with their covariance over participants, or from a pilot's own people with replacement. Each draw is
+one study, decided by `are_transparent` with everything that the study will have: its estimand, a declared share of
+people, a person far beyond, and, where they are `Active`, orders of conditions and movements in their order.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ movements that end at t_i and n_i that had not ended before,
 and an interval :math:`S^{\exp(\pm z \hat\sigma)}`. The median is where S first is one half or less; where more than
 half were cut off there is none, and the longest time seen is a bound from below.
 
+`looks` gives the levels of a study that is analysed several times on the way.
+
 .. [1] E. L. Kaplan, P. Meier, "Nonparametric estimation from incomplete observations", J. Am. Stat. Assoc. 53, 1958.
 """
 

@@ -1,4 +1,7 @@
-"""What `export` writes: a product as its domain offers it, and what a caller asks for."""
+"""What `export` writes: a product as its domain offers it, and what a caller asks for.
+
+Exporters of C share the functions on the core's headers, and on the folder that is written.
+"""
 
 from __future__ import annotations
 

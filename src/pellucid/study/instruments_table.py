@@ -1,4 +1,7 @@
-"""Tables of study.toml that say what a joint's robot measures, and how well: ``[rig.instruments]``."""
+"""Tables of study.toml that a live session and a controller need beside the rig.
+
+``[rig.instruments]`` says what a joint's robot measures, and how well; ``[session]`` what is done in a live session.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Each array is stored once, and
 the tree as JSON. Whatever the file says, only such dataclasses are restored from it. A seal follows the archive, which
 NumPy can read in spite of it. The seal is read first, because it states the size of the archive.
+
+`hold_lock` lets one command at a time write a study's results; `code_fingerprint` says whether other code may find
+other results.
 """
 
 from __future__ import annotations

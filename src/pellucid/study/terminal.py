@@ -1,4 +1,7 @@
-"""Printing and progress of the command line: what every command uses, those of other packages too."""
+"""Printing and progress of the command line: what every command uses, those of other packages too.
+
+`CommandGroup` lists commands in groups, and knows those that are not installed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Page of an assessment: findings, missing evidence, and every participant."""
+"""Pages of an assessment: its part of the report, and the page for a reviewer of a certificate.
+
+The report has findings, missing evidence and every participant. The reviewer's page has what was stated before the
+data, what was found, and what was left out.
+"""
 
 from __future__ import annotations
 

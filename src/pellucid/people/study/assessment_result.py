@@ -1,4 +1,7 @@
-"""Result of an assessment, with the data for its tables, figures and sentences."""
+"""Result of an assessment, with the data for its tables, figures and sentences.
+
+An `EndPoint` is an index with its stated margin, a `Certified` the certificate of one condition with its evidence.
+"""
 
 from __future__ import annotations
 

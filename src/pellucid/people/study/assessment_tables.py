@@ -1,4 +1,4 @@
-"""An assessment's figures as the tables that a paper would print."""
+"""An assessment's figures as the tables that a paper would print, and as rows of results.json."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Certify the transparency of a condition: test all indices together against the margins of study.toml."""
+"""Certify the transparency of a condition: test all indices together against the margins of study.toml.
+
+Beside the tests stand doubts on the change of an end point, of order, learning, lost and failed movements
+(`find_doubts`), and a mixed model of all movements with covariates of each (`model_of`).
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 The angle is a channel, or that of a segment with two markers. Markers have a clock of their own. If an encoder was
 recorded too, the offset and drift of that clock are estimated from the motion; otherwise both are assumed to start
 together.
+
+Whether recordings are suitable, and the faults of their movements, are told by `assessment_faults`.
 """
 
 from __future__ import annotations

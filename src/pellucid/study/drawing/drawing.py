@@ -1,6 +1,8 @@
 """Drawing by the report's rules: a figure with its caption, how it becomes SVG and PDF, and the marks it is made of.
 
 Figures are made with Matplotlib's objects alone: no pyplot, no global state, no window.
+
+`broken` and `outline` choose a line's points: gaps where samples are missing, and outlines of long series.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Draw estimates with their intervals, one beneath another, beside a margin: a forest plot."""
+"""Draw estimates with their intervals, one beneath another, beside a margin: a forest plot.
+
+`Table` is a table of a page, as text.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 The movement is SVG's own (``<animate>``), so that the file beside the page moves too. Where a reader asked for less
 motion, on paper and in PDF the drawing stands still.
+
+`over_time` draws signals that stand still, one panel beneath another.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Format numbers and units for readers: rounded by their uncertainty, in degrees or millimetres, in words."""
+"""Format numbers and units for readers: rounded by their uncertainty, in degrees or millimetres, in words.
+
+Sentences and cells of tables get their typography here, too.
+"""
 
 from __future__ import annotations
 

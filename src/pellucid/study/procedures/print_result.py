@@ -1,4 +1,7 @@
-"""Print results as tables and sentences for a terminal or a notebook."""
+"""Print results as tables and sentences for a terminal or a notebook.
+
+`latex` makes a table for a paper.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The list of procedures, those that a study asks for, and the model of study.toml with their tables."""
+"""The list of procedures, those that a study asks for, and the model of study.toml with their tables.
+
+`open_study` opens a study with the tables of all procedures.
+"""
 
 from __future__ import annotations
 

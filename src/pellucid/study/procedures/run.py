@@ -1,4 +1,7 @@
-"""Commands on a study: check it, run the procedures that it requests, and write its report."""
+"""Commands on a study: check it, run the procedures that it requests, and write its report.
+
+`identify_several` identifies many studies in parallel, and `table_of` makes one table of them.
+"""
 
 from __future__ import annotations
 
