@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from shared_compiler import install_stand_ins
 
-from pellucid.study import Study
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.study import Study
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.study import write_study
 

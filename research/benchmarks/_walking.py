@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pellucid.study import Study, datasets
+from pellucid.study import datasets
 from pellucid.study.procedures.registry import open_study
-from pellucid.study.study import STUDY_FILE
+from pellucid.study.study import STUDY_FILE, Study
 
 from ._size import is_smallest
 

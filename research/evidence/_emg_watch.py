@@ -28,8 +28,8 @@ from pellucid.emg.study.emg_torque.estimator_cards import estimator_cards, map_e
 from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.files.recording import Channel, Recording
-from pellucid.study import Study
 from pellucid.study.results import ResultRow
+from pellucid.study.study import Study
 from research.benchmarks._size import sized
 
 SEED = 20261126

@@ -37,7 +37,6 @@ from pellucid.emg.study.emg_torque.torque_findings import CalibrationFindings
 from pellucid.emg.study.emg_torque.trial_sources import moment_trials
 from pellucid.emg.study.estimator_folder import write_estimator_folder
 from pellucid.files.readers import read_columns
-from pellucid.study import Study
 from pellucid.study.datasets import init
 from pellucid.study.datasets.registry import DATA_VARIABLE
 from pellucid.study.datasets.registry import path as data_set
@@ -45,6 +44,7 @@ from pellucid.study.exporter import OUTPUT_FILE
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import activations, calibrate, check
 from pellucid.study.results import ResultRow
+from pellucid.study.study import Study
 from research.benchmarks._size import sized
 from research.benchmarks._walking import DATASET as WALKING
 from research.benchmarks._walking import walking_study

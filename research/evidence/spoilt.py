@@ -21,11 +21,11 @@ from pellucid._errors import PellucidError
 from pellucid.files import channels_toml, write_csv
 from pellucid.files.recording import Channel
 from pellucid.start_study import init as rig_files
-from pellucid.study import Study
 from pellucid.study.datasets import init
 from pellucid.study.procedures.registry import asked, open_study
 from pellucid.study.procedures.run import calibrate, check, identify
 from pellucid.study.results import ResultRow
+from pellucid.study.study import Study
 from pellucid_lab.simulate import simulate
 from research.benchmarks._size import sized
 

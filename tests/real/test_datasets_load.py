@@ -5,8 +5,9 @@ import pytest
 
 from pellucid.emg.signals.emg_quality import inspect_emg
 from pellucid.emg.study.emg_torque.study_muscles import study_muscles
-from pellucid.study import datasets, inspect
+from pellucid.study import datasets
 from pellucid.study.procedures.registry import asked
+from pellucid.study.quality import inspect
 
 
 @pytest.fixture(scope="module")

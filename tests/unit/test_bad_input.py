@@ -5,9 +5,10 @@ import pytest
 import scipy.io
 
 from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError, UnfitRecordingError
-from pellucid.study import read_rows, require_sound
 from pellucid.study.datasets import init
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.quality import require_sound
+from pellucid.study.results import read_rows
 
 
 def complaint(study_or_make):

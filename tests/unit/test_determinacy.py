@@ -16,8 +16,8 @@ from pellucid.joint.fit.friction_solver import solve_family
 from pellucid.joint.study.aligned_motions import aligned_motions
 from pellucid.models.joint import joint_model
 from pellucid.numerics.regression import stack
-from pellucid.study import read_rows
 from pellucid.study.pages.quantities import parameter_note
+from pellucid.study.results import read_rows
 
 KERNELS = {"Haswell": "avx2", "SkylakeX": "avx512f", "Nehalem": "sse4_2"}
 """Kernels of OpenBLAS, and the processor's feature that each needs: without it the process dies."""

@@ -11,9 +11,9 @@ import pytest
 
 import pellucid as pl
 from pellucid import _atomic
-from pellucid.study import read_rows
 from pellucid.study.procedures import result as results
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.results import read_rows
 
 
 @pytest.fixture

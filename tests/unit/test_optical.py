@@ -5,8 +5,8 @@ import pytest
 
 from pellucid._errors import RecordingError, StudyError
 from pellucid.files import OpticalRecording
-from pellucid.study import inspect, require_sound
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.quality import inspect, require_sound
 
 RAIL = '[rig.slider]\nlow = "80 mm"\nhigh = "24 cm"\nmarker = "C"\n'
 OPTICAL = '[optical]\ntime = { column = "time", unit = "s" }\nunit = "mm"\nmarkers = ["C", "R1"]\ndown = [0, 0, -2]\n'

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.study import inspect, require_sound
+from pellucid.study.quality import inspect, require_sound
 
 
 def faults(study, severity=None):

@@ -10,7 +10,7 @@ from pellucid.files.recording import Channel
 from pellucid.joint.fit.recording_agreement import find_friction_drift
 from pellucid.joint.study.joint_faults import velocity_faults
 from pellucid.joint.study.static_postures import posture_page
-from pellucid.study import inspect
+from pellucid.study.quality import inspect
 from pellucid.units import parse_quantity
 
 WITH_VELOCITY = ("[processing]", 'velocity = { column = "v", unit = "rad/s" }\n\n[processing]')

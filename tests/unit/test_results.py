@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.study import ResultRow, read_rows, write_rows
+from pellucid.study.results import ResultRow, read_rows, write_rows
 
 
 def row(name, value=1.0, command="identify", **more):

@@ -11,13 +11,12 @@ from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
 from pellucid.models.estimates import Parameter, Verdict
 from pellucid.models.parameter_card import ParameterCard
-from pellucid.study import read_rows
 from pellucid.study.pages.page import Page, Section
 from pellucid.study.procedures import registry
 from pellucid.study.procedures.procedure import Procedure, quiet
 from pellucid.study.procedures.result import ParameterTable, Result
 from pellucid.study.procedures.run import run
-from pellucid.study.results import ResultRow
+from pellucid.study.results import ResultRow, read_rows
 
 
 @dataclass(frozen=True)

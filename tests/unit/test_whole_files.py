@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 import pellucid
 import pellucid_lab
 from pellucid._errors import PellucidError
-from pellucid.study import ResultRow, read_rows, write_rows
 from pellucid.study import kept as lock
 from pellucid.study.drawing.drawing import Drawing
 from pellucid.study.pages.page import Page, Section, write_page
+from pellucid.study.results import ResultRow, read_rows, write_rows
 
 SOURCES = Path(pellucid.__file__).parent
 LAB_SOURCES = Path(pellucid_lab.__file__).parent
@@ -87,7 +87,7 @@ def test_nothing_is_written_but_whole():
 
 WRITER = """
 import sys
-from pellucid.study import ResultRow, write_rows
+from pellucid.study.results import ResultRow, write_rows
 path, command = sys.argv[1:]
 sys.stdin.readline()
 for i in range(10):

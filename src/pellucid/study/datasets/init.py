@@ -13,7 +13,7 @@ from ..._given import require_empty_folder
 from .registry import fetch, notes, path, template
 
 if TYPE_CHECKING:
-    from .. import Study
+    from ..study import Study
     from ..study_file import StudyFile
 
 
