@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from pellucid.models.estimates import Parameter, Verdict
-from pellucid.study.procedures.print_result import MAX_SCREEN_LINES, print_result
+from pellucid.study.procedures.print_result import SCREEN_LAYOUT, print_result
 from pellucid.study.procedures.result import CombinedResult, FigureTable, ParameterTable, Result
 
 CELLS = ("0.474±0.031*", "−1.25e−05", "<0.001", "16.2 to 27.5")
@@ -115,7 +115,7 @@ def test_a_result_of_any_length_is_one_screen_and_its_first_table_is_whole_befor
     text = StringIO()
     print_result(Console(width=width, highlight=False, no_color=True, file=text), result, brief=True)
     lines = text.getvalue().splitlines()
-    assert len(lines) <= MAX_SCREEN_LINES
+    assert len(lines) <= SCREEN_LAYOUT.max_screen_lines
     if count == 1:
         assert sum("index " in line for line in lines) == 9
         assert "Remark 19" not in text.getvalue()
@@ -175,7 +175,7 @@ def test_fewer_verdicts_make_room_for_a_chosen_row(width):
                     cards={}, checksums={})  # fmt: skip
     text = StringIO()
     print_result(Console(width=width, highlight=False, no_color=True, file=text), result, brief=True)
-    assert len(text.getvalue().splitlines()) <= MAX_SCREEN_LINES
+    assert len(text.getvalue().splitlines()) <= SCREEN_LAYOUT.max_screen_lines
     assert {"p11", "combined", "best"} <= set(text.getvalue().split())
     assert "Remark 0" in text.getvalue()
 

@@ -95,20 +95,23 @@ LABEL_TOLERANCE_RAD = 0.01
 MAX_AMPLITUDE_COUNT = 12
 """With more amplitudes than this they were drawn at random, and lie too close together to tell exchanged labels."""
 
-MAX_MISTAKEN_SHARE = 0.1
-"""Largest share of a recording's movements that may end nearer to another label than to their own."""
+@dataclass(frozen=True)
+class LabelBounds:
+    """Thresholds by which labelled amplitudes are compared with measured ones."""
 
-HIT_DISTANCE_SHARE = 1 / 3
-"""A movement hit a label if it ends within this share of the distance to the border between two labels."""
+    # Largest share of a recording's movements that may end nearer to another label than to their own
+    max_mistaken_share: float = 0.1
+    # A movement hit a label if it ends within this share of the distance to the border between two labels
+    hit_distance_share: float = 1 / 3
+    # Movements nearer to another label were aimed at it if at least this share of them hit it
+    min_hit_share: float = 0.6
+    # A label was exchanged as a whole if at least this share of its movements went to another label
+    min_moved_label_share: float = 0.8
+    # Labelled and measured amplitudes are unrelated if their rank correlation is below this
+    min_rank_correlation: float = 0.5
 
-MIN_HIT_SHARE = 0.6
-"""Movements nearer to another label were aimed at it if at least this share of them hit it."""
 
-MIN_MOVED_LABEL_SHARE = 0.8
-"""A label was exchanged as a whole if at least this share of its movements went to another label."""
-
-MIN_RANK_CORRELATION = 0.5
-"""Labelled and measured amplitudes are unrelated if their rank correlation is below this."""
+LABELS_RULE = LabelBounds()
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,7 @@ def _to_labels(
     scaled = reach / np.median(reach / label)
     at = np.argmin(np.abs(scaled[:, None] - labels[None, :]), axis=1)
     gap = np.array([np.min(np.abs(np.delete(labels, i) - each)) for i, each in enumerate(labels)])
-    hit = np.abs(scaled - labels[at]) < HIT_DISTANCE_SHARE * 0.5 * gap[at]
+    hit = np.abs(scaled - labels[at]) < LABELS_RULE.hit_distance_share * 0.5 * gap[at]
     return labels[at], np.abs(labels[at] - label) > own, hit
 
 
@@ -164,7 +167,7 @@ def _whole_label(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along
             continue
         for other in labels:
             there = of & wrong & (nearest == other)
-            if there.sum() >= MIN_MOVED_LABEL_SHARE * of.sum() and np.mean(hit[there]) >= 0.5:
+            if there.sum() >= LABELS_RULE.min_moved_label_share * of.sum() and np.mean(hit[there]) >= 0.5:
                 said, went = (f"{along.factor * each:.4g} {along.shown}" for each in (own, other))
                 return f"{there.sum()} of {of.sum()} movements labelled {said} go {went}"
     return ""
@@ -175,7 +178,8 @@ def _aimed(reach: np.ndarray, label: np.ndarray, labels: np.ndarray, along: Coor
         return ""
     _, wrong, hit = _to_labels(reach, label, labels, LABEL_TOLERANCE_RAD * along.radian)
     aimed = int((wrong & hit).sum())
-    if aimed >= 2 and aimed > MAX_MISTAKEN_SHARE * len(reach) and aimed > MIN_HIT_SHARE * wrong.sum():
+    least = max(LABELS_RULE.max_mistaken_share * len(reach), LABELS_RULE.min_hit_share * wrong.sum())
+    if aimed >= 2 and aimed > least:
         return f"{aimed} of {len(reach)} movements exactly as far as another label says"
     return ""
 
@@ -186,48 +190,41 @@ def _disordered(reach: np.ndarray, label: np.ndarray) -> str:
     order = float(np.corrcoef(tied_ranks(reach), tied_ranks(label))[0, 1])
     return (
         f"a rank correlation of {order:.2f} between labelled and measured amplitudes"
-        if order < MIN_RANK_CORRELATION
+        if order < LABELS_RULE.min_rank_correlation
         else ""
     )
 
 
-PLAUSIBLE_LEAD_S = (-0.1, 0.4)
-"""Leads of activity over motion that are physiologically plausible: the electromechanical delay, the length of a burst,
-and the error of the estimate."""
+@dataclass(frozen=True)
+class EmgClockBounds:
+    """Thresholds by which the clocks of EMG and motion are compared."""
 
-MAX_SEARCHED_LEAD_S = 3.0
-"""Leads are searched up to this time in either direction."""
+    # Leads of activity over motion that are physiologically plausible: the electromechanical delay, the length of a
+    # burst, and the error of the estimate
+    plausible_lead_s: tuple[float, float] = (-0.1, 0.4)
+    max_searched_lead_s: float = 3.0  # Leads are searched up to this time in either direction
+    min_lead_correlation: float = 0.2  # Smallest correlation at which a lead counts as found in a long record
+    # In a record of T seconds the correlation must also exceed the square root of this time over T. Noise alone
+    # reached 0.27 in 24 s.
+    chance_correlation_time_s: float = 3.0
+    # Smallest correlation at which a lead counts as found in a short part of a record
+    min_part_correlation: float = 0.3
+    # An implausible lead is reported only if its correlation exceeds that of every plausible lead by this factor
+    min_implausible_gain: float = 1.3
+    # Length of the running mean that is subtracted, because the effort that holds a limb's weight follows its angle
+    running_mean_s: float = 1.0
+    part_length_s: float = 20.0  # Length of the parts in which leads are searched to find a drift: a few movements each
+    # The lead of a part may differ from a straight line over the record by at most this time
+    max_part_deviation_s: float = 0.2
+    max_searched_drift: float = 0.02  # Drifts are searched up to this size in either direction [s/s]
+    # Clocks that drift apart by less than this over a record count as one: the published advance of EMG
+    min_total_drift_s: float = 0.1
+
+
+EMG_CLOCK = EmgClockBounds()
 
 COMPARISON_RATE_HZ = 50.0
 """Rate at which activity and motion are compared."""
-
-MIN_LEAD_CORRELATION = 0.2
-"""Smallest correlation at which a lead counts as found in a long record."""
-
-CHANCE_CORRELATION_TIME_S = 3.0
-"""In a record of T seconds the correlation must also exceed the square root of this time over T. Noise alone reached
-0.27 in 24 s."""
-
-MIN_PART_CORRELATION = 0.3
-"""Smallest correlation at which a lead counts as found in a short part of a record."""
-
-MIN_IMPLAUSIBLE_GAIN = 1.3
-"""An implausible lead is reported only if its correlation exceeds that of every plausible lead by this factor."""
-
-RUNNING_MEAN_S = 1.0
-"""Length of the running mean that is subtracted, because the effort that holds a limb's weight follows its angle."""
-
-PART_LENGTH_S = 20.0
-"""Length of the parts in which leads are searched to find a drift: a few movements each."""
-
-MAX_PART_DEVIATION_S = 0.2
-"""The lead of a part may differ from a straight line over the record by at most this time."""
-
-MAX_SEARCHED_DRIFT = 0.02
-"""Drifts are searched up to this size in either direction [s/s]."""
-
-MIN_TOTAL_DRIFT_S = 0.1
-"""Clocks that drift apart by less than this over a record count as one: the published advance of EMG."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +254,7 @@ class EmgDrift:
     def clear(self) -> bool:
         """Whether the drift is significant (p < 0.001) and large enough to matter."""
         beyond = float(stats.t.isf(0.5e-3, self.parts - 2)) * self.error
-        return abs(self.drift) > beyond and abs(self.total) > MIN_TOTAL_DRIFT_S
+        return abs(self.drift) > beyond and abs(self.total) > EMG_CLOCK.min_total_drift_s
 
 
 def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgLead | None:
@@ -266,16 +263,17 @@ def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgL
     if both is None:
         return None
     x, y = both
-    longest = int(min(MAX_SEARCHED_LEAD_S, 0.25 * len(x) / COMPARISON_RATE_HZ) * COMPARISON_RATE_HZ)
+    longest = int(min(EMG_CLOCK.max_searched_lead_s, 0.25 * len(x) / COMPARISON_RATE_HZ) * COMPARISON_RATE_HZ)
     scores = np.sqrt(_explained(x, y, longest))
     leads = np.arange(-longest, longest + 1) / COMPARISON_RATE_HZ
     best = int(np.argmax(scores))
-    inside = (leads >= PLAUSIBLE_LEAD_S[0]) & (leads <= PLAUSIBLE_LEAD_S[1])
-    clear = max(MIN_LEAD_CORRELATION, np.sqrt(CHANCE_CORRELATION_TIME_S * COMPARISON_RATE_HZ / len(x)))
+    inside = (leads >= EMG_CLOCK.plausible_lead_s[0]) & (leads <= EMG_CLOCK.plausible_lead_s[1])
+    by_chance = np.sqrt(EMG_CLOCK.chance_correlation_time_s * COMPARISON_RATE_HZ / len(x))
+    clear = max(EMG_CLOCK.min_lead_correlation, by_chance)
     elsewhere = (
         not inside[best]
         and scores[best] > clear
-        and scores[best] > MIN_IMPLAUSIBLE_GAIN * max(scores[inside].max(), 0.0)
+        and scores[best] > EMG_CLOCK.min_implausible_gain * max(scores[inside].max(), 0.0)
     )
     return EmgLead(float(leads[best]), float(scores[best]), not elsewhere)
 
@@ -290,13 +288,13 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
     if both is None or len(both[0]) < 120.0 * COMPARISON_RATE_HZ:
         return None
     x, y = both
-    count = int(min(len(x) / COMPARISON_RATE_HZ / PART_LENGTH_S, 24))
+    count = int(min(len(x) / COMPARISON_RATE_HZ / EMG_CLOCK.part_length_s, 24))
     edges = np.linspace(0, len(x), count + 1).astype(int)
-    longest = int(MAX_SEARCHED_LEAD_S * COMPARISON_RATE_HZ)
+    longest = int(EMG_CLOCK.max_searched_lead_s * COMPARISON_RATE_HZ)
     parts = np.array([_explained(x[a:b], y[a:b], longest) for a, b in pairwise(edges)])
     middle = 0.5 * (edges[:-1] + edges[1:]) / COMPARISON_RATE_HZ
     at, seconds = middle - middle.mean(), len(x) / COMPARISON_RATE_HZ
-    steepest = min(MAX_SEARCHED_DRIFT, 2.0 / seconds)
+    steepest = min(EMG_CLOCK.max_searched_drift, 2.0 / seconds)
     most = int(np.ceil(0.5 * steepest * seconds * COMPARISON_RATE_HZ)) + 1
     wide = np.pad(parts, ((0, 0), (most, most)))
     lags, rows = np.arange(-longest, longest + 1), np.arange(count)[:, None]
@@ -308,7 +306,7 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
         best = max(best, (float(total[top]), drift, lags[top] / COMPARISON_RATE_HZ))
     _, drift, lead = best
     found = [_best_near(part, lead + drift * t, longest) for part, t in zip(parts, at, strict=True)]
-    seen = np.array([height > MIN_PART_CORRELATION**2 for _, height in found])
+    seen = np.array([height > EMG_CLOCK.min_part_correlation**2 for _, height in found])
     if seen.sum() < max(4, 0.5 * count):
         return None
     lag = np.array([each for each, _ in found])[seen]
@@ -359,9 +357,9 @@ def _explained(x: np.ndarray, y: np.ndarray, longest: int) -> np.ndarray:
 
 
 def _best_near(part: np.ndarray, lead: float, longest: int) -> tuple[float, float]:
-    """Lag of the highest share within `MAX_PART_DEVIATION_S` of a lead [s], between samples by a parabola, and its
+    """Lag of the highest share within `max_part_deviation_s` of a lead [s], between samples by a parabola, and its
     height."""
-    centre, reach = round(lead * COMPARISON_RATE_HZ) + longest, int(MAX_PART_DEVIATION_S * COMPARISON_RATE_HZ)
+    centre, reach = round(lead * COMPARISON_RATE_HZ) + longest, int(EMG_CLOCK.max_part_deviation_s * COMPARISON_RATE_HZ)
     low, high = max(centre - reach, 1), min(centre + reach + 1, len(part) - 1)
     if high <= low:
         return lead, -np.inf
@@ -373,7 +371,7 @@ def _best_near(part: np.ndarray, lead: float, longest: int) -> tuple[float, floa
 
 
 def _without_slow(x: np.ndarray) -> np.ndarray:
-    n = int(RUNNING_MEAN_S * COMPARISON_RATE_HZ)
+    n = int(EMG_CLOCK.running_mean_s * COMPARISON_RATE_HZ)
     padded = np.pad(x, (n // 2, n - n // 2), mode="edge")
     sums = np.concatenate(([0.0], np.cumsum(padded)))
     return x - (sums[n:] - sums[:-n])[: len(x)] / n

@@ -40,38 +40,37 @@ from ..numerics.filters import central_difference, runs, zero_phase_lowpass
 from ..numerics.motion import moving_samples, tangential_speed
 from ..units import COORDINATES_BY_UNIT
 
-MIN_MOVEMENT_SAMPLES = 8
-"""A movement must have at least this many samples, so that its largest speed can be located."""
 
-MIN_RIVAL_PEAK_SHARE = 0.8
-"""A second peak of the speed counts as a rival if it reaches this share of the largest."""
+@dataclass(frozen=True)
+class MovementBounds:
+    """Thresholds by which stretches are cut, and movements found in them or refused."""
 
-MAX_VALLEY_SHARE = 0.5
-"""Two rival peaks are separate if the speed between them falls below this share of the largest. Then no peak is
-clear."""
+    # A movement must have at least this many samples, so that its largest speed can be located
+    min_movement_samples: int = 8
+    # A second peak of the speed counts as a rival if it reaches this share of the largest
+    min_rival_peak_share: float = 0.8
+    # Two rival peaks are separate if the speed between them falls below this share of the largest. Then no peak is
+    # clear.
+    max_valley_share: float = 0.5
+    # A stretch with less than this share of the intended travel contains no movement, or one in the other direction
+    min_travel_share: float = 0.5
+    # Where no target is recorded, a motion back that follows a movement without a rest and travels less than this
+    # share of it is its correction. That is what an overshoot of a third leaves; people's are smaller.
+    max_correction_share: float = 1.0 / 3.0
+    # A motion backwards counts if it is this many times as fast as the ringing of a movement of minimum jerk. The
+    # speeds of people are not of minimum jerk: of one-way movements with a stylus at 3 Hz the ringing reaches 1.4
+    # times that.
+    ringing_margin: float = 1.5
+    # Ringing follows a movement, or precedes it, within this many periods of the cut-off frequency
+    max_ringing_gap_periods: float = 0.5
+    min_rest_s: float = 0.15  # Shorter rests do not separate movements where there is no target
+    # Missing samples for up to this time are interpolated; a movement that touches a longer loss is excluded
+    max_bridged_gap_s: float = 0.1
+    # Target steps closer together than this are one step, which a screen or a filter spread out
+    max_merged_step_s: float = 0.05
 
-MIN_TRAVEL_SHARE = 0.5
-"""A stretch with less than this share of the intended travel contains no movement, or one in the other direction."""
 
-MAX_CORRECTION_SHARE = 1.0 / 3.0
-"""Where no target is recorded, a motion back that follows a movement without a rest and travels less than this share of
-it is its correction. That is what an overshoot of a third leaves; people's are smaller."""
-
-RINGING_MARGIN = 1.5
-"""A motion backwards counts if it is this many times as fast as the ringing of a movement of minimum jerk. The speeds
-of people are not of minimum jerk: of one-way movements with a stylus at 3 Hz the ringing reaches 1.4 times that."""
-
-MAX_RINGING_GAP_PERIODS = 0.5
-"""Ringing follows a movement, or precedes it, within this many periods of the cut-off frequency."""
-
-MIN_REST_S = 0.15
-"""Shorter rests do not separate movements where there is no target."""
-
-MAX_BRIDGED_GAP_S = 0.1
-"""Missing samples for up to this time are interpolated; a movement that touches a longer loss is excluded."""
-
-MAX_MERGED_STEP_S = 0.05
-"""Target steps closer together than this are one step, which a screen or a filter spread out."""
+MOVEMENT_BOUNDS = MovementBounds()
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ class Movement:
     peak_acceleration: float  # largest along its direction, while it moves in that direction [rad/s^2]
     goal: float | None = None  # The target's angle [rad]
     lasted: float = 0.0  # [s] as seen: `duration`, and where it had not `settled` until its stretch was over
-    settled: bool = True  # Whether it had been at rest for `MIN_REST_S` when its stretch was over
+    settled: bool = True  # Whether it had been at rest for `min_rest_s` when its stretch was over
 
 
 @dataclass(frozen=True)
@@ -167,7 +166,7 @@ def kinematics(
     at = np.searchsorted(time[seen], even, side="right")
     padded = np.concatenate(([-np.inf], time[seen], [np.inf]))
     gap = padded[np.minimum(at + 1, len(padded) - 1)] - padded[at]
-    lost = (gap > MAX_BRIDGED_GAP_S + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
+    lost = (gap > MOVEMENT_BOUNDS.max_bridged_gap_s + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
     try:
         smooth = zero_phase_lowpass(filled, rule.lowpass, rule.order, fs)
     except ValueError as error:
@@ -184,7 +183,7 @@ def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
     at = np.flatnonzero(np.diff(target) != 0.0) + 1
     if not len(at):
         return []
-    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MAX_MERGED_STEP_S) + 1)
+    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MOVEMENT_BOUNDS.max_merged_step_s) + 1)
     begins = [float(time[group[0]]) for group in groups]
     heights = [float(target[group[-1]] - target[group[0] - 1]) for group in groups]
     goals = [float(target[group[-1]]) for group in groups]
@@ -198,7 +197,7 @@ def rest_stretches(
     """Stretches between rests, where no target was recorded.
 
     A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
-    `MIN_REST_S` apart in the same direction are one, a correction backwards belongs to the movement that it follows
+    `min_rest_s` apart in the same direction are one, a correction backwards belongs to the movement that it follows
     without a rest, and what covers less than `least` is no movement.
 
     `least` [rad]; `amplitude` [rad].
@@ -213,7 +212,7 @@ def rest_stretches(
     found.sort()
     joined: list[list] = []
     for start, stop, sign in found:
-        if joined and joined[-1][2] == sign and (start - joined[-1][1]) / motion.fs < MIN_REST_S:
+        if joined and joined[-1][2] == sign and (start - joined[-1][1]) / motion.fs < MOVEMENT_BOUNDS.min_rest_s:
             joined[-1][1] = stop
         else:
             joined.append([start, stop, sign])
@@ -236,19 +235,19 @@ def _travel(motion: Kinematics, run: Sequence[int]) -> float:
 def _with_corrections(motion: Kinematics, found: Sequence[Sequence[int]]) -> list[list[int]]:
     """Return the movements (start, stop, sign) among runs in one direction, in their order.
 
-    A run that another follows without a rest is part of it if it travels less than `MAX_CORRECTION_SHARE` of it: after
+    A run that another follows without a rest is part of it if it travels less than `max_correction_share` of it: after
     the larger one it is a correction, before it a start in the wrong direction.
     """
     kept: list[list[int]] = []
     size = 0.0  # travel of the last movement's largest run
     for start, stop, sign in found:
         own = _travel(motion, (start, stop))
-        if not kept or (start - kept[-1][1]) / motion.fs >= MIN_REST_S:
+        if not kept or (start - kept[-1][1]) / motion.fs >= MOVEMENT_BOUNDS.min_rest_s:
             kept.append([start, stop, sign])
-        elif own < MAX_CORRECTION_SHARE * size:
+        elif own < MOVEMENT_BOUNDS.max_correction_share * size:
             kept[-1][1] = stop
             continue
-        elif size < MAX_CORRECTION_SHARE * own:
+        elif size < MOVEMENT_BOUNDS.max_correction_share * own:
             kept[-1][1:] = stop, sign
         else:
             kept.append([start, stop, sign])
@@ -281,11 +280,12 @@ def _movement(
 ) -> Movement | NoMovement:
     """The movement in a stretch, of which `following` is the next one."""
     low, high = np.searchsorted(motion.time, (stretch.begin - 1e-9, stretch.end - 1e-9))
-    if high - low < MIN_MOVEMENT_SAMPLES:
-        return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {MIN_MOVEMENT_SAMPLES}")
+    least = MOVEMENT_BOUNDS.min_movement_samples
+    if high - low < least:
+        return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {least}")
     went = motion.angle[high - 1] - motion.angle[low]
     direction = int(np.sign(stretch.amplitude if stretch.amplitude is not None else went)) or 1
-    if stretch.amplitude is not None and direction * went < MIN_TRAVEL_SHARE * abs(stretch.amplitude):
+    if stretch.amplitude is not None and direction * went < MOVEMENT_BOUNDS.min_travel_share * abs(stretch.amplitude):
         kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
         along = COORDINATES_BY_UNIT[motion.unit]
         moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
@@ -307,8 +307,8 @@ def _movement(
     if motion.lost[low + first : low + last + 1].any():
         n = int(motion.lost[low + first : low + last + 1].sum())
         return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
-    if last - first + 1 < MIN_MOVEMENT_SAMPLES:
-        return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {MIN_MOVEMENT_SAMPLES}")
+    if last - first + 1 < least:
+        return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {least}")
     if last == high - low - 1 and speed[-1] > 2.0 * rule.threshold * top:
         share = 100.0 * speed[-1] / top
         lasted = (last - first) / motion.fs
@@ -318,12 +318,12 @@ def _movement(
     second, valley = _rival(np.sign(velocity[peak]) * velocity, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
-    if second > MIN_RIVAL_PEAK_SHARE and valley < MAX_VALLEY_SHARE:
+    if second > MOVEMENT_BOUNDS.min_rival_peak_share and valley < MOVEMENT_BOUNDS.max_valley_share:
         said = f"a second peak of {100 * second:.0f} % with {100 * valley:.0f} % in between"
         return NoMovement(stretch, "no_peak", said, "one clear peak of the speed")
     duration, rest = (last - first) / motion.fs, (high - 1 - low - last) / motion.fs
     # What rests divide has settled; where targets do, the next may come before it has.
-    settled = stretch.goal is None or rest >= MIN_REST_S
+    settled = stretch.goal is None or rest >= MOVEMENT_BOUNDS.min_rest_s
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
     # The braking of a correction backwards is no acceleration of the movement.
     inside = slice(low + first, low + last + 1)
@@ -354,12 +354,12 @@ def _without_ringing(speed: np.ndarray, ways: np.ndarray, main: slice, fs: float
 
     `ways` is 1 in the direction of the main run and -1 against it.
     """
-    limit = RINGING_MARGIN * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
+    limit = MOVEMENT_BOUNDS.ringing_margin * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
     top = float(speed[main].max())
     if limit <= rule.threshold:
         return speed
     kept = speed.copy()
-    reach = MAX_RINGING_GAP_PERIODS / rule.lowpass * fs
+    reach = MOVEMENT_BOUNDS.max_ringing_gap_periods / rule.lowpass * fs
     for run in runs((ways < 0.0) & (speed > rule.threshold * top)):
         gap = max(run.start - main.stop, main.start - run.stop)
         if gap <= reach and speed[run].max() <= limit * top:
@@ -422,16 +422,16 @@ def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
 
 
 def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
-    """Height of the highest other local maximum that rivals the peak across a valley below `MAX_VALLEY_SHARE`, and that
+    """Height of the highest other local maximum that rivals the peak across a valley below `max_valley_share`, and that
     valley, relative to the peak; 0 and 1 where there is none."""
     inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
-    inner = inner[(speed[inner] / speed[peak] > MIN_RIVAL_PEAK_SHARE) & (inner != peak)]
+    inner = inner[(speed[inner] / speed[peak] > MOVEMENT_BOUNDS.min_rival_peak_share) & (inner != peak)]
     best, valley = 0.0, 1.0
     for other in inner:
         low, high = sorted((other, peak))
         between = float(speed[low : high + 1].min() / speed[peak])
         height = float(speed[other] / speed[peak])
-        if between < MAX_VALLEY_SHARE and height > best:
+        if between < MOVEMENT_BOUNDS.max_valley_share and height > best:
             best, valley = height, between
     return best, valley
 

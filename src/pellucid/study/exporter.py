@@ -46,17 +46,10 @@ class ExportRequest:
 class Exporter(ABC):
     """A product that can be exported: which requests are for it, which options it has, and how it is written."""
 
-    kinds: ClassVar[tuple[str, ...]]
-    """Values of `to` that name the product."""
-
-    order: ClassVar[int]
-    """Exporters are asked in this order; the first one that fits writes."""
-
-    unused: ClassVar[tuple[str, ...]] = ()
-    """Options that the product does not have."""
-
-    why_unused: ClassVar[str] = ""
-    """The reason, as an error message ends with it."""
+    kinds: ClassVar[tuple[str, ...]]  # Values of `to` that name the product
+    order: ClassVar[int]  # Exporters are asked in this order; the first one that fits writes
+    unused: ClassVar[tuple[str, ...]] = ()  # Options that the product does not have
+    why_unused: ClassVar[str] = ""  # The reason, as an error message ends with it
 
     def fits(self, request: ExportRequest) -> bool:
         """Return whether a request with one of the `kinds` is for this product."""

@@ -76,14 +76,10 @@ class StudyTable(BaseModel):
 class ProcedureTable(StudyTable):
     """A table of study.toml that requests a procedure."""
 
-    alone: ClassVar[bool] = False
-    """Whether a study with this table may have no other such table."""
-
-    several: ClassVar[bool] = False
-    """Whether the procedure identifies all joints of a machine at once."""
-
+    alone: ClassVar[bool] = False  # Whether a study with this table may have no other such table
+    several: ClassVar[bool] = False  # Whether the procedure identifies all joints of a machine at once
+    # Whether the procedure handles gaps and missing samples by itself; otherwise they are cut out
     bridges: ClassVar[bool] = True
-    """Whether the procedure handles gaps and missing samples by itself; otherwise they are cut out."""
 
     def reads(self, channel: str, stream: str) -> bool:
         """Return whether spikes in a channel would spoil the result; `stream` is "" for the recording's own file."""

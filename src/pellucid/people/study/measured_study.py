@@ -14,9 +14,9 @@ from ...numerics.resampling import linear
 from ...units import Coordinate
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from ..emg_index import (
+    EMG_CLOCK,
     LABEL_TOLERANCE_RAD,
     MAX_AMPLITUDE_COUNT,
-    PLAUSIBLE_LEAD_S,
     Activity,
     emg_drift,
     emg_lead,
@@ -129,7 +129,7 @@ def emg_on_motions_clock(
             f"activity that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
             f"(correlation {seen.correlation:.2f})"
         )
-        late, early = -PLAUSIBLE_LEAD_S[0], PLAUSIBLE_LEAD_S[1]
+        late, early = -EMG_CLOCK.plausible_lead_s[0], EMG_CLOCK.plausible_lead_s[1]
         expected = f"{late:g} s after to {early:g} s before it: EMG and angle are on different clocks"
         return made, faults + fault("refuse", "clock", what, expected)
     return made, faults

@@ -23,7 +23,7 @@ from ...files.recording import Recording
 from ...numerics.clocks import align, clock_drift
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..emg_index import LABEL_TOLERANCE_RAD, MAX_MISTAKEN_SHARE, Activity, strays
+from ..emg_index import LABEL_TOLERANCE_RAD, LABELS_RULE, Activity, strays
 from ..movements import (
     Kinematics,
     Movement,
@@ -42,20 +42,24 @@ from .assessment_table import AssessmentTable
 MIN_TRAVEL_RAD = 0.05
 """Smallest travel of a movement without a target [rad], about three degrees."""
 
-MAX_DELAY_S = 0.5
-"""Largest delay between markers and encoder in the search [s]."""
+@dataclass(frozen=True)
+class MarkerClockBounds:
+    """Thresholds by which the clocks of markers and encoder are compared."""
 
-MAX_HALF_DELAY_DIFFERENCE_S = 0.1
-"""Largest distance of the delay of either half of a record from that of the whole [s]."""
+    max_delay_s: float = 0.5  # Largest delay between markers and encoder in the search [s]
+    # Largest distance of the delay of either half of a record from that of the whole [s]
+    max_half_delay_difference_s: float = 0.1
+    min_drift_record_s: float = 60.0  # A drift between the two clocks is estimated only in records longer than this [s]
+    # A drift is corrected only if the clocks differ by at least this at the end of the record [s]
+    min_corrected_drift_s: float = 0.005
+    # Rate at which markers and encoder are compared [Hz], four times the cut-off of the filter that both have passed
+    comparison_rate_hz: float = 25.0
+    # A drift between two clocks is reported if they differ by more than this [s]; smaller ones are corrected silently
+    min_reported_drift_s: float = 0.02
 
-MIN_DRIFT_RECORD_S = 60.0
-"""A drift between the two clocks is estimated only in records longer than this [s]."""
 
-MIN_CORRECTED_DRIFT_S = 0.005
-"""A drift is corrected only if the clocks differ by at least this at the end of the record [s]."""
+MARKER_CLOCK = MarkerClockBounds()
 
-COMPARISON_RATE_HZ = 25.0
-"""Rate at which markers and encoder are compared [Hz], four times the cut-off of the filter that both have passed."""
 
 LABEL_ROUNDING_RAD = 0.005
 """Labels closer than this count as one label that was rounded [rad]."""
@@ -172,19 +176,20 @@ def _on_recordings_clock(
     position = np.where(recording.sound, recording["position"], np.nan)
     for at, samples in ((recording.time, position), (time, angle)):
         motion = kinematics(at, samples, rule, where=where)
-        even = np.arange(motion.time[0], motion.time[-1], 1.0 / COMPARISON_RATE_HZ)
+        even = np.arange(motion.time[0], motion.time[-1], 1.0 / MARKER_CLOCK.comparison_rate_hz)
         rates.append((even, np.interp(even, motion.time, motion.velocity)))
     (at, rate), other = rates
     try:
-        delay = align(at, rate, *other, longest=MAX_DELAY_S).delay
+        delay = align(at, rate, *other, longest=MARKER_CLOCK.max_delay_s).delay
         drift, middle = 0.0, 0.5 * (at[0] + at[-1])
         seconds = at[-1] - at[0]
-        if seconds > MIN_DRIFT_RECORD_S:
+        if seconds > MARKER_CLOCK.min_drift_record_s:
             early = at < middle
             there = other[0] - delay, other[1]
-            halves = (align(at[h], rate[h], *there, longest=MAX_HALF_DELAY_DIFFERENCE_S) for h in (early, ~early))
+            longest = MARKER_CLOCK.max_half_delay_difference_s
+            halves = (align(at[h], rate[h], *there, longest=longest) for h in (early, ~early))
             drift, error = clock_drift(*halves)
-            if abs(drift) * seconds < MIN_CORRECTED_DRIFT_S or abs(drift) < 4.0 * error:
+            if abs(drift) * seconds < MARKER_CLOCK.min_corrected_drift_s or abs(drift) < 4.0 * error:
                 drift = 0.0
     except RecordingError as error:
         raise RecordingError(f"{where}: markers against position: {error}") from None
@@ -324,9 +329,6 @@ zero."""
 ASSISTED_AMPLITUDE_RATIO_BOUNDS = (0.5, 2.0)
 """The same range for people who aim at targets with a robot, which may keep them from reaching the targets."""
 
-MIN_REPORTED_DRIFT_S = 0.02
-"""A drift between two clocks is reported if they differ by more than this [s]; smaller ones are corrected silently."""
-
 MAX_SILENT_LEFT_OUT_SHARE = 0.2
 """Largest share of a recording's movements that may be left out without a report."""
 
@@ -431,7 +433,7 @@ def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Seque
         share = 100.0 * float(missing.mean())
         what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
         add("note", "lost_marker", what, "all of them")
-    if abs(record.drift) * (record.time[-1] - record.time[0]) > MIN_REPORTED_DRIFT_S:
+    if abs(record.drift) * (record.time[-1] - record.time[0]) > MARKER_CLOCK.min_reported_drift_s:
         what = f"a clock that runs {1e6 * record.drift:+.0f} millionths fast against the channel position's"
         add("note", "drift", what, "one clock; it was corrected")
     named = [m for m in found if m.amplitude is not None]
@@ -488,12 +490,12 @@ def _label_faults(
         )
     found = strays(reach, label, labels, record.along)
     share = float(found.wrong.mean())
-    if found.mislabelled or (share > MAX_MISTAKEN_SHARE and not aimed):
+    if found.mislabelled or (share > LABELS_RULE.max_mistaken_share and not aimed):
         mismatch_text = (
             found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
         )
         return fault("refuse", "amplitude", mismatch_text, "movements that go as far as their labels say")
-    if share > MAX_MISTAKEN_SHARE:
+    if share > LABELS_RULE.max_mistaken_share:
         miss = record.along.factor * float(np.median(np.abs(reach - label)[found.wrong]))
         what = (
             f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} {record.along.shown} in the "

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from html import escape
 from io import StringIO
 from itertools import accumulate
@@ -35,30 +35,25 @@ VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!",
 VERDICT_ORDER = ("wrong", "warning", "note", "good")
 """Kinds of verdicts, worst first."""
 
-MAX_SCREEN_LINES = 40
-"""Largest number of lines of a result on one screen of 45; the command's own lines below it take the others."""
+@dataclass(frozen=True)
+class ScreenLayout:
+    """Sizes of a result on a terminal."""
 
-MAX_BRIEF_SENTENCES = 4
-"""Largest number of verdicts on a result that is shortened to one screen."""
+    # Largest number of lines of a result on one screen of 45; the command's own lines below it take the others
+    max_screen_lines: int = 40
+    max_brief_sentences: int = 4  # Largest number of verdicts on a result that is shortened to one screen
+    max_brief_sentence_length: int = 150  # Largest number of characters of such a verdict
+    max_brief_headline_length: int = 700  # Largest number of characters of the first sentence of such a result
+    # A table of such a result is left out if fewer of its rows than these would fit, unless it has fewer or its
+    # chosen rows fit
+    min_brief_rows: int = 3
+    default_width: int = 100  # Width of a printed result without a terminal, in characters
+    column_gap: int = 3  # Number of characters between a table's columns
+    table_edge_width: int = 2  # Number of characters on both sides of a table together
 
-MAX_BRIEF_SENTENCE_LENGTH = 150
-"""Largest number of characters of such a verdict."""
 
-MAX_BRIEF_HEADLINE_LENGTH = 700
-"""Largest number of characters of the first sentence of such a result."""
+SCREEN_LAYOUT = ScreenLayout()
 
-MIN_BRIEF_ROWS = 3
-"""A table of such a result is left out if fewer of its rows than these would fit, unless it has fewer or its chosen
-rows fit."""
-
-DEFAULT_WIDTH = 100
-"""Width of a printed result without a terminal, in characters."""
-
-COLUMN_GAP = 3
-"""Number of characters between a table's columns."""
-
-TABLE_EDGE_WIDTH = 2
-"""Number of characters on both sides of a table together."""
 
 _NUMBER_START = re.compile(r"[<>+−-]?\.?\d")
 """Beginning of a cell that holds a number."""
@@ -110,13 +105,14 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
     tables, sentences = result.tables, [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
     prose, left_out = result.prose, list[str]()
     if brief and (any(t.max_brief_rows is not None for t in tables) or _is_longer_than_a_screen(out, result)):
-        headline = shorten_text(headline, MAX_BRIEF_HEADLINE_LENGTH)
+        headline = shorten_text(headline, SCREEN_LAYOUT.max_brief_headline_length)
         every, wanted = sentences, sum(bool(_chosen_rows(t)) for t in tables if t.max_brief_rows != 0)
         # Fewer verdicts make room for a table with a chosen row.
-        for most in (*range(MAX_BRIEF_SENTENCES, 0, -1), MAX_BRIEF_SENTENCES):
+        for most in (*range(SCREEN_LAYOUT.max_brief_sentences, 0, -1), SCREEN_LAYOUT.max_brief_sentences):
             sentences, omitted = _shorten_sentences(every, most)
             # Three lines are the empty one at the end and the two that say what was left out.
-            room = MAX_SCREEN_LINES - _line_count(out, Text(headline)) - sentence_lines(out, sentences) - 3
+            taken = _line_count(out, Text(headline)) + sentence_lines(out, sentences) + 3
+            room = SCREEN_LAYOUT.max_screen_lines - taken
             tables, cut = _shorten_tables(out, result, room)
             if sum(bool(_chosen_rows(t)) for t in tables) == wanted:
                 break
@@ -153,8 +149,8 @@ def _line_count(out: Console, *printed: RenderableType) -> int:
 
 
 def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
-    """Return whether a whole result takes more lines than `MAX_SCREEN_LINES`."""
-    if sum(len(_rows(table)) for table in result.tables) > MAX_SCREEN_LINES:
+    """Return whether a whole result takes more lines than `max_screen_lines`."""
+    if sum(len(_rows(table)) for table in result.tables) > SCREEN_LAYOUT.max_screen_lines:
         return True  # a row takes a line at least, so that nothing needs to be laid out
     tables = [each for table in result.tables for each in _printed_table(out, table, result.confidence)]
     sentences = [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
@@ -162,7 +158,7 @@ def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
         Text(f"\n{result.study}: {typeset_quantities(result.headline)}"),
         *([Text(result.prose)] if result.prose else []),
     ]
-    return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1 > MAX_SCREEN_LINES
+    return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1 > SCREEN_LAYOUT.max_screen_lines
 
 
 def _shorten_tables(
@@ -202,7 +198,7 @@ def _fitting_rows(
     most = count if table.max_brief_rows is None else min(table.max_brief_rows, count)
     if table.max_brief_rows == 0:
         return None, 0
-    least = min(len(_chosen_rows(table)) or MIN_BRIEF_ROWS, count)
+    least = min(len(_chosen_rows(table)) or SCREEN_LAYOUT.min_brief_rows, count)
     # A row takes a line at least, so that no more rows than lines need be tried.
     for rows in range(min(most, max(room, 0)), least - 1, -1):
         short = table if rows == count else _first_rows(table, rows)
@@ -236,7 +232,7 @@ def _shorten_sentences(items: Sequence[tuple[str, str]], most: int) -> tuple[lis
     """Return the worst sentences, at most `most`, each cut to about a line and a half, and how many were left out."""
     worst_first = sorted(items, key=lambda item: VERDICT_ORDER.index(item[0]) if item[0] in VERDICT_ORDER else 1)
     kept = worst_first[:most]
-    shown = [(kind, shorten(text, MAX_BRIEF_SENTENCE_LENGTH, placeholder=" …")) for kind, text in kept]
+    shown = [(kind, shorten(text, SCREEN_LAYOUT.max_brief_sentence_length, placeholder=" …")) for kind, text in kept]
     omitted = len(items) - len(kept)
     left_out = [f"{omitted} further remark{'' if omitted == 1 else 's'}"] if omitted else []
     if any(short != text for (_, short), (_, text) in zip(shown, kept, strict=True)):
@@ -247,7 +243,7 @@ def _shorten_sentences(items: Sequence[tuple[str, str]], most: int) -> tuple[lis
 def print_to_text(result: PrintableResult) -> str:
     """Return the output of `print_result` as text."""
     text = StringIO()
-    print_result(Console(file=text, width=DEFAULT_WIDTH, highlight=False, no_color=True), result)
+    print_result(Console(file=text, width=SCREEN_LAYOUT.default_width, highlight=False, no_color=True), result)
     return text.getvalue().strip("\n")
 
 
@@ -281,12 +277,12 @@ def fitting_tables(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
 
     Words may wrap, but numbers are never cut.
     """
-    width -= TABLE_EDGE_WIDTH
+    width -= SCREEN_LAYOUT.table_edge_width
     words = max(
         next((i for i, column in enumerate(zip(*rows, strict=True)) if any(map(_NUMBER_START.match, column))), 1), 1
     )
     columns = [(head, [row[i] for row in rows]) for i, head in enumerate(heads)]
-    least = [_widths(head, cells)[0] + COLUMN_GAP for head, cells in columns]
+    least = [_widths(head, cells)[0] + SCREEN_LAYOUT.column_gap for head, cells in columns]
     own = min(sum(least[:words]), max(width // 2, width - max(least[words:], default=0)))
     parts: list[list[int]] = [[]]
     for i in range(words, len(columns)):
@@ -300,7 +296,7 @@ def _fitted(columns: Sequence[tuple[str, Sequence[str]]], width: int) -> Table:
     """Return a table whose columns share the available `width`."""
     table = plain_table(*(head for head, _ in columns))
     widths = [_widths(head, cells) for head, cells in columns]
-    free = max(width - sum(least + COLUMN_GAP for least, _ in widths), 0)
+    free = max(width - sum(least + SCREEN_LAYOUT.column_gap for least, _ in widths), 0)
     for column, (least, whole) in zip(table.columns, widths, strict=True):
         more = min(whole - least, free)
         column.width, column.no_wrap, column.overflow, free = least + more, False, "fold", free - more
@@ -360,7 +356,7 @@ def print_table(
     # A row takes a line at least, so that no more rows than lines need be tried.
     for count in range(min(len(rows), len(rows) if max_lines is None else max_lines), -1, -1):
         made = fitting_tables(heads, rows[:count], out.width)
-        if max_lines is None or count <= MIN_BRIEF_ROWS or _line_count(out, *made) <= max_lines:
+        if max_lines is None or count <= SCREEN_LAYOUT.min_brief_rows or _line_count(out, *made) <= max_lines:
             break
     for table in made:
         out.print(table)

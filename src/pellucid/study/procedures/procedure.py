@@ -47,28 +47,18 @@ class Procedure(ABC, Generic[Table, Found]):
     a package with ``PROCEDURE_ORDER``, and name that package as an entry point of ``pellucid.procedures``.
     """
 
-    name: str
-    """Its name in messages and results, and that of its table in study.toml."""
-
-    command: str
-    """Command that runs it, such as ``"identify"``; a command may run several procedures."""
-
-    table: type[Table] | None = None
-    """Class of its table in study.toml; None where other tables ask for it."""
-
+    name: str  # Its name in messages and results, and that of its table in study.toml
+    command: str  # Command that runs it, such as ``"identify"``; a command may run several procedures
+    table: type[Table] | None = None  # Class of its table in study.toml; None where other tables ask for it
+    # Whether it needs recordings without a break. Recordings with a cut are then left out, and named.
     whole: bool = False
-    """Whether it needs recordings without a break. Recordings with a cut are then left out, and named."""
-
+    # With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None:
+    # they are left out.
     shortest_piece: float | None = None
-    """With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None: they
-    are left out."""
-
-    takes_families: bool = False
-    """Whether the caller may choose the friction families that it compares."""
-
+    takes_families: bool = False  # Whether the caller may choose the friction families that it compares
+    # Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
+    # set after an identification.
     uses_limits: bool = False
-    """Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
-    set after an identification."""
 
     def asked(self, study: Study) -> bool:
         """Return whether a study asks for this procedure."""
