@@ -372,7 +372,6 @@ class Isochrony:
     velocity_r2: tuple[float, ...]  # R^2 of each participant's own line through the means of each amplitude
     velocity_slope: float  # slope of the line through the means over participants [1/s]
     velocity_intercept: float  # intercept of that line [rad/s]
-    group_r2: float  # R^2 of that line
     duration_r2: tuple[float, ...]  # R^2 of each participant's own line of duration
     duration_slope: float  # slope of the line of duration through the means over participants [s/rad]
     duration_intercept: float  # intercept of that line [s]
@@ -408,13 +407,13 @@ def isochrony(
                 continue
             v = [np.mean([vs[a] for _, _, vs, _ in each]) for a in amplitudes]
             t = [np.mean([ts[a] for _, _, _, ts in each]) for a in amplitudes]
-            slope, intercept, r2 = affine(si(amplitudes), np.array(v))
+            slope, intercept, _ = affine(si(amplitudes), np.array(v))
             dslope, dintercept, _ = affine(si(amplitudes), np.array(t))
             found.append(
                 Isochrony(
                     condition, direction, tuple(person for person, *_ in each),
                     tuple(affine(si(a), np.array([vs[x] for x in a]))[2] for _, a, vs, _ in each),
-                    slope, intercept, r2,
+                    slope, intercept,
                     tuple(affine(si(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
                     dslope, dintercept,
                     tuple(zip(si(amplitudes).tolist(), map(float, v), map(float, t), strict=True)),

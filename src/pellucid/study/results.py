@@ -84,16 +84,16 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
     return both
 
 
-def require_own_page(folder: Path, command: str, page: str = "index.html") -> None:
+def require_own_page(folder: Path, command: str) -> None:
     """Raise a PellucidError if a folder holds a page without figures of `command` beside it."""
-    if not (folder / page).exists():
+    if not (folder / "index.html").exists():
         return
     path = folder / "results.json"
     found = sorted({row.command for row in read_rows(path)}) if path.is_file() else []
     if command not in found:
         raise PellucidError(
-            f"{folder}: found {page} of {', '.join(found) or 'something else'}, expected none, or that of an earlier "
-            f"'{command}'; name another folder with --out"
+            f"{folder}: found index.html of {', '.join(found) or 'something else'}, expected none, or that of an "
+            f"earlier '{command}'; name another folder with --out"
         )
 
 

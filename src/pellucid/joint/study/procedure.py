@@ -28,7 +28,8 @@ def is_slider_asked(study: Study) -> bool:
 
 
 def _has_drive(study: Study) -> bool:
-    return study.rig.drive is not None and not any(table.alone for table in study.config.procedures.values())
+    # A rig of several joints, which only runs alone, refuses to be asked for a drive.
+    return not any(table.alone for table in study.config.procedures.values()) and study.rig.drive is not None
 
 
 def faults(study: Study) -> list[Fault]:

@@ -71,7 +71,7 @@ def assess_recordings(
     executor: Any = None,
 ) -> AssessmentResult:
     """Compare conditions of recordings, which need not be files; `spec` is the table [assessment]."""
-    tell = on_progress or (lambda text, share: None)
+    tell = on_progress or quiet
     used = recordings_with_condition(recordings)
     conditions = _conditions(used, spec.control)
     tell("finding movements", 0.1)

@@ -221,8 +221,7 @@ def find_doubts(
 def _of_order(found, point, condition, people, seen, order, alpha, method, unknown) -> list[Doubt]:
     made = []
     table = found.assessed[point.index.name].table
-    control = found.control if found.control in table.conditions or table.index.over_control else None
-    later = order.later(people, condition, control)
+    later = order.later(people, condition, _control(found, point.index.name))
     doubt = period_doubt(seen, later, point.margin, alpha=alpha, method=method)
     if doubt is None:
         few = len(people) < 4
@@ -250,8 +249,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, method, unkno
 
 
 def _learning(found, whole, point, condition, people, seen, order, alpha, method, trends, unknown) -> list[Doubt]:
-    table = found.assessed[point.index.name].table
-    base = found.control if found.control in table.conditions or table.index.over_control else None
+    base = _control(found, point.index.name)
     conditions = [condition] if base is None else [base, condition]
     own = movements_of(whole, point, conditions, people, order)
     if not own:

@@ -35,8 +35,6 @@ class CurveEndPoint:
     condition: str
     stated: str  # stated margin; ``""`` if there is none
     unit: str  # unit of the displayed comparison: ``"%"`` of control's largest value, or the torque's unit
-    control: np.ndarray | None  # mean curve of control in that unit, (101,); None if control has none
-    own: np.ndarray  # mean curve of the condition in that unit, (101,)
     comparison: CurveComparison
     factor: float = 1.0  # factor from the comparison's unit to the displayed one
 
@@ -113,11 +111,7 @@ def compare_with_control(
         scale = 1.0 if effort else np.abs(there).max(axis=1, keepdims=True)
         comparison = compare_curves((own - there) / scale, margin, alpha=alpha)
         factor, unit = (1.0, along.effort) if effort else (100.0, "%")
-        shown = factor * np.mean(there / scale, axis=0) if has_control else None
-        made.append(
-            CurveEndPoint(quantity, condition, stated.get(quantity, ""), unit, shown,
-                          factor * np.mean(own / scale, axis=0), comparison, factor)
-        )  # fmt: skip
+        made.append(CurveEndPoint(quantity, condition, stated.get(quantity, ""), unit, comparison, factor))
     return tuple(made)
 
 

@@ -64,7 +64,7 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
         wanted = "an effort that changes as the joint moves: check the sensor, its cable and the column in [channels]"
         where = f"every sample of all {use} recordings"
         if levels is None:
-            yield from _dead_in_one(study, drive, seen, unit)
+            yield from _dead_in_one(drive, seen, unit)
         elif levels.size == 1:
             found = f"the one value {levels[0]:.6g}{unit} in {where}"
             yield _fault("refuse", files, drive, found, wanted)
@@ -80,9 +80,7 @@ def _faults_of_use(study: Study, recordings: Sequence[Recording], use: str) -> I
             yield _fault("refuse", files, drive, found, wanted)
 
 
-def _dead_in_one(
-    study: Study, drive: str, seen: Sequence[tuple[Recording, str, np.ndarray]], unit: str
-) -> Iterator[Fault]:
+def _dead_in_one(drive: str, seen: Sequence[tuple[Recording, str, np.ndarray]], unit: str) -> Iterator[Fault]:
     """Yield a note on recordings in which the joint moves with a constant effort that is alive elsewhere."""
     for recording, position, samples in seen:
         levels = few_levels([samples])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ..._domains import find_domains
 from ..._errors import RecordingError
@@ -49,7 +49,7 @@ class Procedure(ABC, Generic[Table, Found]):
 
     name: str  # Its name in messages and results, and that of its table in study.toml
     command: str  # Command that runs it, such as ``"identify"``; a command may run several procedures
-    table: type[Table] | None = None  # Class of its table in study.toml; None where other tables ask for it
+    table: Any = None  # Class of its table in study.toml; None where other tables ask for it
     # Whether it needs recordings without a break. Recordings with a cut are then left out, and named.
     whole: bool = False
     # With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None:
@@ -62,13 +62,11 @@ class Procedure(ABC, Generic[Table, Found]):
 
     def asked(self, study: Study) -> bool:
         """Return whether a study asks for this procedure."""
-        table = cast("type[ProcedureTable] | None", self.table)
-        return table is not None and study.find_table(table) is not None
+        return self.table is not None and study.find_table(self.table) is not None
 
-    def table_of(self, study: Study) -> Table:
+    def table_of(self, study: Study) -> Any:
         """Return the table of a study that asks for this procedure; None where other tables do."""
-        table = cast("type[ProcedureTable] | None", self.table)
-        return cast("Table", None if table is None else study.table(table))
+        return None if self.table is None else study.table(self.table)
 
     @abstractmethod
     def faults(self, study: Study, table: Table) -> list[Fault]:
