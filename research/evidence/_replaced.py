@@ -18,8 +18,8 @@ from unittest import mock
 import numpy as np
 
 from pellucid.files.optical import OpticalRecording
-from pellucid.files.recording import Channel
-from pellucid.study import study as study_module
+from pellucid.files.recording import Channel, Recording
+from pellucid.study import recording_steps
 from pellucid.study.procedures.result import _write as write_card_of_any_kind
 from pellucid.study.procedures.run import check, run
 from pellucid.study.study import Study
@@ -104,23 +104,23 @@ class ReplacedStudy(Study):
 
     change: Callable[[Channels], Channels] = with_reversed_time
 
-    def _load(self, entry: Any, name: str, path: Any, files: Any) -> Any:
-        if name in self._loaded or entry.use == "fit":
-            return super()._load(entry, name, path, files)
+    def recordings(self, use: str | None = None, **options: Any) -> tuple[Recording, ...]:
+        """Return the recordings; what is read of held-out files is changed, and kept so."""
+        super().recordings("fit")
         with _changed_channels(self.change):
-            return super()._load(entry, name, path, files)
+            super().recordings("validate")
+        return super().recordings(use, **options)
 
-    def _load_optical(self, entry: Any, files: Any) -> OpticalRecording | None:
-        found = super()._load_optical(entry, files)
-        if found is None or entry.use == "fit" or self.change is not with_reversed_time:
-            return found
-        return replace(found, markers={name: points[::-1].copy() for name, points in found.markers.items()})
+    def recording(self, name: str) -> Recording:
+        """Return one recording by its name."""
+        self.recordings()
+        return super().recording(name)
 
 
 @contextmanager
 def _changed_channels(change: Callable[[Channels], Channels]) -> Iterator[None]:
     """Have every file that is read meanwhile hold changed channels, as if it had been written so."""
-    read = study_module._make_channels
+    read, read_optical = recording_steps.make_channels, recording_steps.read_optical
 
     def changed(*arguments: Any) -> Channels:
         made = change(read(*arguments))
@@ -128,7 +128,16 @@ def _changed_channels(change: Callable[[Channels], Channels]) -> Iterator[None]:
             channel.samples.flags.writeable = False
         return made
 
-    with mock.patch.object(study_module, "_make_channels", changed):
+    def changed_optical(*arguments: Any) -> OpticalRecording:
+        found = read_optical(*arguments)
+        if change is not with_reversed_time:
+            return found
+        return replace(found, markers={name: points[::-1].copy() for name, points in found.markers.items()})
+
+    with (
+        mock.patch.object(recording_steps, "make_channels", changed),
+        mock.patch.object(recording_steps, "read_optical", changed_optical),
+    ):
         yield
 
 

@@ -444,7 +444,7 @@ def report(
     """
     from .study.drawn_report import ReportPlace
 
-    place = ReportPlace(folder, out, allow_outside)
+    place = ReportPlace(folder, out=out, allow_outside=allow_outside)
     page = None if accept_stale else place.drawn_page(with_pdf=with_pdf)
     if page is None:
         from .study.procedures.run import report as run

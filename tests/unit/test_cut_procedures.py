@@ -40,7 +40,7 @@ def with_cut(study, name, channel, first, last):
     samples[first : last + 1] = 1e6
     cut = Cut("spike", channel, float(recording.time[first]), float(recording.time[last + 1]), first, last, "a spike")
     channels = {**recording.channels, channel: replace(recording.channels[channel], samples=samples)}
-    study._loaded[name] = replace(recording, channels=channels, cuts=(cut,))
+    study.kept.recordings[name] = replace(recording, channels=channels, cuts=(cut,))
     return study
 
 
@@ -125,7 +125,7 @@ def test_an_isolated_muscle(data_folder, tmp_path):
     assert isolated_muscle(spoilt).mae_percent == pytest.approx(clean, rel=0.02)
     stream = spoilt.recording(name).streams["displacement"]
     lost = replace(stream, cuts=(Cut("spike", "displacement", 0.0, 0.1, 3, 3, "a spike of 3 mm"),))
-    study._loaded[name] = replace(spoilt.recording(name), streams={"displacement": lost})
+    study.kept.recordings[name] = replace(spoilt.recording(name), streams={"displacement": lost})
     with pytest.raises(RecordingError, match=r"found a spike of 3 mm .* expected a displacement without a break"):
         isolated_muscle(study)
 
@@ -147,7 +147,7 @@ def test_torque_from_emg_leaves_a_recording_out_of_which_too_little_is_left(data
     study = init(tmp_path / "walking", dataset="lower_limb_walking")
     recording = study.recordings()[0]
     every = [Cut("gap", "time", t, t, i, i - 1, "a gap") for i, t in enumerate(recording.time) if i % 20 == 10]
-    study._loaded[recording.name] = replace(recording, cuts=tuple(every))
+    study.kept.recordings[recording.name] = replace(recording, cuts=tuple(every))
     with_others = [r.name for r in study.recordings()[1:]]
     assert [r.name for r in asked(study, "emg_torque")[0].taken(study).recordings()] == with_others
     (told,) = [fault for fault in check(study) if fault.kind == "left_out"]

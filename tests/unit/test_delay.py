@@ -47,7 +47,7 @@ def late(study, channel: str, samples: int, which=None, use="fit"):
         column = r.channels[channel]
         shifted = column.samples[np.clip(np.arange(len(r)) - samples, 0, len(r) - 1)]
         loaded[r.name] = replace(r, use=use, channels={**r.channels, channel: replace(column, samples=shifted)})
-    return replace(study, _loaded=loaded, found={})
+    return replace(study, kept=replace(study.kept, recordings=loaded), found={})
 
 
 def test_whole_samples_are_moved_exactly():
@@ -121,7 +121,7 @@ def test_a_lag_is_told_from_a_delay_and_undone(bench):
         for i in range(1, len(filtered)):
             filtered[i] = filtered[i - 1] + share * (column.samples[i] - filtered[i - 1])
         loaded[r.name] = replace(r, channels={**r.channels, "current": replace(column, samples=filtered)})
-    study = replace(bench, _loaded=loaded, found={})
+    study = replace(bench, kept=replace(bench.kept, recordings=loaded), found={})
     found = alignment(study)
     assert found.delay.lag
     assert found.delay.low < slow - 0.0005 < found.delay.high  # read half a sample early

@@ -140,7 +140,8 @@ def test_a_result_begins_with_the_trials_that_it_lacks(tmp_path):
     every = len(study.recordings())
     assert _run(Counting(), study, None).headline == f"{every} recordings were counted."
     for recording in study.recordings()[:3]:
-        study._loaded[recording.name] = replace(recording, cuts=(Cut("gap", "time", 1.0, 1.0, 50, 49, "a gap"),))
+        cut = Cut("gap", "time", 1.0, 1.0, 50, 49, "a gap")
+        study.kept.recordings[recording.name] = replace(recording, cuts=(cut,))
     found = _run(Counting(), study, None)
     first = f"3 of {every} trials were not used, for the reasons below. {every - 3} recordings"
     assert found.headline.startswith(first)

@@ -16,7 +16,7 @@ from .._atomic import write_text_atomically
 from .._errors import PellucidError
 from .._given import require_inside
 from .kept import code_fingerprint
-from .study import StudyPlace, checksum
+from .study_place import StudyPlace, checksum
 
 PAGE_NAME = "index.html"
 """Name of the report's page in its folder."""

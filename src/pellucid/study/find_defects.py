@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 KINDS: tuple[ModuleType, ...] = (missing, gaps, silent, dropouts, spikes, sensor_range, clipped, frozen)
 """Modules that find one kind of defect each, with ``KIND`` and ``find(watched)``. A later module does not see the
 samples that an earlier one has cut. Other defects are no stretch of a channel: rows of garbage, another clock, a
-constant, echoed or worn recording. `studies.study`, `procedures` and `recordings.log` search for them."""
+constant, echoed or worn recording. `recording_steps`, the procedures and `files.log` search for them."""
 
 SIGNAL_KINDS: tuple[ModuleType, ...] = (dropouts, spikes)
 """Modules that search when every procedure of the study bridges missing samples by itself."""

@@ -18,9 +18,10 @@ from ...files.recording import Recording
 from ...models.joint import JointModel, joint_model
 from ...numerics.delay import Delay, find_likely_delays
 from ...numerics.motion import Motion
+from ...study.drive_channel import drive_channel
 from ...study.quality import DRIVE_CHANNELS
 from ...study.recorded_motions import carries_unknown_payload, command_of, drive_model, motions_of
-from ...study.study import Study, drive_channel
+from ...study.study import Study
 from ..fit.drive_delay import estimate_drive_delay
 from .joint_case import is_worn
 

@@ -14,12 +14,13 @@ from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...numerics.posterior.ensemble import require_sampler
 from ...numerics.regression import stack
+from ...study.drive_channel import drive_channel
 from ...study.procedures.dead_effort import require_live_effort
 from ...study.procedures.findings import collect_findings
 from ...study.procedures.procedure import Progress, quiet
 from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
-from ...study.study import Study, drive_channel
+from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
 from ..fit.estimators import EstimatorChoice

@@ -17,8 +17,9 @@ from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
 from ...numerics.regression import Stack, regression_rows, stack
 from ...numerics.uncertainty import sandwich_covariance
+from ...study.drive_channel import drive_channel
 from ...study.pages.quantities import interval_text
-from ...study.study import Study, drive_channel
+from ...study.study import Study
 from ...study.study_file import Drive
 from ..fit.drive_constant import LoadShares
 from ..fit.friction_family import FamilyContest, FamilyFit

@@ -14,6 +14,7 @@ from ...files.recording import Recording
 from ...models.joint import UNITS, JointModel
 from ...numerics.motion import differentiate, lowpassed, shortest
 from ...numerics.regression import Stack, stack
+from ...study.drive_channel import drive_channel
 from ...study.procedures.dead_effort import dead_effort_faults
 from ...study.quality import inspect
 from ...study.recorded_motions import (
@@ -23,7 +24,7 @@ from ...study.recorded_motions import (
     short_stretch_faults,
     stretches_of,
 )
-from ...study.study import Study, drive_channel
+from ...study.study import Study
 from ...study.study_file import Processing
 from ..fit.fit_joint import measure_excitation
 from ..fit.friction_solver import solve_family

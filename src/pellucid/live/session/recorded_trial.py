@@ -153,7 +153,7 @@ def add_to_study(study: Study, trial: PlannedTrial, file: Path) -> Study:
         write_text_atomically(path, text.rstrip("\n") + "\n" + entry_text(trial_entry(study, trial, file)))
     found = open_study(study.folder)
     # What was read stays read: recordings do not change after their trial.
-    return replace(found, _loaded=study._loaded, _digests=study._digests, _apart=study._apart)
+    return replace(found, kept=study.kept)
 
 
 def recorded_names(study: Study) -> set[str]:

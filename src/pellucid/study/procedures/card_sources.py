@@ -126,7 +126,7 @@ def _changes(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]
 
 def _read_anew(study: Study) -> Study:
     """Return the study without cached checksums, because a file may have changed since it was read."""
-    return replace(study, _digests={})
+    return replace(study, kept=replace(study.kept, digests={}))
 
 
 def _without_keys(table: object, *left_out: str) -> object:
