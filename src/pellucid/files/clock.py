@@ -19,31 +19,35 @@ import numpy as np
 
 from .cut import MAX_EVEN_JITTER
 
-MAX_REPEAT_STEP_SHARE = 0.5
-"""A row with the samples of the row before is the same packet again if it comes within this share of a usual step."""
 
-SMOOTHING_WINDOWS = (8, 16, 32, 64, 128, 256, 512)
-"""Candidate windows for smoothing stamps [samples]."""
+@dataclass(frozen=True)
+class ClockLimits:
+    """When a row is a packet again, and when time stamps that jitter are smoothed."""
 
-MIN_SMOOTHNESS_GAIN = 0.05
-"""Stamps are smoothed only if positions then deviate from their neighbours, or from the integral of the recorded
-velocity, by this share less. Position noise alone makes the smoothness differ by less."""
+    # A row with the samples of the row before is the same packet again if it comes within this share of a usual
+    # step.
+    max_repeat_step_share: float = 0.5
+    # Candidate windows for smoothing stamps [samples].
+    smoothing_windows: tuple[int, ...] = (8, 16, 32, 64, 128, 256, 512)
+    # Stamps are smoothed only if positions then deviate from their neighbours, or from the integral of the recorded
+    # velocity, by this share less. Position noise alone makes the smoothness differ by less.
+    min_smoothness_gain: float = 0.05
+    # Number of samples over which the change of a position is compared with the integral of its velocity. It
+    # exceeds the memory of a filter that runs once for each packet, whose lost samples a shorter comparison would
+    # overlook.
+    velocity_span: int = 64
+    # A recorded velocity judges the stamps only if its integral leaves at most this share of the changes of the
+    # position unexplained. Another one has a fault of its own, which the check of velocities reports.
+    max_velocity_mismatch: float = 0.5
+    # Stamps within this many usual steps of a straight line may be those of an even clock, rounded to whole steps.
+    # Lost samples take stamps farther from it.
+    max_rounding_steps: float = 1.0
+    # A line through the neighbours on one side replaces the line through both sides if it leaves less than this
+    # share of the variance: between the two sides the rate changes, or samples are missing.
+    one_sided_share: float = 0.5
 
-VELOCITY_SPAN = 64
-"""Number of samples over which the change of a position is compared with the integral of its velocity. It exceeds the
-memory of a filter that runs once for each packet, whose lost samples a shorter comparison would overlook."""
 
-MAX_VELOCITY_MISMATCH = 0.5
-"""A recorded velocity judges the stamps only if its integral leaves at most this share of the changes of the position
-unexplained. Another one has a fault of its own, which the check of velocities reports."""
-
-MAX_ROUNDING_STEPS = 1.0
-"""Stamps within this many usual steps of a straight line may be those of an even clock, rounded to whole steps. Lost
-samples take stamps farther from it."""
-
-ONE_SIDED_SHARE = 0.5
-"""A line through the neighbours on one side replaces the line through both sides if it leaves less than this share of
-the variance: between the two sides the rate changes, or samples are missing."""
+CLOCK_LIMITS = ClockLimits()
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
     if not samples or len(time) < 3 or not np.isfinite(steps).all() or np.any(steps < 0.0):
         return first
     positive = steps[steps > 0.0]
-    if not positive.size or steps.min() > MAX_REPEAT_STEP_SHARE * float(np.median(positive)):
+    if not positive.size or steps.min() > CLOCK_LIMITS.max_repeat_step_share * float(np.median(positive)):
         return first
     repeats = np.ones(len(steps), dtype=bool)
     for values in samples.values():
@@ -90,7 +94,7 @@ def first_deliveries(time: np.ndarray, samples: Mapping[str, np.ndarray]) -> np.
     usual = np.diff(time[np.append(True, ~repeats)])
     usual = float(np.median(usual[usual > 0.0])) if np.any(usual > 0.0) else 0.0
     age = time - time[starts]
-    first[1:] = ~(repeats & (age[1:] <= MAX_REPEAT_STEP_SHARE * usual))
+    first[1:] = ~(repeats & (age[1:] <= CLOCK_LIMITS.max_repeat_step_share * usual))
     return first
 
 
@@ -106,7 +110,7 @@ def loses_samples_only(time: np.ndarray, spans: Sequence[slice], near: np.ndarra
     for span in _without_gaps(spans, near):
         index = np.arange(span.stop - span.start)
         line = np.polyval(np.polyfit(index, time[span], 1), index) if len(index) > 2 else time[span]
-        if np.abs(time[span] - line).max() > MAX_ROUNDING_STEPS * step:
+        if np.abs(time[span] - line).max() > CLOCK_LIMITS.max_rounding_steps * step:
             return True
     return False
 
@@ -135,8 +139,8 @@ def sample_clock(
         return float(np.mean(_velocity_mismatch(tried, positions[:, trusted], velocities[:, trusted], spans)))
 
     recorded = mismatch(time)
-    best, clock = np.inf if always else (1.0 - MIN_SMOOTHNESS_GAIN) * recorded, SampleClock(time)
-    for window in SMOOTHING_WINDOWS if np.isfinite(recorded) and (recorded > 0.0 or always) else ():
+    best, clock = np.inf if always else (1.0 - CLOCK_LIMITS.min_smoothness_gain) * recorded, SampleClock(time)
+    for window in CLOCK_LIMITS.smoothing_windows if np.isfinite(recorded) and (recorded > 0.0 or always) else ():
         smoothed = np.array(time)
         for span in spans:
             smoothed[span] = _smooth_stamps(time[span], window)
@@ -170,7 +174,7 @@ def _velocities_that_follow(
         changes = _over_spans(positions[:, i], spans)
         spread = float(np.nanmean(np.abs(changes))) if np.isfinite(changes).any() else 0.0
         (left,) = _velocity_mismatch(time, positions[:, [i]], velocities[:, [i]], spans)
-        follows[i] = spread > 0.0 and left <= MAX_VELOCITY_MISMATCH * spread
+        follows[i] = spread > 0.0 and left <= CLOCK_LIMITS.max_velocity_mismatch * spread
     return follows
 
 
@@ -198,8 +202,10 @@ def _velocity_mismatch(
 
 
 def _over_spans(samples: np.ndarray, spans: Sequence[slice]) -> np.ndarray:
-    """Return the changes of `samples`, (n,), over `VELOCITY_SPAN` samples within each span, one after the other."""
-    parts = [samples[span][VELOCITY_SPAN:] - samples[span][:-VELOCITY_SPAN] for span in spans]
+    """Return the changes of `samples`, (n,), over `velocity_span` samples within each span, one after the other."""
+    parts = [
+        samples[span][CLOCK_LIMITS.velocity_span :] - samples[span][: -CLOCK_LIMITS.velocity_span] for span in spans
+    ]
     return np.concatenate(parts) if parts else np.empty(0)
 
 
@@ -231,9 +237,9 @@ def _smooth_stamps(time: np.ndarray, window: int) -> np.ndarray:
     chosen = np.array(value)
     for low, high in ((np.maximum(index - window, 0), index + 1), (index, np.minimum(index + window + 1, n))):
         one_value, one_variance = _local_lines(off, index, low, high)
-        better = (high - low > half) & (one_variance < ONE_SIDED_SHARE * variance)
+        better = (high - low > half) & (one_variance < CLOCK_LIMITS.one_sided_share * variance)
         chosen = np.where(better, one_value, chosen)
-        variance = np.where(better, one_variance / ONE_SIDED_SHARE, variance)
+        variance = np.where(better, one_variance / CLOCK_LIMITS.one_sided_share, variance)
     for candidate in (chosen, value):
         smoothed = candidate + first + step * index
         if np.all(np.diff(smoothed) > 0.0):

@@ -39,71 +39,58 @@ NOTE_LEVEL = "note"
 MAX_HEADER_BYTES = 1 << 16
 """Everything above the numbers of a text file lies within this many bytes."""
 
-MIN_LOG_SAMPLES = 20
-"""Shorter columns are settings, not channels."""
 
-MIN_GAP_STEPS = 3.0
-"""A time step of this many usual steps is a gap of the log, if it is also longer than its jitter."""
+@dataclass(frozen=True)
+class LogLimits:
+    """What an inspection of a log calls a finding. Chosen by judgement where no reason is given."""
 
-MIN_TIME_COLUMN_RISE_SHARE = 0.98
-"""A column without a name that tells is the time if at least this share of its steps are upwards and alike."""
+    # Shorter columns are settings, not channels.
+    min_log_samples: int = 20
+    # A time step of this many usual steps is a gap of the log, if it is also longer than its jitter.
+    min_gap_steps: float = 3.0
+    # A column without a name that tells is the time if at least this share of its steps are upwards and alike.
+    min_time_column_rise_share: float = 0.98
+    # Steps of a column that counts as time differ from the usual one by at most this share, in nine of ten samples.
+    max_time_step_spread: float = 0.2
+    # A time step that differs from the usual one by more than this share is out of step.
+    max_steady_jitter: float = 0.5
+    # Steps out of step in more than this share of the rows are an alarm; smaller jitter is a note.
+    max_jittering_share: float = 0.2
+    # A column with at most this many values switches, and is at no limit.
+    max_switch_levels: int = 3
+    # A position that stays at one end for more than this share of the log rests there.
+    max_dwell_share: float = 0.2
+    # A channel that is at its extremes for more than this share of the log switches between them.
+    max_limited_share: float = 0.6
+    # Flat tops in more than this share of the samples are part of the motion.
+    max_flat_top_share: float = 0.1
+    # A column that runs further apart than this share is no clock of the same log.
+    max_clock_drift_share: float = 0.05
+    # Two time columns are on different clocks if they drift apart by this share.
+    min_clock_drift_share: float = 1e-3
+    # Rows that repeat the row before are told if they are more than this share.
+    min_repeated_share: float = 0.02
+    # More rows than this that repeat one row are a rest of everything that is logged.
+    max_repeated_rows: int = 5
+    # More missing samples than this share are an alarm; fewer are a note.
+    max_missing_share: float = 0.001
+    # In a channel that may jump, a spike is this many times as high as the range of nearly all samples.
+    min_peak_ratio: float = 30.0
+    # A channel with more spikes than this is spiky by itself.
+    max_spike_count: int = 50
+    # A channel is the velocity of a position if it correlates at least this much with the position's derivative.
+    min_velocity_correlation: float = 0.9
+    # A value this many times as large as nearly all others of its channel is impossible in any unit.
+    wild_ratio: float = 1e4
+    # A silent stretch is compared with at most this many other channels, spread over the file.
+    max_compared_channels: int = 64
+    # A measurement is compared with at most this many commands, those of its own joint first.
+    max_compared_commands: int = 16
+    # Commands are compared in about this many samples of a file, which takes half a minute, and with one at least.
+    max_echo_samples: float = 100e6
 
-MAX_TIME_STEP_SPREAD = 0.2
-"""Steps of a column that counts as time differ from the usual one by at most this share, in nine of ten samples."""
 
-MAX_STEADY_JITTER = 0.5
-"""A time step that differs from the usual one by more than this share is out of step."""
-
-MAX_JITTERING_SHARE = 0.2
-"""Steps out of step in more than this share of the rows are an alarm; smaller jitter is a note."""
-
-MAX_SWITCH_LEVELS = 3
-"""A column with at most this many values switches, and is at no limit."""
-
-MAX_DWELL_SHARE = 0.2
-"""A position that stays at one end for more than this share of the log rests there."""
-
-MAX_LIMITED_SHARE = 0.6
-"""A channel that is at its extremes for more than this share of the log switches between them."""
-
-MAX_FLAT_TOP_SHARE = 0.1
-"""Flat tops in more than this share of the samples are part of the motion."""
-
-MAX_CLOCK_DRIFT_SHARE = 0.05
-"""A column that runs further apart than this share is no clock of the same log."""
-
-MIN_CLOCK_DRIFT_SHARE = 1e-3
-"""Two time columns are on different clocks if they drift apart by this share."""
-
-MIN_REPEATED_SHARE = 0.02
-"""Rows that repeat the row before are told if they are more than this share."""
-
-MAX_REPEATED_ROWS = 5
-"""More rows than this that repeat one row are a rest of everything that is logged."""
-
-MAX_MISSING_SHARE = 0.001
-"""More missing samples than this share are an alarm; fewer are a note."""
-
-MIN_PEAK_RATIO = 30.0
-"""In a channel that may jump, a spike is this many times as high as the range of nearly all samples."""
-
-MAX_SPIKE_COUNT = 50
-"""A channel with more spikes than this is spiky by itself."""
-
-MIN_VELOCITY_CORRELATION = 0.9
-"""A channel is the velocity of a position if it correlates at least this much with the position's derivative."""
-
-WILD_RATIO = 1e4
-"""A value this many times as large as nearly all others of its channel is impossible in any unit."""
-
-MAX_COMPARED_CHANNELS = 64
-"""A silent stretch is compared with at most this many other channels, spread over the file."""
-
-MAX_COMPARED_COMMANDS = 16
-"""A measurement is compared with at most this many commands, those of its own joint first."""
-
-MAX_ECHO_SAMPLES = 100e6
-"""Commands are compared in about this many samples of a file, which takes half a minute, and with one at least."""
+LOG_LIMITS = LogLimits()
 
 SETTING_QUANTITIES = (
     "", "enabled", "state", "counter", "stiffness", "damping", "length", "moment_arm", "lengthening", "orientation",
@@ -273,11 +260,15 @@ def _rises(x: np.ndarray, share: float) -> bool:
 
 def _is_even_clock(x: np.ndarray) -> bool:
     """Whether a column rises by nearly the same step throughout, as time in seconds does and a row number does not."""
-    if len(x) < MIN_LOG_SAMPLES or not np.isfinite(x).all() or not _rises(x, MIN_TIME_COLUMN_RISE_SHARE):
+    if (
+        len(x) < LOG_LIMITS.min_log_samples
+        or not np.isfinite(x).all()
+        or not _rises(x, LOG_LIMITS.min_time_column_rise_share)
+    ):
         return False
     steps = np.diff(x)
     usual = float(np.median(steps))
-    even = float(np.mean(np.abs(steps - usual) <= MAX_TIME_STEP_SPREAD * usual))
+    even = float(np.mean(np.abs(steps - usual) <= LOG_LIMITS.max_time_step_spread * usual))
     return usual > 0.0 and usual != 1.0 and even >= 0.9
 
 
@@ -290,10 +281,10 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     found: list[LogFinding] = []
     if log.lost:
         found.append(LogFinding("truncated", log.time or "time", f"the file ends with {log.lost}", NOTE_LEVEL))
-    channels = {c.name: c for c in log.channels if len(c.samples) >= MIN_LOG_SAMPLES}
+    channels = {c.name: c for c in log.channels if len(c.samples) >= LOG_LIMITS.min_log_samples}
     if not channels:
         count = max((len(c.samples) for c in log.channels), default=0)
-        text = f"{count} rows: at least {MIN_LOG_SAMPLES} are needed to examine a log"
+        text = f"{count} rows: at least {LOG_LIMITS.min_log_samples} are needed to examine a log"
         return (*found, LogFinding("short", log.time or "time", text, NOTE_LEVEL))
     longest = max((len(c.samples) for c in channels.values()), default=0)
     table = {n: c for n, c in channels.items() if len(c.samples) == longest}
@@ -311,7 +302,7 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
     repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
     short = _in_short_runs(repeats)
-    if short.sum() > MIN_REPEATED_SHARE * len(short) and not any(
+    if short.sum() > LOG_LIMITS.min_repeated_share * len(short) and not any(
         f.kind == "uneven" and "twice" in f.found for f in found
     ):
         text = f"{int(short.sum())} of {len(short)} rows repeat the row before: the log is written faster than it fills"
@@ -343,7 +334,7 @@ def _in_short_runs(repeats: np.ndarray) -> np.ndarray:
     """Return the mask `repeats`, (n,), without its long runs: there everything rests."""
     short = repeats.copy()
     for first, length in zip(*find_runs(repeats), strict=True):
-        short[first : first + length] = length <= MAX_REPEATED_ROWS
+        short[first : first + length] = length <= LOG_LIMITS.max_repeated_rows
     return short
 
 
@@ -381,17 +372,20 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
     near = positive[positive < MIN_GAP_STEP_RATIO * usual]
     jitter = float(np.quantile(np.abs(near / usual - 1.0), 0.99)) if near.size else 0.0
     mean = float(np.mean(positive[positive <= float(np.quantile(positive, 0.999))]))
-    share = float(np.mean(np.abs(positive / mean - 1.0) > MAX_STEADY_JITTER))
-    if mean > MIN_GAP_STEP_RATIO * usual and share > MAX_JITTERING_SHARE and not back.size:
+    share = float(np.mean(np.abs(positive / mean - 1.0) > LOG_LIMITS.max_steady_jitter))
+    if mean > MIN_GAP_STEP_RATIO * usual and share > LOG_LIMITS.max_jittering_share and not back.size:
         text = f"rows come in packets: most steps are {usual:.3g}{unit}, the mean step is {mean:.4g}{unit}"
         yield LogFinding("uneven", log.time, text, size=share)
-    long = positive[positive > max(MIN_GAP_STEPS, 1.3 * float(np.quantile(positive, 0.98)) / usual) * usual]
+    long = positive[positive > max(LOG_LIMITS.min_gap_steps, 1.3 * float(np.quantile(positive, 0.98)) / usual) * usual]
     if long.size:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
         yield LogFinding("uneven", log.time, f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual")
     if jitter > MAX_EVEN_JITTER and not repeats:
         text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
-        often = float(np.mean(np.abs(positive / usual - 1.0) > MAX_STEADY_JITTER)) > MAX_JITTERING_SHARE
+        often = (
+            float(np.mean(np.abs(positive / usual - 1.0) > LOG_LIMITS.max_steady_jitter))
+            > LOG_LIMITS.max_jittering_share
+        )
         yield LogFinding("uneven", log.time, text, ALARM_LEVEL if often else NOTE_LEVEL, size=jitter)
     for other in channels.values():
         if other.name != log.time and other.quantity.kind == "time" and len(other.samples) == len(time):
@@ -406,7 +400,7 @@ def _second_clock(one: LogChannel, other: LogChannel) -> Iterator[LogFinding]:
     ratio = again / span
     # Clocks in different units differ by a power of ten.
     ratio /= 10.0 ** round(float(np.log10(ratio)))
-    if MIN_CLOCK_DRIFT_SHARE < abs(ratio - 1.0) < MAX_CLOCK_DRIFT_SHARE:
+    if LOG_LIMITS.min_clock_drift_share < abs(ratio - 1.0) < LOG_LIMITS.max_clock_drift_share:
         way = "faster" if ratio > 1.0 else "slower"
         text = f"it runs {abs(ratio - 1.0) * 1e6:.3g} millionths {way} than {one.name}"
         yield LogFinding(held.KIND, other.name, text, size=ratio - 1.0)
@@ -424,7 +418,7 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         first = int(np.flatnonzero(~known)[0])
         runs = find_runs(~known)[0].size
         many = f"{gone} of {len(x)} samples are missing, in {runs} stretch{'es' if runs > 1 else ''}"
-        level = ALARM_LEVEL if gone > MAX_MISSING_SHARE * len(x) else NOTE_LEVEL
+        level = ALARM_LEVEL if gone > LOG_LIMITS.max_missing_share * len(x) else NOTE_LEVEL
         yield LogFinding(missing.KIND, name, many, level, first)
     levels = channel.levels
     measures = quantity.kind not in SETTING_QUANTITIES and quantity.role in ("", "measured")
@@ -457,11 +451,11 @@ def _channel_findings(channel: LogChannel, others: Mapping[str, LogChannel]) -> 
         yield LogFinding(held.KIND, name, text, size=slower.rows)
     yield from _cut_off(channel, x)
     if measures and slower is None and not impossible:
-        glitches = spikes.find_spikes(x, spikes.MAX_SPIKE_SAMPLES)
+        glitches = spikes.find_spikes(x, spikes.SPIKE_LIMITS.max_spike_samples)
         if quantity.kind not in INERTIAL_CHANNELS:
             # A drive, a knock or a muscle makes peaks of its own.
-            glitches = [g for g in glitches if g[2] > MIN_PEAK_RATIO * _spread(x)]
-        if 0 < len(glitches) <= MAX_SPIKE_COUNT:
+            glitches = [g for g in glitches if g[2] > LOG_LIMITS.min_peak_ratio * _spread(x)]
+        if 0 < len(glitches) <= LOG_LIMITS.max_spike_count:
             largest = max(glitches, key=lambda g: g[2])
             many = "a spike" if len(glitches) == 1 else f"{len(glitches)} spikes, the largest"
             text = f"{many} of {largest[2]:.4g}{unit} at row {largest[0]}"
@@ -495,7 +489,7 @@ def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], fi
         and (not contradicting or c.quantity.kind in contradicting)
         and c.levels is None
     ]
-    for other in telling[:: -(-len(telling) // MAX_COMPARED_CHANNELS) or 1]:
+    for other in telling[:: -(-len(telling) // LOG_LIMITS.max_compared_channels) or 1]:
         whole, inside = other.spread, _spread(other.samples[first : last + 1])
         if inside > 0.1 * whole and (not contradicting or _moves_with(channel, other, first, last)):
             return False
@@ -508,9 +502,9 @@ def _moves_with(channel: LogChannel, other: LogChannel, first: int, last: int) -
     x = np.delete(np.gradient(position.samples), slice(max(first - 2, 0), last + 3))
     y = np.delete(velocity.samples, slice(max(first - 2, 0), last + 3))
     known = np.isfinite(x) & np.isfinite(y)
-    if known.sum() < MIN_LOG_SAMPLES or x[known].std() == 0.0 or y[known].std() == 0.0:
+    if known.sum() < LOG_LIMITS.min_log_samples or x[known].std() == 0.0 or y[known].std() == 0.0:
         return False
-    return abs(float(np.corrcoef(x[known], y[known])[0, 1])) > MIN_VELOCITY_CORRELATION
+    return abs(float(np.corrcoef(x[known], y[known])[0, 1])) > LOG_LIMITS.min_velocity_correlation
 
 
 def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]:
@@ -529,7 +523,9 @@ def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]
             continue
         asked = commands.get(position.joint)
         reference = asked.samples if asked and len(asked.samples) == len(position.samples) else None
-        rests = list(frozen.frozen_rests(position.samples, own.samples, reference, constant.MIN_SILENT_SAMPLES))
+        rests = list(
+            frozen.frozen_rests(position.samples, own.samples, reference, constant.SILENCE_LIMITS.min_silent_samples)
+        )
         if rests:
             first, last, why = max(rests, key=lambda rest: rest[1] - rest[0])
             text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
@@ -551,7 +547,9 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
     if quantity.kind == "emg" and quantity.unit == "V":
         wrong = magnitude.find_implausible(Channel(f"emg.{name}", x, "V", name))
     # A motor's position, and one that turns on and on, has no bound.
-    if wrong is not None and (quantity.kind != "position" or wrong.largest > magnitude.MAX_GUESSED_MAGNITUDE):
+    if wrong is not None and (
+        quantity.kind != "position" or wrong.largest > magnitude.MAGNITUDE_LIMITS.max_guessed_magnitude
+    ):
         count = int(np.sum(np.abs(x[finite]) > wrong.limit))
         text = f"up to {wrong.largest:.4g}{unit} in {count} of {len(x)} rows, plausible are {wrong.limit:.4g}{unit}"
         if wrong.probable_unit and wrong.is_typical:
@@ -560,8 +558,8 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
         return
     sizes = np.abs(x[finite] - np.median(x[finite]))
     usual = float(np.quantile(sizes, 0.99))
-    if usual > 0.0 and sizes.max() > WILD_RATIO * usual:
-        count = int(np.sum(sizes > WILD_RATIO * usual))
+    if usual > 0.0 and sizes.max() > LOG_LIMITS.wild_ratio * usual:
+        count = int(np.sum(sizes > LOG_LIMITS.wild_ratio * usual))
         text = f"up to {sizes.max():.4g}{unit} in {count} of {len(x)} rows, elsewhere at most {usual:.4g}{unit}"
         yield LogFinding("impossible", name, text, size=float(sizes.max()))
 
@@ -569,16 +567,18 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
 def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
     """Yield the limits at which a channel is cut: saturated where it drives, clipped where it is measured."""
     quantity = channel.quantity
-    if quantity.kind in UNLIMITED_QUANTITIES or len(np.unique(x)) <= MAX_SWITCH_LEVELS:
+    if quantity.kind in UNLIMITED_QUANTITIES or len(np.unique(x)) <= LOG_LIMITS.max_switch_levels:
         return
     if quantity.kind in INERTIAL_CHANNELS and quantity.role == "command":
         return
     limits = limited.find_limits(x)
-    if sum(limit.samples for limit in limits) > MAX_LIMITED_SHARE * len(x):
+    if sum(limit.samples for limit in limits) > LOG_LIMITS.max_limited_share * len(x):
         limits = ()
     if quantity.kind in INERTIAL_CHANNELS:
         # A joint that rests at one end does so once. A sensor that ends there does so whenever it is reached.
-        limits = tuple(limit for limit in limits if limit.stretches > 1 and limit.longest < MAX_DWELL_SHARE * len(x))
+        limits = tuple(
+            limit for limit in limits if limit.stretches > 1 and limit.longest < LOG_LIMITS.max_dwell_share * len(x)
+        )
     if limits:
         drives = quantity.kind in EFFORT_QUANTITIES
         values = " and ".join(f"{limit.value:.4g}" for limit in limits)
@@ -594,7 +594,7 @@ def _cut_off(channel: LogChannel, x: np.ndarray) -> Iterator[LogFinding]:
         return
     for sign in (1.0, -1.0):
         first, length = flat_tops(sign * x)
-        if first.size and length.sum() <= MAX_FLAT_TOP_SHARE * len(x):
+        if first.size and length.sum() <= LOG_LIMITS.max_flat_top_share * len(x):
             value, count = float(x[first[0]]), int(length.sum())
             text = f"clipped at {value:.4g}{channel.unit} in {count} of {len(x)} rows"
             yield LogFinding("clipped", channel.name, text, size=abs(value))
@@ -651,7 +651,7 @@ def _computed_findings(alike: Sequence[LogChannel]) -> Iterator[LogFinding]:
     """Yield channels that repeat or are computed from others, of channels of one quantity, unit and length."""
     table = np.stack([c.samples for c in alike])
     commands = [c for c in alike if c.quantity.role == "command"]
-    most = int(np.clip(MAX_ECHO_SAMPLES / table.size, 1, MAX_COMPARED_COMMANDS))
+    most = int(np.clip(LOG_LIMITS.max_echo_samples / table.size, 1, LOG_LIMITS.max_compared_commands))
     told: set[str] = set()
     for i, channel in enumerate(alike):
         if channel.name in told:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,25 +12,30 @@ from .fault import Fault
 from .readers.read import find_lost_end
 from .recording import Recording
 
-MIN_FRAMES = 200
-"""At least this many frames must see the carriage's marker. They last about a second and average the noise to a
-tenth."""
 
-MIN_SEEN_SHARE = 0.25
-"""At least this share of the frames must see the carriage's marker. Chosen by judgement; no measurement is recorded."""
+@dataclass(frozen=True)
+class MarkerLimits:
+    """When markers are not fit to be used."""
 
-MAX_UNREPORTED_LOSS_S = 0.1
-"""A marker that is lost for longer than this [s] is reported. Motion captures often lose a marker for shorter times."""
+    # At least this many frames must see the carriage's marker. They last about a second and average the noise to a
+    # tenth.
+    min_frames: int = 200
+    # At least this share of the frames must see the carriage's marker. Chosen by judgement; no measurement is
+    # recorded.
+    min_seen_share: float = 0.25
+    # A marker that is lost for longer than this [s] is reported. Motion captures often lose a marker for shorter
+    # times.
+    max_unreported_loss_s: float = 0.1
+    # Largest plausible coordinate of a marker in a room [m]. Larger values are millimetres read as metres.
+    max_coordinate_m: float = 20.0
+    # If no coordinate of any marker is larger than this [m], metres were read as millimetres.
+    min_largest_coordinate_m: float = 0.02
+    # The motion capture should cover at least this share of the recording. Chosen by judgement; no measurement is
+    # recorded.
+    min_overlap_share: float = 0.5
 
-MAX_COORDINATE_M = 20.0
-"""Largest plausible coordinate of a marker in a room [m]. Larger values are millimetres read as metres."""
 
-MIN_LARGEST_COORDINATE_M = 0.02
-"""If no coordinate of any marker is larger than this [m], metres were read as millimetres."""
-
-MIN_OVERLAP_SHARE = 0.5
-"""The motion capture should cover at least this share of the recording. Chosen by judgement; no measurement is
-recorded."""
+MARKER_LIMITS = MarkerLimits()
 
 
 def find_optical_faults(recording: Recording) -> list[Fault]:
@@ -60,8 +66,12 @@ def _check_seen(optical, marker, add) -> None:
     count = int(seen.sum())
     # Only the carriage's marker is needed. The others locate the axis, for which other recordings serve as well.
     needed = marker == optical.carriage
-    if count == 0 or (needed and (count < MIN_FRAMES or count < MIN_SEEN_SHARE * n)):
-        enough = f"at least {max(MIN_FRAMES, math.ceil(MIN_SEEN_SHARE * n))}" if needed else "some"
+    if count == 0 or (needed and (count < MARKER_LIMITS.min_frames or count < MARKER_LIMITS.min_seen_share * n)):
+        enough = (
+            f"at least {max(MARKER_LIMITS.min_frames, math.ceil(MARKER_LIMITS.min_seen_share * n))}"
+            if needed
+            else "some"
+        )
         add(
             "refuse" if needed else "note",
             "lost_marker",
@@ -76,7 +86,7 @@ def _check_seen(optical, marker, add) -> None:
     ends = np.minimum(starts + lengths, n - 1)
     longest = int(np.argmax(optical.time[ends] - optical.time[starts]))
     lasted = float(optical.time[ends[longest]] - optical.time[starts[longest]])
-    if lasted > MAX_UNREPORTED_LOSS_S:
+    if lasted > MARKER_LIMITS.max_unreported_loss_s:
         found = (
             f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after "
             f"{optical.time[starts[longest]]:.6g} s"
@@ -116,7 +126,7 @@ def _check_overlap(recording, add) -> None:
     if not np.isfinite(robot).all() or robot[-1] <= robot[0]:
         return
     common = min(robot[-1], optical[-1]) - max(robot[0], optical[0])
-    if common >= MIN_OVERLAP_SHARE * (robot[-1] - robot[0]):
+    if common >= MARKER_LIMITS.min_overlap_share * (robot[-1] - robot[0]):
         return
     found = f"{optical[0]:.4g} s to {optical[-1]:.4g} s"
     theirs = f"the recording's {robot[0]:.4g} s to {robot[-1]:.4g} s"
@@ -132,21 +142,21 @@ def _check_room(optical, add) -> None:
         return
     farthest = max(largest, key=lambda marker: largest[marker])
     value = largest[farthest]
-    if value > MAX_COORDINATE_M:
+    if value > MARKER_LIMITS.max_coordinate_m:
         found = f"a coordinate of {value:.4g} m, which looks like mm taken for m"
         add(
             "refuse",
             "magnitude",
             farthest,
             found=found,
-            expected=f"at most {MAX_COORDINATE_M:g} m: the unit [optical] states",
+            expected=f"at most {MARKER_LIMITS.max_coordinate_m:g} m: the unit [optical] states",
         )
-    elif value < MIN_LARGEST_COORDINATE_M:
+    elif value < MARKER_LIMITS.min_largest_coordinate_m:
         found = f"no coordinate of any marker beyond {value:.4g} m, which looks like m taken for mm"
         add(
             "refuse",
             "magnitude",
             farthest,
             found=found,
-            expected=f"markers farther apart than {MIN_LARGEST_COORDINATE_M:g} m: the unit",
+            expected=f"markers farther apart than {MARKER_LIMITS.min_largest_coordinate_m:g} m: the unit",
         )

@@ -19,49 +19,48 @@ from ..study.study_file import channel_unit, rig_units
 from ..units import to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
-from .inference.angle_units import USUAL_COUNTS
+from .inference.angle_units import ANGLE_LIMITS
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.clocks import UNIT_SECONDS
-from .inference.derivatives import MIN_CORRELATION_WITHOUT_UNITS, UNIT_RATIOS, RepeatedMotion, find_repeated_motion
+from .inference.derivatives import DERIVATIVE_LIMITS, UNIT_RATIOS, RepeatedMotion, find_repeated_motion
 from .inference.emg_spectrum import swings_fast
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import FULL_TURNS, find_resting_limit, motion_samples, weigh_turns
 from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
 from .questions import Question, select_questions
 
-DEFAULT_RATE_HZ = 100.0
-"""Rate that --yes takes, and marks, where no file states one and no spectrum tells it [Hz]."""
 
-MAX_REPRESENTATIVES = 3
-"""Roles are found in at most so many recordings of a layout: what is constant in one may move in another."""
+@dataclass(frozen=True)
+class ProposalLimits:
+    """How many tables are examined, what is held out, and when a proposal decides."""
 
-MIN_POOLED_TABLES = 20
-"""Cells of one file are looked at together if there are at least so many."""
+    # Rate that --yes takes, and marks, where no file states one and no spectrum tells it [Hz].
+    default_rate_hz: float = 100.0
+    # Roles are found in at most so many recordings of a layout: what is constant in one may move in another.
+    max_representatives: int = 3
+    # Cells of one file are looked at together if there are at least so many.
+    min_pooled_tables: int = 20
+    # At most so many cells are looked at together.
+    max_pooled_tables: int = 100
+    # A proposal names at most so many recordings.
+    max_recordings: int = 400
+    # About this share of the recordings is held out; of a single one, the last part.
+    held_out_share: float = 0.25
+    # This first share of a single recording is fitted.
+    single_fit_share: float = 0.6
+    # A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
+    # friction.
+    min_gravity_share: float = 0.02
+    # Recordings of one motion with another effort are looked for among at least so many.
+    min_times_compared: int = 2
+    # A duty cycle with larger numbers is no share of 1: it counts in units of its own.
+    max_duty_share: float = 1.5
+    # Numbers that are usually 100 %: a byte, and tenths of a percent. The first one that no sample exceeds is
+    # guessed.
+    full_duties: tuple[float, ...] = (255.0, 1000.0)
 
-MAX_POOLED_TABLES = 100
-"""At most so many cells are looked at together."""
 
-MAX_RECORDINGS = 400
-"""A proposal names at most so many recordings."""
-
-HELD_OUT_SHARE = 0.25
-"""About this share of the recordings is held out; of a single one, the last part."""
-
-SINGLE_FIT_SHARE = 0.6
-"""This first share of a single recording is fitted."""
-
-MIN_GRAVITY_SHARE = 0.02
-"""A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
-friction."""
-
-MIN_TIMES_COMPARED = 2
-"""Recordings of one motion with another effort are looked for among at least so many."""
-
-MAX_DUTY_SHARE = 1.5
-"""A duty cycle with larger numbers is no share of 1: it counts in units of its own."""
-
-FULL_DUTIES = (255.0, 1000.0)
-"""Numbers that are usually 100 %: a byte, and tenths of a percent. The first one that no sample exceeds is guessed."""
+PROPOSAL_LIMITS = ProposalLimits()
 
 SAID_BY_LAB = "said by the lab"
 """Source of a value that an answer gives."""
@@ -183,7 +182,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         name=name,
         main=main,
         streams=tuple(streams),
-        recordings=tuple(recordings[:MAX_RECORDINGS]),
+        recordings=tuple(recordings[: PROPOSAL_LIMITS.max_recordings]),
         motion=motion,
         motion_is_certain=motion_sure,
         drive=drive,
@@ -241,7 +240,7 @@ def require_agreeing_units(proposal: Proposal) -> None:
                 with_stated_unit(read_name(column), table.units.get(column)).unit if column in columns else None
                 for column in (pair.of, pair.by)
             ]
-            is_clear = abs(pair.correlation) > MIN_CORRELATION_WITHOUT_UNITS
+            is_clear = abs(pair.correlation) > DERIVATIVE_LIMITS.min_correlation_without_units
             known = [ratio for of, by, ratio in UNIT_RATIOS if [of, by] == stated]
             fitting = [(of, by) for of, by in pair.units if of == stated[0] or by == stated[1]]
             if not is_clear or not known or not fitting or tuple(stated) in pair.units:
@@ -314,7 +313,7 @@ def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
 def _layout(group: Sequence[GivenTable]) -> Layout:
     fewest = min(len(table.columns) for table in group)
     alike = [table for table in group if len(table.columns) == fewest]
-    first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[:MAX_REPRESENTATIVES]
+    first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[: PROPOSAL_LIMITS.max_representatives]
     rate_fact = find_rate(first.facts)
     hints = TableHints(
         units=first.units,
@@ -324,9 +323,9 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
         is_person=_names_people(first),
         joint=read_name(first.path.stem).joint,
     )
-    if len(alike) >= MIN_POOLED_TABLES and first.key:
+    if len(alike) >= PROPOSAL_LIMITS.min_pooled_tables and first.key:
         # Short cells of one file show quanta and ranges only together.
-        pooled = [_own_names(table, first) for table in alike[:MAX_POOLED_TABLES]]
+        pooled = [_own_names(table, first) for table in alike[: PROPOSAL_LIMITS.max_pooled_tables]]
         joined = {name: np.concatenate([own[name] for own in pooled]) for name in first.columns}
         return Layout(tuple(alike), _without_contradicted(assign_roles(joined, hints)), rate_fact=rate_fact)
     roles = assign_roles(_own_names(ranked[0], first), hints)
@@ -641,7 +640,7 @@ def _held_out(recordings: Sequence[ProposedRecording], main: Layout) -> list[Pro
     """Return the recordings with what is held out: whole recordings if there are several, else the last part."""
     if len(recordings) == 1:
         return _split_single(recordings[0], main)
-    count = max(1, round(HELD_OUT_SHARE * len(recordings)))
+    count = max(1, round(PROPOSAL_LIMITS.held_out_share * len(recordings)))
     step = len(recordings) / count
     chosen = {len(recordings) - 1 - round(i * step) for i in range(count)}
     return [
@@ -664,7 +663,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
         begin, end = 0.0, n / rate
     if not end > begin:
         return [recording]
-    middle = begin + SINGLE_FIT_SHARE * (end - begin)
+    middle = begin + PROPOSAL_LIMITS.single_fit_share * (end - begin)
     step = 1.0 / rate
     why = "one recording, named twice: the last part is held out and judges what is found"
     return [
@@ -746,7 +745,7 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     if weighed is None:
         return "sine+cosine"
     gain = weighed.left_share("none") - weighed.left_share(role.unit)
-    return "sine+cosine" if gain > MIN_GRAVITY_SHARE or weighed.beats(role.unit, "none") else "none"
+    return "sine+cosine" if gain > PROPOSAL_LIMITS.min_gravity_share or weighed.beats(role.unit, "none") else "none"
 
 
 def _measures_angle(main: Layout) -> bool:
@@ -779,8 +778,10 @@ def _with_full_duty(main: Layout) -> Layout:
         if role.quantity != "duty" or role.unit != "1" or role.unit_is_certain or "scale" in role.keys:
             return role
         largest = float(np.nanmax(np.abs(_decoded(main.tables[0], role))))
-        full = next((full for full in FULL_DUTIES if largest <= full), largest)
-        return replace(role, keys={**role.keys, "scale": 1.0 / full}) if largest > MAX_DUTY_SHARE else role
+        full = next((full for full in PROPOSAL_LIMITS.full_duties if largest <= full), largest)
+        return (
+            replace(role, keys={**role.keys, "scale": 1.0 / full}) if largest > PROPOSAL_LIMITS.max_duty_share else role
+        )
 
     return replace(main, roles=replace(main.roles, roles=tuple(map(guessed, main.roles.roles))))
 
@@ -859,7 +860,7 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     """Return the first pair of recordings that repeats a motion with another effort."""
     effort = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
-    if effort is None or not positions or len(recordings) < MIN_TIMES_COMPARED:
+    if effort is None or not positions or len(recordings) < PROPOSAL_LIMITS.min_times_compared:
         return None
     # A joint that gravity weighs tells a payload; the one with the largest effort is such a joint.
     efforts = [r for r in main.channels if r.quantity == effort[1].quantity]
@@ -911,7 +912,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
         yield Question(
             "counts_per_turn",
             "How many counts does the position have for one turn of the joint, gears included?",
-            str(counted[0].keys.get("counts_per_turn", USUAL_COUNTS)),
+            str(counted[0].keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)),
             "every angle, speed and inertia: all of them scale with it",
         )
     elif unsure:
@@ -992,7 +993,7 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
     """Return a guess of the rate where nothing states it, with its reason: EMG is filtered to 500 Hz as a rule."""
     emg = [r for r in main.channels if r.quantity == "emg"]
     if not emg:
-        return DEFAULT_RATE_HZ, "nothing in the files tells it: the default is a mere placeholder"
+        return PROPOSAL_LIMITS.default_rate_hz, "nothing in the files tells it: the default is a mere placeholder"
     from scipy.signal import welch  # it loads all of scipy.stats
 
     edges = []

@@ -12,7 +12,7 @@ import numpy as np
 from ..units import to_si_factor
 from .file_facts import FileFact
 from .given_files import GivenTable
-from .inference.angle_units import MAX_RADIAN_RANGE, USUAL_COUNTS
+from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import ColumnRole
 from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
 
@@ -219,7 +219,7 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
         return []
     role, first = positions[0], proposal.main.tables[0]
     if role.unit == "counts":
-        per = int(str(role.keys.get("counts_per_turn", USUAL_COUNTS)))
+        per = int(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
         factor = 2.0 * math.pi / per
     else:
         factor = to_si_factor(role.unit, "rad")[0]
@@ -326,7 +326,7 @@ def _key(name: str) -> str:
 def _entry(role: ColumnRole, table: GivenTable) -> str:
     unit, keys = role.unit, dict(role.keys)
     if unit in ("counts", "counts/s") and role.quantity in ("position", "reference", "angle", "velocity"):
-        per = int(str(keys.pop("counts_per_turn", USUAL_COUNTS)))
+        per = int(str(keys.pop("counts_per_turn", ANGLE_LIMITS.usual_counts)))
         unit = unit.replace("counts", "rad")
         keys["scale"] = 2.0 * 3.141592653589793 / per
     parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
@@ -383,7 +383,7 @@ def _processing(proposal: Proposal) -> list[str]:
     unit = "m/s" if proposal.motion == "prismatic" else "rad/s"
     role = next(r for r in proposal.main.channels if r.quantity in ("position", "motor_position"))
     # A spring shows its stiffness where it is held, too, and has no dead band.
-    factor = 2.0 * math.pi / USUAL_COUNTS if role.unit == "counts" else to_si_factor(role.unit, None)[0]
+    factor = 2.0 * math.pi / ANGLE_LIMITS.usual_counts if role.unit == "counts" else to_si_factor(role.unit, None)[0]
     dead_band = f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"'
     lines = [
         "",

@@ -57,7 +57,6 @@ class CorrectionSettings:
 
 ERROR_MEMORY = CorrectionSettings()
 
-
 @dataclass(frozen=True, eq=False)
 class AdaptiveCorrection:
     """Settings of the correction: scaling of the features, kernel and memory."""

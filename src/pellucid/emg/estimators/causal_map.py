@@ -58,7 +58,6 @@ class CausalMapSettings:
 
 CAUSAL_FIT = CausalMapSettings()
 
-
 @dataclass(frozen=True)
 class EmgSettings:
     """Free constants of the chain."""

@@ -7,6 +7,7 @@ what they miss in recordings with known defects.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,24 +19,28 @@ from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, is_out_of_c
 
 KIND = "clipped"
 
-MIN_CLIPPED_SAMPLES = 5
-"""A channel is clipped at one end only if its flat runs there have at least this many samples together."""
 
-MIN_SINGLE_RUN_SHARE = 0.005
-"""A single flat run counts only if it has at least this share of all samples. A single peak may happen to be flat."""
+@dataclass(frozen=True)
+class ClipLimits:
+    """When flat tops are those of a channel that is clipped."""
 
-MAX_PEAK_LENGTH_RATIO = 8
-"""A flat run is the top of a round peak if it is at most this many times as long as the level beside it. On a coarse
-grid the ratio reaches about 5; noise raises it."""
+    # A channel is clipped at one end only if its flat runs there have at least this many samples together.
+    min_clipped_samples: int = 5
+    # A single flat run counts only if it has at least this share of all samples. A single peak may happen to be
+    # flat.
+    min_single_run_share: float = 0.005
+    # A flat run is the top of a round peak if it is at most this many times as long as the level beside it. On a
+    # coarse grid the ratio reaches about 5; noise raises it.
+    max_peak_length_ratio: int = 8
+    # The length of the level beside a flat run is counted up to this many samples.
+    max_level_samples: int = 64
+    # A command at this share of a known limit is at the limit.
+    limit_share: float = 0.98
+    # Shorter runs at the largest value are not examined: two equal samples at a peak are common.
+    min_flat_run_samples: int = 3
 
-MAX_LEVEL_SAMPLES = 64
-"""The length of the level beside a flat run is counted up to this many samples."""
 
-LIMIT_SHARE = 0.98
-"""A command at this share of a known limit is at the limit."""
-
-MIN_FLAT_RUN_SAMPLES = 3
-"""Shorter runs at the largest value are not examined: two equal samples at a peak are common."""
+CLIP_LIMITS = ClipLimits()
 
 
 def find(watched: WatchedRecording) -> Iterator[Cut]:
@@ -57,7 +62,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
 
 def is_at_limit(watched: WatchedRecording, name: str, value: float) -> bool:
     """Whether `value` of channel `name` is at a known limit."""
-    return any(abs(value) >= LIMIT_SHARE * limit for limit in watched.limits.get(name, ()))
+    return any(abs(value) >= CLIP_LIMITS.limit_share * limit for limit in watched.limits.get(name, ()))
 
 
 def is_dwell(watched: WatchedRecording, name: str, first: int, last: int) -> bool:
@@ -83,7 +88,7 @@ def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return none
     top, low = float(np.max(x, where=finite, initial=-np.inf)), float(np.min(x, where=finite, initial=np.inf))
     starts, lengths = find_runs(x >= top - 1e-9 * (top - low))
-    long = lengths >= MIN_FLAT_RUN_SAMPLES
+    long = lengths >= CLIP_LIMITS.min_flat_run_samples
     starts, lengths = starts[long], lengths[long]
     if starts.size == 0:
         return none
@@ -101,7 +106,11 @@ def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steep = (slope > 0.1 * scale.typical) & (slope / k * lengths / 4 > 2 * unclipped)
     steep &= ~_are_round_peaks(x, starts, lengths)
     starts, lengths = starts[steep], lengths[steep]
-    min_samples = MIN_CLIPPED_SAMPLES if starts.size > 1 else max(MIN_CLIPPED_SAMPLES, MIN_SINGLE_RUN_SHARE * len(x))
+    min_samples = (
+        CLIP_LIMITS.min_clipped_samples
+        if starts.size > 1
+        else max(CLIP_LIMITS.min_clipped_samples, CLIP_LIMITS.min_single_run_share * len(x))
+    )
     return (starts, lengths) if lengths.sum() >= min_samples else none
 
 
@@ -110,10 +119,10 @@ def _are_round_peaks(x: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> 
     long too."""
     moved = np.abs(np.diff(x))
     small = 3.0 * float(np.median(moved[moved > 0.0]))
-    reach, ends = np.arange(1, MAX_LEVEL_SAMPLES), starts + lengths
+    reach, ends = np.arange(1, CLIP_LIMITS.max_level_samples), starts + lengths
     level_lengths, edge = np.zeros(len(starts), int), np.zeros(len(starts))
     for beside, away in ((starts - 1, -reach), (ends, reach)):
         is_level = x[np.clip(beside[:, None] + away, 0, len(x) - 1)] == x[beside][:, None]
         level_lengths = np.maximum(level_lengths, 1 + np.cumprod(is_level, axis=1).sum(axis=1))
         edge = np.maximum(edge, np.abs(x[beside] - x[starts]))
-    return (lengths <= MAX_PEAK_LENGTH_RATIO * level_lengths) & (edge <= small)
+    return (lengths <= CLIP_LIMITS.max_peak_length_ratio * level_lengths) & (edge <= small)

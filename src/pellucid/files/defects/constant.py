@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,24 +11,29 @@ from .watched import find_runs, repeats_next
 
 KIND = "dead"
 
-SAME_VALUE_TOLERANCE = 1e-9
-"""Values count as equal if they differ by less than this share of the largest one, which unit conversion may cause."""
 
-MAX_DEAD_LEVELS = 3
-"""Largest number of neighbouring values of a dead channel, because the last digit of its converter may fluctuate."""
+@dataclass(frozen=True)
+class SilenceLimits:
+    """When a channel is dead, and when it fell silent."""
 
-LEVEL_SAMPLE_COUNT = 5000
-"""Number of samples, spread over a recording, that are checked first. They suffice for most live channels."""
+    # Values count as equal if they differ by less than this share of the largest one, which unit conversion may
+    # cause.
+    same_value_tolerance: float = 1e-9
+    # Largest number of neighbouring values of a dead channel, because the last digit of its converter may
+    # fluctuate.
+    max_dead_levels: int = 3
+    # Number of samples, spread over a recording, that are checked first. They suffice for most live channels.
+    level_sample_count: int = 5000
+    # A channel fell silent only if it holds one value for at least this many samples. Chosen by judgement, as the
+    # other thresholds here; `python -m research.evidence formats` counts what they miss.
+    min_silent_samples: int = 50
+    # A channel fell silent only if it holds one value for at least this share of the log.
+    min_silent_share: float = 0.03
+    # The silent stretch is at least this many times as long as the longest other stretch of one value.
+    min_run_ratio: float = 10.0
 
-MIN_SILENT_SAMPLES = 50
-"""A channel fell silent only if it holds one value for at least this many samples. Chosen by judgement, as the other
-thresholds here; `python -m research.evidence formats` counts what they miss."""
 
-MIN_SILENT_SHARE = 0.03
-"""A channel fell silent only if it holds one value for at least this share of the log."""
-
-MIN_RUN_RATIO = 10.0
-"""The silent stretch is at least this many times as long as the longest other stretch of one value."""
+SILENCE_LIMITS = SilenceLimits()
 
 
 def few_levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
@@ -37,13 +43,15 @@ def few_levels(parts: Sequence[np.ndarray]) -> np.ndarray | None:
     """
     parts = [part[np.isfinite(part)] for part in parts]
     for thin in (True, False):
-        values = np.concatenate([p[:: max(1, len(p) // LEVEL_SAMPLE_COUNT) if thin else 1] for p in parts])
+        values = np.concatenate(
+            [p[:: max(1, len(p) // SILENCE_LIMITS.level_sample_count) if thin else 1] for p in parts]
+        )
         if not values.size:
             return np.zeros(0)
-        tolerance = SAME_VALUE_TOLERANCE * float(np.abs(values).max())
+        tolerance = SILENCE_LIMITS.same_value_tolerance * float(np.abs(values).max())
         levels = np.unique(values)
         levels = levels[np.append(True, np.diff(levels) > tolerance)]
-        if levels.size > MAX_DEAD_LEVELS:
+        if levels.size > SILENCE_LIMITS.max_dead_levels:
             return None
     steps = np.diff(levels)
     return levels if steps.size < 2 or steps.max() < 1.5 * steps.min() else None
@@ -60,7 +68,11 @@ def silent_stretch(x: np.ndarray) -> tuple[int, int] | None:
         return None
     longest = int(np.argmax(length))
     others = np.delete(length, longest).max(initial=1)
-    enough = max(MIN_SILENT_SAMPLES, MIN_SILENT_SHARE * len(x), MIN_RUN_RATIO * float(others))
-    if length[longest] < enough or length[longest] > len(x) - MIN_SILENT_SAMPLES:
+    enough = max(
+        SILENCE_LIMITS.min_silent_samples,
+        SILENCE_LIMITS.min_silent_share * len(x),
+        SILENCE_LIMITS.min_run_ratio * float(others),
+    )
+    if length[longest] < enough or length[longest] > len(x) - SILENCE_LIMITS.min_silent_samples:
         return None
     return int(first[longest]), int(first[longest] + length[longest] - 1)

@@ -7,6 +7,7 @@ what they miss in recordings with known defects.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,25 +20,27 @@ from .watched import WatchedRecording, find_runs, joint_ending, repeats_next
 
 KIND = "frozen_encoder"
 
-MIN_REST_SAMPLES = 20
-"""A rest is examined only if it has at least this many samples and lasts `MIN_REST_S`."""
 
-MIN_REST_S = 0.1
-"""A rest is examined only if it lasts at least this long [s] and has `MIN_REST_SAMPLES`."""
+@dataclass(frozen=True)
+class FreezeLimits:
+    """When a position that rests is that of a frozen encoder."""
 
-BREAKAWAY_SHARE = 0.5
-"""A rest is the encoder's if the effort passes both efforts that move the joint, by this share of their difference. A
-joint sticks while it reverses, and more so under a load or where gravity is larger."""
+    # A rest is examined only if it has at least this many samples and lasts `FREEZE_LIMITS.min_rest_s`.
+    min_rest_samples: int = 20
+    # A rest is examined only if it lasts at least this long [s] and has `FREEZE_LIMITS.min_rest_samples`.
+    min_rest_s: float = 0.1
+    # A rest is the encoder's if the effort passes both efforts that move the joint, by this share of their
+    # difference. A joint sticks while it reverses, and more so under a load or where gravity is larger.
+    breakaway_share: float = 0.5
+    # An effort swings if it moves by at least this share of its whole range.
+    swing_share: float = 0.6
+    # A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort.
+    min_swing_count: int = 3
+    # A position with at most this many values in a whole recording is held, and its last digit flickers.
+    max_flicker_levels: int = 3
 
-SWING_SHARE = 0.6
-"""An effort swings if it moves by at least this share of its whole range."""
 
-MIN_SWING_COUNT = 3
-"""A rest with this many swings of the effort is the encoder's. Fewer may be a test for the breakaway effort."""
-
-
-MAX_FLICKER_LEVELS = 3
-"""A position with at most this many values in a whole recording is held, and its last digit flickers."""
+FREEZE_LIMITS = FreezeLimits()
 
 LEAP_AFTER_REST = "it then is far away after one sample"
 """The strongest sign of a frozen encoder: a body cannot have left its rest so fast."""
@@ -60,15 +63,15 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
     if measured.min() == measured.max():
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
         # A posture that is held has an effort with its sensor's noise, and nothing else.
-        width = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+        width = max(FREEZE_LIMITS.min_rest_samples, round(FREEZE_LIMITS.min_rest_s * watched.recording.fs))
         held = all(is_only_noise(s, width) for s in moves) or is_at_rest(watched, position, 0, len(q) - 1)
         if moves and not held:
             found = f"a frozen encoder, the one value {measured[0]:.6g} in every sample"
             yield make_cut(watched.recording, KIND, position, first=0, last=len(q) - 1, found=found)
         return
-    if len(np.unique(measured)) <= MAX_FLICKER_LEVELS:
+    if len(np.unique(measured)) <= FREEZE_LIMITS.max_flicker_levels:
         return  # the last digit of a joint that is held
-    min_samples = max(MIN_REST_SAMPLES, round(MIN_REST_S * watched.recording.fs))
+    min_samples = max(FREEZE_LIMITS.min_rest_samples, round(FREEZE_LIMITS.min_rest_s * watched.recording.fs))
     for a, b, why in frozen_rests(q, effort, reference, min_samples):
         if why != LEAP_AFTER_REST and is_at_rest(watched, position, a, b):
             continue
@@ -77,7 +80,10 @@ def _find_in_joint(watched: WatchedRecording, position: str, drive: str) -> Iter
 
 
 def frozen_rests(
-    position: np.ndarray, effort: np.ndarray, reference: np.ndarray | None, min_samples: int = MIN_REST_SAMPLES
+    position: np.ndarray,
+    effort: np.ndarray,
+    reference: np.ndarray | None,
+    min_samples: int = FREEZE_LIMITS.min_rest_samples,
 ) -> Iterator[tuple[int, int, str]]:
     """Yield first and last sample of each rest that is the encoder's, not the joint's, and what shows that.
 
@@ -174,14 +180,14 @@ class _MotionStatistics:
     def _moving_effort_during(self, first: int, last: int) -> str | None:
         run = self.effort[first : last + 1]
         swings = _count_swings(run, *self._effort_range)
-        if swings >= MIN_SWING_COUNT:
+        if swings >= FREEZE_LIMITS.min_swing_count:
             return f"the effort swings {swings} times through most of its range"
         inner = run[1:-1]
         if not self.scale.resolved or not np.isfinite(inner).any():
             return None
         up, down = self._moving_effort
         # A joint that reverses sticks until the effort breaks it away, which takes a little more than to move it.
-        margin = BREAKAWAY_SHARE * (up - down)
+        margin = FREEZE_LIMITS.breakaway_share * (up - down)
         if up > down and np.nanmax(inner) > up + margin and np.nanmin(inner) < down - margin:
             return f"the effort passes from {np.nanmin(inner):.4g} to {np.nanmax(inner):.4g}, which moves it elsewhere"
         return None
@@ -203,8 +209,8 @@ class _MotionStatistics:
 
 
 def _count_swings(run: np.ndarray, lowest: float, highest: float) -> int:
-    """Return how many times in turn the effort rises and falls by `SWING_SHARE` of its range `lowest` to `highest`."""
-    enough = SWING_SHARE * (highest - lowest)
+    """Return how many times in turn the effort rises and falls by `swing_share` of its range `lowest` to `highest`."""
+    enough = FREEZE_LIMITS.swing_share * (highest - lowest)
     run = run[np.isfinite(run)]
     if run.size == 0 or enough <= 0.0 or np.ptp(run) < enough:
         return 0

@@ -10,34 +10,35 @@ from .watched import find_runs
 
 KIND = "saturated"
 
-MIN_LIMITED_SAMPLES = 8
-"""At least this many samples are at the limit. Chosen by judgement, as the other thresholds here; `research.evidence
-formats` counts what they miss."""
 
-MIN_LIMITED_SHARE = 0.004
-"""At least this share of the samples are at the limit."""
+@dataclass(frozen=True)
+class SaturationLimits:
+    """When a channel rests at a limit."""
 
-MIN_RUN_SAMPLES = 4
-"""One stretch at the limit has at least this many samples in a row."""
+    # At least this many samples are at the limit. Chosen by judgement, as the other thresholds here; `python -m
+    # research.evidence formats` counts what they miss.
+    min_limited_samples: int = 8
+    # At least this share of the samples are at the limit.
+    min_limited_share: float = 0.004
+    # One stretch at the limit has at least this many samples in a row.
+    min_run_samples: int = 4
+    # At the limit lie at least this many times as many samples as on an equal width just beside it.
+    min_crowding: float = 8.0
+    # The width beside the limit that is counted, as a share of the range.
+    nearby_share: float = 0.02
+    # A channel that holds another value than zero for at least this share of its longest stretch at the limit steps
+    # by itself.
+    max_elsewhere_share: float = 0.25
+    # A channel that leaps into the limit by more than this many times its steps before was set to it.
+    max_arrival_ratio: float = 20.0
+    # Number of steps before a stretch with which the arrival is compared.
+    steps_before: int = 5
+    # Into a limit, and out of it, the steps are at least this share of the usual one. What comes to rest slows
+    # down.
+    min_arrival_share: float = 0.25
 
-MIN_CROWDING = 8.0
-"""At the limit lie at least this many times as many samples as on an equal width just beside it."""
 
-NEARBY_SHARE = 0.02
-"""The width beside the limit that is counted, as a share of the range."""
-
-MAX_ELSEWHERE_SHARE = 0.25
-"""A channel that holds another value than zero for at least this share of its longest stretch at the limit steps by
-itself."""
-
-MAX_ARRIVAL_RATIO = 20.0
-"""A channel that leaps into the limit by more than this many times its steps before was set to it."""
-
-STEPS_BEFORE = 5
-"""Number of steps before a stretch with which the arrival is compared."""
-
-MIN_ARRIVAL_SHARE = 0.25
-"""Into a limit, and out of it, the steps are at least this share of the usual one. What comes to rest slows down."""
+SATURATION_LIMITS = SaturationLimits()
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Limit:
 def find_limits(x: np.ndarray) -> tuple[Limit, ...]:
     """Return the limits, the upper one first, at which a channel `x`, (n,), is cut in long stretches."""
     known = np.isfinite(x)
-    if known.sum() < 10 * MIN_LIMITED_SAMPLES:
+    if known.sum() < 10 * SATURATION_LIMITS.min_limited_samples:
         return ()
     found = []
     low, high = float(x[known].min()), float(x[known].max())
@@ -63,15 +64,18 @@ def find_limits(x: np.ndarray) -> tuple[Limit, ...]:
         at = known & (sign * (extreme - x) <= 1e-9 * (high - low))
         first, length = find_runs(at)
         count = int(at.sum())
-        if count < max(MIN_LIMITED_SAMPLES, MIN_LIMITED_SHARE * known.sum()) or length.max(initial=0) < MIN_RUN_SAMPLES:
+        if (
+            count < max(SATURATION_LIMITS.min_limited_samples, SATURATION_LIMITS.min_limited_share * known.sum())
+            or length.max(initial=0) < SATURATION_LIMITS.min_run_samples
+        ):
             continue
         inside = x[known & ~at]
         resolution = _resolution(inside)
-        width = max(NEARBY_SHARE * (high - low), 2.0 * resolution)
+        width = max(SATURATION_LIMITS.nearby_share * (high - low), 2.0 * resolution)
         beside = int(np.sum(sign * (extreme - inside) <= width))
         levels = float(np.clip(width / resolution, 1.0, max(beside, 1))) if resolution > 0.0 else 1.0
         # On a grid the limit is one level among several; between levels there are no samples.
-        crowded = count >= MIN_CROWDING * max(beside / levels, 1.0)
+        crowded = count >= SATURATION_LIMITS.min_crowding * max(beside / levels, 1.0)
         set_to = extreme == 0.0 or _is_held_elsewhere(x, int(length.max())) or _is_leapt_to(x, first, length)
         if crowded and beside < count and not set_to and _arrives_at_speed(x, first, length):
             found.append(Limit(extreme, count, int(first.size), int(length.max())))
@@ -92,17 +96,21 @@ def _is_held_elsewhere(x: np.ndarray, longest: int) -> bool:
     """
     inside = (x[1:] != 0.0) & (x[1:] < np.nanmax(x)) & (x[1:] > np.nanmin(x))
     _, length = find_runs((x[1:] == x[:-1]) & inside)
-    return bool(length.size) and int(length.max()) + 1 >= max(MIN_RUN_SAMPLES, MAX_ELSEWHERE_SHARE * longest)
+    return bool(length.size) and int(length.max()) + 1 >= max(
+        SATURATION_LIMITS.min_run_samples, SATURATION_LIMITS.max_elsewhere_share * longest
+    )
 
 
 def _is_leapt_to(x: np.ndarray, first: np.ndarray, length: np.ndarray) -> bool:
     """Whether a channel leaps into most of its stretches at the limit, as one that is set to a value does."""
     ratios = []
     for a, n in zip(first.tolist(), length.tolist(), strict=True):
-        if n < MIN_RUN_SAMPLES or a < STEPS_BEFORE + 1:
+        if n < SATURATION_LIMITS.min_run_samples or a < SATURATION_LIMITS.steps_before + 1:
             continue
-        before = np.abs(np.diff(x[a - 1 - STEPS_BEFORE : a]))
-        ratios.append(abs(x[a] - x[a - 1]) > MAX_ARRIVAL_RATIO * float(np.nanmax(before, initial=0.0)))
+        before = np.abs(np.diff(x[a - 1 - SATURATION_LIMITS.steps_before : a]))
+        ratios.append(
+            abs(x[a] - x[a - 1]) > SATURATION_LIMITS.max_arrival_ratio * float(np.nanmax(before, initial=0.0))
+        )
     return bool(ratios) and float(np.mean(ratios)) > 0.5
 
 
@@ -112,8 +120,8 @@ def _arrives_at_speed(x: np.ndarray, first: np.ndarray, length: np.ndarray) -> b
     usual = float(np.nanmedian(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     arrivals = []
     for a, n in zip(first.tolist(), length.tolist(), strict=True):
-        if n < MIN_RUN_SAMPLES:
+        if n < SATURATION_LIMITS.min_run_samples:
             continue
         arrivals += [steps[a - 1]] if a > 0 else []
         arrivals += [steps[a + n - 1]] if a + n - 1 < len(steps) else []
-    return bool(arrivals) and float(np.nanmedian(arrivals)) > MIN_ARRIVAL_SHARE * usual
+    return bool(arrivals) and float(np.nanmedian(arrivals)) > SATURATION_LIMITS.min_arrival_share * usual

@@ -27,32 +27,33 @@ _MAX_PLAUSIBLE = {
 # The same for surface EMG, which stays below some millivolts at the skin.
 _MAX_PLAUSIBLE_EMG = (0.05, "mV")
 
-TYPICAL_QUANTILE = 0.9
-"""A channel's typical magnitude is this quantile of its absolute values, so that a few wild samples do not count."""
 
-MIN_TUMBLING_SAMPLES = 100
-"""Shorter recordings do not show whether a joint tumbles."""
+@dataclass(frozen=True)
+class MagnitudeLimits:
+    """When a magnitude is nonsense, and when a joint turns on and on."""
 
-TUMBLING_SMOOTHING_S = 0.01
-"""Half the width of the smoothing before an angle is differentiated [s]. Chosen by judgement."""
+    # A channel's typical magnitude is this quantile of its absolute values, so that a few wild samples do not
+    # count.
+    typical_quantile: float = 0.9
+    # Shorter recordings do not show whether a joint tumbles.
+    min_tumbling_samples: int = 100
+    # Half the width of the smoothing before an angle is differentiated [s]. Chosen by judgement.
+    tumbling_smoothing_s: float = 0.01
+    # The angle is in radians if gravity then leaves at most this share of the variance that it leaves otherwise.
+    max_tumbling_residual_share: float = 0.5
+    # A stretch of this length is looked at for one speed [s].
+    steady_stretch_s: float = 0.5
+    # A stretch has one speed if the angle stays within this share of its way of a straight line (RMS).
+    max_steady_deviation_share: float = 0.01
+    # A recording is one of constant speeds if this share of the time in which the joint moves is of such stretches.
+    min_steady_share: float = 0.8
+    # A unit is guessed only for magnitudes up to this one in SI. Larger numbers are no measurement in another unit.
+    max_guessed_magnitude: float = 1e4
+    # Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement.
+    max_magnitude: float = 1e9
 
-MAX_TUMBLING_RESIDUAL_SHARE = 0.5
-"""The angle is in radians if gravity then leaves at most this share of the variance that it leaves otherwise."""
 
-STEADY_STRETCH_S = 0.5
-"""A stretch of this length is looked at for one speed [s]."""
-
-MAX_STEADY_DEVIATION_SHARE = 0.01
-"""A stretch has one speed if the angle stays within this share of its way of a straight line (RMS)."""
-
-MIN_STEADY_SHARE = 0.8
-"""A recording is one of constant speeds if this share of the time in which the joint moves is of such stretches."""
-
-MAX_GUESSED_MAGNITUDE = 1e4
-"""A unit is guessed only for magnitudes up to this one in SI. Larger numbers are no measurement in another unit."""
-
-MAX_MAGNITUDE = 1e9
-"""Largest plausible magnitude in SI units of a channel that has no bound of its own. Chosen by judgement."""
+MAGNITUDE_LIMITS = MagnitudeLimits()
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,9 @@ class ImplausibleMagnitude:
 
 def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleMagnitude | None:
     """Return the magnitude of a channel if it is implausible, else None; a larger `known_limit` [SI] is plausible."""
-    limit, probable_unit = _MAX_PLAUSIBLE.get((channel.name.partition(".")[0], channel.unit), (MAX_MAGNITUDE, ""))
+    limit, probable_unit = _MAX_PLAUSIBLE.get(
+        (channel.name.partition(".")[0], channel.unit), (MAGNITUDE_LIMITS.max_magnitude, "")
+    )
     if channel.name.startswith("emg."):
         limit, probable_unit = _MAX_PLAUSIBLE_EMG
     limit = max(limit, known_limit)
@@ -75,10 +78,10 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))
     if largest <= limit:
         return None
-    if largest > MAX_GUESSED_MAGNITUDE and channel.name != "time":
+    if largest > MAGNITUDE_LIMITS.max_guessed_magnitude and channel.name != "time":
         probable_unit = ""
     magnitudes = np.abs(channel.samples[finite][:: max(1, len(channel) // 200_000)])
-    is_typical = bool(np.quantile(magnitudes, TYPICAL_QUANTILE) > 0.1 * limit)
+    is_typical = bool(np.quantile(magnitudes, MAGNITUDE_LIMITS.typical_quantile) > 0.1 * limit)
     return ImplausibleMagnitude(largest, limit, probable_unit, is_typical)
 
 
@@ -92,7 +95,7 @@ def has_constant_speeds(time: np.ndarray, angle: np.ndarray) -> bool:
     """
     known = np.isfinite(time) & np.isfinite(angle)
     time, angle = time[known], angle[known]
-    length = round(STEADY_STRETCH_S / float(np.median(np.diff(time)))) if len(time) > 1 else 0
+    length = round(MAGNITUDE_LIMITS.steady_stretch_s / float(np.median(np.diff(time)))) if len(time) > 1 else 0
     if length < 5 or len(angle) < 4 * length:
         return False
     stretches = angle[: len(angle) // length * length].reshape(-1, length)
@@ -101,8 +104,8 @@ def has_constant_speeds(time: np.ndarray, angle: np.ndarray) -> bool:
     off = stretches - stretches.mean(axis=1, keepdims=True) - slope[:, None] * unit
     way = 2.0 * np.abs(slope)
     moving = way > 0.01 * float(np.max(way, initial=0.0))
-    straight = np.sqrt(np.mean(off**2, axis=1)) <= MAX_STEADY_DEVIATION_SHARE * way
-    return bool(moving.any()) and float(np.mean(straight[moving])) >= MIN_STEADY_SHARE
+    straight = np.sqrt(np.mean(off**2, axis=1)) <= MAGNITUDE_LIMITS.max_steady_deviation_share * way
+    return bool(moving.any()) and float(np.mean(straight[moving])) >= MAGNITUDE_LIMITS.min_steady_share
 
 
 def is_tumbling(time: np.ndarray, angle: np.ndarray, effort: np.ndarray) -> bool:
@@ -118,9 +121,9 @@ def is_tumbling(time: np.ndarray, angle: np.ndarray, effort: np.ndarray) -> bool
     """
     known = np.isfinite(time) & np.isfinite(angle) & np.isfinite(effort)
     time, angle, effort = time[known], angle[known], effort[known]
-    if len(time) < MIN_TUMBLING_SAMPLES or np.any(np.diff(time) <= 0.0):
+    if len(time) < MAGNITUDE_LIMITS.min_tumbling_samples or np.any(np.diff(time) <= 0.0):
         return False
-    width = max(1, round(TUMBLING_SMOOTHING_S / float(np.median(np.diff(time)))))
+    width = max(1, round(MAGNITUDE_LIMITS.tumbling_smoothing_s / float(np.median(np.diff(time)))))
     kernel = np.ones(2 * width + 1) / (2 * width + 1)
     for _ in range(2):
         angle, effort = (np.convolve(np.pad(x, width, mode="edge"), kernel, mode="valid") for x in (angle, effort))
@@ -133,4 +136,4 @@ def is_tumbling(time: np.ndarray, angle: np.ndarray, effort: np.ndarray) -> bool
         design = np.column_stack([*columns, np.ones(len(time))])[inner]
         solution = np.linalg.lstsq(design, acceleration[inner], rcond=1e-10)[0]
         left[unit] = float(np.mean((acceleration[inner] - design @ solution) ** 2))
-    return left["rad"] < MAX_TUMBLING_RESIDUAL_SHARE * min(left["deg"], left["none"])
+    return left["rad"] < MAGNITUDE_LIMITS.max_tumbling_residual_share * min(left["deg"], left["none"])

@@ -22,60 +22,53 @@ KIND = "sensor_range"
 MEASURED_EFFORTS = ("torque", "force", "current")
 """Efforts that a sensor measures, by the first part of their channels' names; a program sets a duty or a voltage."""
 
-SMOOTHING_S = 0.02
-"""Position and effort are averaged over this time, three times [s]. Averages are linear, so that both sides agree; they
-pass what drives and limbs do below 10 Hz."""
 
-MIN_SAMPLES = 400
-"""Shorter recordings are not examined."""
+@dataclass(frozen=True)
+class RangeLimits:
+    """When an effort ends where the range of its sensor does."""
 
-MAX_FITTED_ROWS = 40_000
-"""The regression takes at most this many samples, evenly spread."""
+    # Position and effort are averaged over this time, three times [s]. Averages are linear, so that both sides
+    # agree; they pass what drives and limbs do below 10 Hz.
+    smoothing_s: float = 0.02
+    # Shorter recordings are not examined.
+    min_samples: int = 400
+    # The regression takes at most this many samples, evenly spread.
+    max_fitted_rows: int = 40_000
+    # The regression takes samples whose effort is below this share of the largest effort. The smaller share is for
+    # sensors whose range ends gradually.
+    core_shares: tuple[float, ...] = (0.85, 0.6)
+    # At least this share of the samples are below it: a motion that is mostly beyond the range predicts nothing.
+    min_core_share: float = 0.3
+    # The regression explains at least this share of the variance, or the motion is not the only cause of the
+    # effort.
+    min_explained_share: float = 0.9
+    # The prediction exceeds the largest effort by this many times the residual (RMS) of the regression.
+    min_residual_ratio: float = 3.0
+    # The prediction exceeds the largest effort by this share of it. Less than that changes no parameter much, and a
+    # model that lacks something errs by as much.
+    min_range_share: float = 0.03
+    # At least this many samples are beyond the range.
+    min_beyond_samples: int = 8
+    # They are in at least this many stretches: once may be a push from outside.
+    min_beyond_runs: int = 2
+    # Beyond the range the recorded effort grows by less than this share of what the prediction grows by.
+    max_slope: float = 0.5
+    # Beyond the range the recorded effort stays above this share of the largest effort, in all but a tenth of it.
+    min_recorded_share: float = 0.9
+    # The effort is at its end if it is within this share of its range of the largest effort.
+    plateau_share: float = 0.01
+    # At the end of a sensor's range at least this share of the samples is predicted beyond the end. At a drive's
+    # limit the effort that acted is what was recorded, and the prediction errs to both sides.
+    min_plateau_beyond_share: float = 0.75
+    # Samples are cut out where the prediction exceeds the record by this share of the margin that shows an end.
+    cut_margin_share: float = 0.5
+    # Cuts are widened by this time, over which the averages mix what is within the range with what is beyond [s].
+    cut_bridge_s: float = 0.03
+    # Predictions are computed for blocks of this many samples, which saves memory.
+    block_samples: int = 200_000
 
-CORE_SHARES = (0.85, 0.6)
-"""The regression takes samples whose effort is below this share of the largest effort. The smaller share is for
-sensors whose range ends gradually."""
 
-MIN_CORE_SHARE = 0.3
-"""At least this share of the samples are below it: a motion that is mostly beyond the range predicts nothing."""
-
-MIN_EXPLAINED_SHARE = 0.9
-"""The regression explains at least this share of the variance, or the motion is not the only cause of the effort."""
-
-MIN_RESIDUAL_RATIO = 3.0
-"""The prediction exceeds the largest effort by this many times the residual (RMS) of the regression."""
-
-MIN_RANGE_SHARE = 0.03
-"""The prediction exceeds the largest effort by this share of it. Less than that changes no parameter much, and a model
-that lacks something errs by as much."""
-
-MIN_BEYOND_SAMPLES = 8
-"""At least this many samples are beyond the range."""
-
-MIN_BEYOND_RUNS = 2
-"""They are in at least this many stretches: once may be a push from outside."""
-
-MAX_SLOPE = 0.5
-"""Beyond the range the recorded effort grows by less than this share of what the prediction grows by."""
-
-MIN_RECORDED_SHARE = 0.9
-"""Beyond the range the recorded effort stays above this share of the largest effort, in all but a tenth of it."""
-
-PLATEAU_SHARE = 0.01
-"""The effort is at its end if it is within this share of its range of the largest effort."""
-
-MIN_PLATEAU_BEYOND_SHARE = 0.75
-"""At the end of a sensor's range at least this share of the samples is predicted beyond the end. At a drive's limit the
-effort that acted is what was recorded, and the prediction errs to both sides."""
-
-CUT_MARGIN_SHARE = 0.5
-"""Samples are cut out where the prediction exceeds the record by this share of the margin that shows an end."""
-
-CUT_BRIDGE_S = 0.03
-"""Cuts are widened by this time, over which the averages mix what is within the range with what is beyond [s]."""
-
-BLOCK_SAMPLES = 200_000
-"""Predictions are computed for blocks of this many samples, which saves memory."""
+RANGE_LIMITS = RangeLimits()
 
 
 @dataclass(frozen=True)
@@ -116,7 +109,7 @@ def find_sensor_ends(watched: WatchedRecording) -> Iterator[tuple[str, SensorEnd
     """Yield each drive's effort with an end of its sensor's range that the motion of all joints shows."""
     recording = watched.recording
     positions = [p for p in watched.drives if p in recording]
-    if not positions or not recording.advances or len(recording) < MIN_SAMPLES:
+    if not positions or not recording.advances or len(recording) < RANGE_LIMITS.min_samples:
         return
     motions = [np.where(watched.usable, recording[p], np.nan) for p in positions]
     for drive in watched.drives.values():
@@ -132,7 +125,7 @@ def _is_exceeded(command: np.ndarray, end: SensorEnd) -> bool:
     """Whether the command asked for more than the end: an effort that was asked for no further is no sensor's end."""
     sign = np.sign(end.value)
     beyond = np.concatenate([command[first : last + 1] for first, last in end.runs])
-    return float(np.nanmax(sign * beyond, initial=-np.inf)) > (1.0 + MIN_RANGE_SHARE) * abs(end.value)
+    return float(np.nanmax(sign * beyond, initial=-np.inf)) > (1.0 + RANGE_LIMITS.min_range_share) * abs(end.value)
 
 
 def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float) -> tuple[SensorEnd, ...]:
@@ -145,7 +138,7 @@ def sensor_ends(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float
         return ()
     found = []
     for sign in (1.0, -1.0):
-        ends = (_end(sign, prepared, share, rate) for share in CORE_SHARES)
+        ends = (_end(sign, prepared, share, rate) for share in RANGE_LIMITS.core_shares)
         end = next((e for e in ends if e is not None), None)
         if end is not None:
             found.append(end)
@@ -169,13 +162,13 @@ class _Prepared:
 
 
 def _prepare(effort: np.ndarray, positions: Sequence[np.ndarray], rate: float) -> _Prepared | None:
-    width, n = max(1, round(SMOOTHING_S * rate)), len(effort)
+    width, n = max(1, round(RANGE_LIMITS.smoothing_s * rate)), len(effort)
     known = np.isfinite(effort)
     for q in positions:
         known &= np.isfinite(q)
     usable = np.convolve(~known, np.ones(4 * width + 1), "same") < 0.5
     usable[: 3 * width] = usable[max(n - 3 * width, 0) :] = False
-    if usable.sum() < MIN_SAMPLES:
+    if usable.sum() < RANGE_LIMITS.min_samples:
         return None
     recorded = _averaged(effort, known, width)
     motions = []
@@ -196,7 +189,7 @@ def agrees_at_limit(effort: np.ndarray, positions: Sequence[np.ndarray], rate: f
     prepared = _prepare(effort, positions, rate)
     if prepared is None:
         return False
-    told = [_predicted(sign, prepared, share) for sign in (1.0, -1.0) for share in CORE_SHARES[:1]]
+    told = [_predicted(sign, prepared, share) for sign in (1.0, -1.0) for share in RANGE_LIMITS.core_shares[:1]]
     return all(predicted is not None for predicted in told) and not sensor_ends(effort, positions, rate)
 
 
@@ -207,17 +200,17 @@ def _predicted(sign: float, of: _Prepared, share: float) -> tuple[np.ndarray, fl
     """
     bound, top = (1.0 - share) * of.half, of.top[sign]
     core = of.usable & (sign * of.recorded < top - bound) & (sign * of.recorded > top - 2.0 * of.half + bound)
-    if core.sum() < max(MIN_SAMPLES // 2, MIN_CORE_SHARE * of.usable.sum()):
+    if core.sum() < max(RANGE_LIMITS.min_samples // 2, RANGE_LIMITS.min_core_share * of.usable.sum()):
         return None
-    rows = np.flatnonzero(core)[:: max(1, int(core.sum()) // MAX_FITTED_ROWS)]
+    rows = np.flatnonzero(core)[:: max(1, int(core.sum()) // RANGE_LIMITS.max_fitted_rows)]
     matrix = _columns(of.motions, rows)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(matrix / scale, of.recorded[rows], rcond=1e-8)[0] / scale
     error = float(np.sqrt(np.mean((of.recorded[rows] - matrix @ values) ** 2)))
-    if not error**2 <= (1.0 - MIN_EXPLAINED_SHARE) * float(np.var(of.recorded[rows])):
+    if not error**2 <= (1.0 - RANGE_LIMITS.min_explained_share) * float(np.var(of.recorded[rows])):
         return None
     n = len(of.recorded)
-    blocks = (np.arange(a, min(a + BLOCK_SAMPLES, n)) for a in range(0, n, BLOCK_SAMPLES))
+    blocks = (np.arange(a, min(a + RANGE_LIMITS.block_samples, n)) for a in range(0, n, RANGE_LIMITS.block_samples))
     return np.concatenate([_columns(of.motions, block) @ values for block in blocks]), error
 
 
@@ -227,29 +220,30 @@ def _end(sign: float, of: _Prepared, share: float, rate: float) -> SensorEnd | N
     if told is None:
         return None
     (predicted, error), half, top, usable, recorded = told, of.half, of.top[sign], of.usable, of.recorded
-    margin = max(MIN_RESIDUAL_RATIO * error, MIN_RANGE_SHARE * half)
+    margin = max(RANGE_LIMITS.min_residual_ratio * error, RANGE_LIMITS.min_range_share * half)
     beyond = usable & (sign * predicted > top + margin)
-    if beyond.sum() < MIN_BEYOND_SAMPLES:
+    if beyond.sum() < RANGE_LIMITS.min_beyond_samples:
         return None
-    if np.mean(sign * recorded[beyond] >= top - (1.0 - MIN_RECORDED_SHARE) * half) < MIN_RECORDED_SHARE:
+    least = RANGE_LIMITS.min_recorded_share
+    if np.mean(sign * recorded[beyond] >= top - (1.0 - least) * half) < least:
         return None
-    at_end = usable & (sign * recorded >= top - 2.0 * PLATEAU_SHARE * half)
-    if np.mean(sign * predicted[at_end] > top) < MIN_PLATEAU_BEYOND_SHARE:
+    at_end = usable & (sign * recorded >= top - 2.0 * RANGE_LIMITS.plateau_share * half)
+    if np.mean(sign * predicted[at_end] > top) < RANGE_LIMITS.min_plateau_beyond_share:
         return None
     spread = predicted[beyond] - predicted[beyond].mean()
     slope = float(spread @ recorded[beyond]) / max(float(spread @ spread), np.finfo(float).tiny)
-    if slope > MAX_SLOPE:
+    if slope > RANGE_LIMITS.max_slope:
         return None
-    over = usable & (sign * (predicted - recorded) > CUT_MARGIN_SHARE * margin)
+    over = usable & (sign * (predicted - recorded) > RANGE_LIMITS.cut_margin_share * margin)
     over &= sign * predicted > top - (1.0 - share) * half
-    wide = np.convolve(over, np.ones(2 * max(1, round(CUT_BRIDGE_S * rate)) + 1), "same") > 0.5
+    wide = np.convolve(over, np.ones(2 * max(1, round(RANGE_LIMITS.cut_bridge_s * rate)) + 1), "same") > 0.5
     firsts, lengths = find_runs(wide)
     cut = tuple(
         (int(a), int(a + length - 1))
         for a, length in zip(firsts, lengths, strict=True)
         if beyond[a : a + length].any()
     )
-    if len(cut) < MIN_BEYOND_RUNS:
+    if len(cut) < RANGE_LIMITS.min_beyond_runs:
         return None
     value = float(np.median(of.effort[beyond]))
     return SensorEnd(value, sign * float(np.max(sign * predicted[beyond])), cut)

@@ -7,6 +7,7 @@ what they miss in recordings with known defects.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,50 +17,49 @@ from .watched import INERTIAL_CHANNELS, WatchedRecording
 
 KIND = "spike"
 
-MAX_SPIKE_SAMPLES = 5
-"""A spike is at most this many samples wide, or `MAX_SPIKE_S` if that is more samples."""
 
-MAX_SPIKE_S = 0.005
-"""A spike is at most this long [s], or `MAX_SPIKE_SAMPLES` if that is longer."""
+@dataclass(frozen=True)
+class SpikeLimits:
+    """When samples that leave the signal are a spike."""
 
-NEIGHBOURHOOD_SAMPLES = 12
-"""The steps between this many samples on either side of a spike are its surroundings."""
+    # A spike is at most this many samples wide, or `SPIKE_LIMITS.max_spike_s` if that is more samples.
+    max_spike_samples: int = 5
+    # A spike is at most this long [s], or `SPIKE_LIMITS.max_spike_samples` if that is longer.
+    max_spike_s: float = 0.005
+    # The steps between this many samples on either side of a spike are its surroundings.
+    neighbourhood_samples: int = 12
+    # A spike is at least this many times as high as the upper quartile of the steps in its surroundings.
+    min_local_step_ratio: float = 8.0
+    # A spike is at least this many times as high as the largest step of the recording that belongs to no spike.
+    min_largest_step_ratio: float = 2.0
+    # A spike is at least this many times as high as the channel's resolution.
+    min_resolution_ratio: float = 8.0
+    # In a channel that may jump, a spike at the first or last sample is at least this many times as high as the
+    # range of the remaining samples. A recording may begin or end with a step.
+    min_border_range_ratio: float = 3.0
+    # A spike rises and falls in one step each by at least this share of its height.
+    min_step_share: float = 0.4
+    # After a spike the signal returns to its earlier value within this share of the spike's height.
+    return_tolerance: float = 0.15
+    # The search is repeated without the spikes already found, at most this many times. A high spike hides lower
+    # ones.
+    max_search_count: int = 5
+    # Only this many of the largest steps are examined. The bound keeps the time for a noisy channel short.
+    max_examined_step_count: int = 20000
 
-MIN_LOCAL_STEP_RATIO = 8.0
-"""A spike is at least this many times as high as the upper quartile of the steps in its surroundings."""
 
-MIN_LARGEST_STEP_RATIO = 2.0
-"""A spike is at least this many times as high as the largest step of the recording that belongs to no spike."""
-
-MIN_RESOLUTION_RATIO = 8.0
-"""A spike is at least this many times as high as the channel's resolution."""
+SPIKE_LIMITS = SpikeLimits()
 
 MIN_RANGE_RATIOS = {"emg": 30.0, "acceleration": 3.0, "angular_velocity": 3.0}
 """In channels with one of these words in their name, a spike is at least this many times as high as the range of the
 remaining samples. A muscle or a knock makes peaks there that are as sharp as a spike."""
-
-MIN_BORDER_RANGE_RATIO = 3.0
-"""In a channel that may jump, a spike at the first or last sample is at least this many times as high as the range of
-the remaining samples. A recording may begin or end with a step."""
-
-MIN_STEP_SHARE = 0.4
-"""A spike rises and falls in one step each by at least this share of its height."""
-
-RETURN_TOLERANCE = 0.15
-"""After a spike the signal returns to its earlier value within this share of the spike's height."""
-
-MAX_SEARCH_COUNT = 5
-"""The search is repeated without the spikes already found, at most this many times. A high spike hides lower ones."""
-
-MAX_EXAMINED_STEP_COUNT = 20000
-"""Only this many of the largest steps are examined. The bound keeps the time for a noisy channel short."""
 
 
 def find(watched: WatchedRecording) -> Iterator[Cut]:
     """Yield a cut for each spike in the channels that the study reads."""
     for name in watched.channels:
         unit = watched.recording.channels[name].unit
-        widest = max(MAX_SPIKE_SAMPLES, round(MAX_SPIKE_S * watched.recording.fs))
+        widest = max(SPIKE_LIMITS.max_spike_samples, round(SPIKE_LIMITS.max_spike_s * watched.recording.fs))
         x, has_inertia = watched.samples(name), name.partition(".")[0] in INERTIAL_CHANNELS
         found = _find_repeatedly(x, widest)
         min_ratio = max((MIN_RANGE_RATIOS.get(part, 0.0) for part in name.split(".")), default=0.0)
@@ -70,7 +70,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
             rest_range = float(np.nanmax(rest) - np.nanmin(rest)) if np.isfinite(rest).any() else 0.0
             # A channel may begin or end with a step, unless it has inertia.
             at_border = [each for each in found if each[0] == 0 or each[1] == len(x) - 1]
-            border_ratio = 0.0 if has_inertia else MIN_BORDER_RANGE_RATIO
+            border_ratio = 0.0 if has_inertia else SPIKE_LIMITS.min_border_range_ratio
             found = [e for e in found if e[2] > rest_range * max(min_ratio, border_ratio if e in at_border else 0.0)]
         for first, last, height in found:
             yield make_cut(
@@ -81,7 +81,7 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
 def _find_repeatedly(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     """Return the spikes of `x`, also those that show only after higher ones are removed; as `find_spikes` does."""
     found: list[tuple[int, int, float]] = []
-    for _ in range(MAX_SEARCH_COUNT):
+    for _ in range(SPIKE_LIMITS.max_search_count):
         more = find_spikes(x, widest)
         if not more:
             break
@@ -95,7 +95,7 @@ def _find_repeatedly(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]
 def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     """Return first sample, last sample and height of each spike of `x`, shape (n,), at most `widest` samples wide."""
     n = len(x)
-    if n < 4 * NEIGHBOURHOOD_SAMPLES:
+    if n < 4 * SPIKE_LIMITS.neighbourhood_samples:
         return []
     steps = np.diff(x)
     np.abs(steps, out=steps)
@@ -106,9 +106,15 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     quantum = float(np.min(steps, where=steps > 1e-9 * large, initial=np.inf))
     if not np.isfinite(quantum):
         return []
-    leaps = np.flatnonzero(steps > max(MIN_RESOLUTION_RATIO * quantum, 3.0 * usual))
-    if leaps.size > MAX_EXAMINED_STEP_COUNT:
-        leaps = np.sort(leaps[np.argpartition(steps[leaps], -MAX_EXAMINED_STEP_COUNT)[-MAX_EXAMINED_STEP_COUNT:]])
+    leaps = np.flatnonzero(steps > max(SPIKE_LIMITS.min_resolution_ratio * quantum, 3.0 * usual))
+    if leaps.size > SPIKE_LIMITS.max_examined_step_count:
+        leaps = np.sort(
+            leaps[
+                np.argpartition(steps[leaps], -SPIKE_LIMITS.max_examined_step_count)[
+                    -SPIKE_LIMITS.max_examined_step_count :
+                ]
+            ]
+        )
     first, last, height = _excursions(x, leaps, widest)
     # The largest step outside every excursion shows how fast the channel itself changes.
     bounds = np.searchsorted(leaps, np.column_stack([first - 1, last + 1]))
@@ -119,7 +125,11 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     largest = max(float(steps[leaps[own]].max(initial=0.0)), usual)
     found, after = [], -1
     for a, b, h in zip(first.tolist(), last.tolist(), height.tolist(), strict=True):
-        if h > MIN_LARGEST_STEP_RATIO * largest and h > MIN_RESOLUTION_RATIO * quantum and a > after:
+        if (
+            h > SPIKE_LIMITS.min_largest_step_ratio * largest
+            and h > SPIKE_LIMITS.min_resolution_ratio * quantum
+            and a > after
+        ):
             found.append((a, b, h))
             after = b
     return found
@@ -130,7 +140,10 @@ def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarr
     equally sudden return."""
     n = len(x)
     around = np.concatenate(
-        [np.arange(-NEIGHBOURHOOD_SAMPLES, 0), np.arange(widest + 1, widest + 1 + NEIGHBOURHOOD_SAMPLES)]
+        [
+            np.arange(-SPIKE_LIMITS.neighbourhood_samples, 0),
+            np.arange(widest + 1, widest + 1 + SPIKE_LIMITS.neighbourhood_samples),
+        ]
     )
     places = leaps[:, None] + around
     inside = (places >= 0) & (places + 1 < n)
@@ -152,9 +165,12 @@ def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarr
     fall = np.abs(np.diff(off, axis=1))
     with np.errstate(invalid="ignore"):
         back = np.abs(off[:, 1:]) <= np.maximum(
-            RETURN_TOLERANCE * peak, np.minimum(MIN_LOCAL_STEP_RATIO * local[:, None], 0.5 * peak)
+            SPIKE_LIMITS.return_tolerance * peak,
+            np.minimum(SPIKE_LIMITS.min_local_step_ratio * local[:, None], 0.5 * peak),
         )
-        sharp = (np.minimum(rise, fall) >= MIN_STEP_SHARE * peak) & (peak > MIN_LOCAL_STEP_RATIO * local[:, None])
+        sharp = (np.minimum(rise, fall) >= SPIKE_LIMITS.min_step_share * peak) & (
+            peak > SPIKE_LIMITS.min_local_step_ratio * local[:, None]
+        )
     whole = back & sharp
     found = whole.any(axis=1)
     width = whole.argmax(axis=1) + 1
@@ -162,7 +178,7 @@ def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarr
     height = peak[found, width[found] - 1]
     # At the first and last samples there is no value to return to.
     begins, ends = leaps < widest, leaps >= n - 1 - widest
-    edge = (begins | ends) & (rise[:, 0] > MIN_LOCAL_STEP_RATIO * local) & ~found
+    edge = (begins | ends) & (rise[:, 0] > SPIKE_LIMITS.min_local_step_ratio * local) & ~found
     first = np.concatenate([first, np.where(begins, 0, leaps + 1)[edge]])
     last = np.concatenate([last, np.where(begins, leaps, n - 1)[edge]])
     height = np.concatenate([height, rise[edge, 0]])

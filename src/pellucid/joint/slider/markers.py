@@ -16,7 +16,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ...files.fault import Fault
 from ...files.optical import OpticalRecording
-from ...files.optical_faults import MIN_FRAMES, MIN_SEEN_SHARE
+from ...files.optical_faults import MARKER_LIMITS
 from ...files.recording import Recording
 
 
@@ -159,7 +159,7 @@ def clock_offset(
         (optical_time >= time[0] + LIMITS.max_searched_delay_s)
         & (optical_time <= time[-1] - LIMITS.max_searched_delay_s)
     )
-    if len(inside) < MIN_FRAMES // 4:
+    if len(inside) < MARKER_LIMITS.min_frames // 4:
         return _unknown(f"only {len(inside)} frames stand well within the robot's time")
     picked = inside[:: max(1, len(inside) // LIMITS.coarse_frames)]
     delay = _coarse_delay(time, angle, optical_time[picked], {m: p[picked] for m, p in markers.items()}, direction)
@@ -627,7 +627,7 @@ def _track(recording: Recording, carriage: str, clock: ClockOffset) -> _Track:
     # Frames before and after the robot's recording have no angle.
     angle = np.interp(at, recording.time[known], recording["position"][known], left=np.nan, right=np.nan)
     used = int(np.sum(np.isfinite(angle) & optical.seen(carriage)))
-    least = max(MIN_FRAMES, int(np.ceil(MIN_SEEN_SHARE * len(optical))))
+    least = max(MARKER_LIMITS.min_frames, int(np.ceil(MARKER_LIMITS.min_seen_share * len(optical))))
     if used < least:
         raise RecordingError(
             f"{optical.path.name} (recording {recording.name}), marker {carriage}: found it in {used} of "

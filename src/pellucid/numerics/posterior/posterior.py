@@ -177,7 +177,6 @@ MIN_DISTANCE_FROM_ZERO = 0.1
 Draws of a parameter with a bound at zero never cross it, so the sign alone would not be a test.
 """
 
-
 @dataclass(frozen=True)
 class DrawnParameter(Parameter):
     """A parameter described by posterior `draws`, shape (n,).

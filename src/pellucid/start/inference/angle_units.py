@@ -10,32 +10,34 @@ import numpy as np
 FULL_TURNS = {"deg": 360.0, "rad": 2.0 * math.pi}
 """One turn in each unit of angles."""
 
-QUANTUM_TOLERANCE = 2e-3
-"""A turn holds a whole number of quanta if their quotient is within this of one that encoders have, relative."""
 
-MIN_ROLLOVER_JUMPS = 2
-"""A column rolls over if it jumps by one period at least so often."""
+@dataclass(frozen=True)
+class AngleLimits:
+    """When numbers are angles, and in which unit."""
+
+    # A turn holds a whole number of quanta if their quotient is within this of one that encoders have, relative.
+    quantum_tolerance: float = 2e-3
+    # A column rolls over if it jumps by one period at least so often.
+    min_rollover_jumps: int = 2
+    # Quanta of a turn that most encoders of servos have.
+    usual_counts: int = 4096
+    # Values of at most so many quanta are compared; five printed digits then resolve a hundredth of a quantum.
+    max_lattice_quanta: float = 1000.0
+    # At least so many different values must be there to tell a lattice.
+    min_lattice_values: int = 24
+    # Values lie on a lattice if the mean of their phases, as unit vectors, is at least so long.
+    min_phase_agreement: float = 0.85
+    # A range above this is more than a joint turns in radians, or little in degrees.
+    likely_degree_range: float = 8.0
+
+
+ANGLE_LIMITS = AngleLimits()
 
 MAX_RADIAN_RANGE = 4.0 * math.pi
 """A joint turns less than twice. A larger range of a joint's angle is in degrees [rad]."""
 
 ENCODER_COUNTS = tuple(sorted({*(2**k for k in range(7, 21)), 500, 1000, 2000, 4000, 5000, 10000, 20000}))
 """Quanta of a turn that are tried, coarse ones first: powers of two, and lines of encoders."""
-
-USUAL_COUNTS = 4096
-"""Quanta of a turn that most encoders of servos have."""
-
-MAX_LATTICE_QUANTA = 1000.0
-"""Values of at most so many quanta are compared; five printed digits then resolve a hundredth of a quantum."""
-
-MIN_LATTICE_VALUES = 24
-"""At least so many different values must be there to tell a lattice."""
-
-MIN_PHASE_AGREEMENT = 0.85
-"""Values lie on a lattice if the mean of their phases, as unit vectors, is at least so long."""
-
-LIKELY_DEGREE_RANGE = 8.0
-"""A range above this is more than a joint turns in radians, or little in degrees."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +58,17 @@ def find_angle_unit(values: np.ndarray) -> AngleUnit:
     quantum = find_quantum(known)
     for unit, turn in FULL_TURNS.items():
         jumps = np.abs(np.abs(np.diff(known)) - turn) < 0.1 * turn
-        if np.sum(jumps) >= MIN_ROLLOVER_JUMPS and spread < 1.02 * turn and spread > 0.9 * turn:
+        if np.sum(jumps) >= ANGLE_LIMITS.min_rollover_jumps and spread < 1.02 * turn and spread > 0.9 * turn:
             return AngleUnit(unit, f"it rolls over after {turn:.4g}", True, wrap=f"{turn:.12g} {unit}")
     if quantum is not None and not is_decimal(quantum):
         for unit, turn in FULL_TURNS.items():
             count = turn / quantum
             nearest = round(count)
-            if nearest >= 64 and abs(count / nearest - 1.0) < QUANTUM_TOLERANCE and is_encoder_count(nearest):
+            if (
+                nearest >= 64
+                and abs(count / nearest - 1.0) < ANGLE_LIMITS.quantum_tolerance
+                and is_encoder_count(nearest)
+            ):
                 return AngleUnit(
                     unit,
                     f"its quantum {quantum:.6g} is a turn over {nearest}, as an encoder divides it",
@@ -79,7 +85,7 @@ def find_angle_unit(values: np.ndarray) -> AngleUnit:
     if spread > MAX_RADIAN_RANGE:
         # A motor before its gears may turn so often in radians, so that the range alone decides nothing.
         return AngleUnit("deg", f"a range of {spread:.4g} is {spread / (2 * math.pi):.1f} turns in radians", False)
-    if spread > LIKELY_DEGREE_RANGE:
+    if spread > ANGLE_LIMITS.likely_degree_range:
         return AngleUnit("deg", f"a range of {spread:.4g} is more than a turn in radians", False)
     return AngleUnit("rad", f"a range of {spread:.4g} would be little in degrees", False)
 
@@ -116,13 +122,13 @@ def find_lattice(values: np.ndarray) -> tuple[str, int] | None:
     for count in ENCODER_COUNTS:
         for unit, turn in FULL_TURNS.items():
             quantum = turn / count
-            near = values[np.abs(values) < MAX_LATTICE_QUANTA * quantum][:50_000]
-            if is_decimal(quantum) or len(near) < MIN_LATTICE_VALUES or np.ptp(near) < 30.0 * quantum:
+            near = values[np.abs(values) < ANGLE_LIMITS.max_lattice_quanta * quantum][:50_000]
+            if is_decimal(quantum) or len(near) < ANGLE_LIMITS.min_lattice_values or np.ptp(near) < 30.0 * quantum:
                 continue
             levels = np.unique(np.round(near / quantum, 3))
-            if len(levels) < MIN_LATTICE_VALUES:
+            if len(levels) < ANGLE_LIMITS.min_lattice_values:
                 continue
-            if abs(np.mean(np.exp(2j * np.pi * levels))) > MIN_PHASE_AGREEMENT:
+            if abs(np.mean(np.exp(2j * np.pi * levels))) > ANGLE_LIMITS.min_phase_agreement:
                 return unit, count
     return None
 
@@ -164,6 +170,10 @@ def find_rolling_bits(values: np.ndarray) -> int | None:
     spread = np.ptp(known)
     for bits in range(8, 33):
         top = 2.0**bits
-        if 0.9 * top < spread <= top and known.min() >= -0.5 * top and np.sum(steps > 0.8 * top) >= MIN_ROLLOVER_JUMPS:
+        if (
+            0.9 * top < spread <= top
+            and known.min() >= -0.5 * top
+            and np.sum(steps > 0.8 * top) >= ANGLE_LIMITS.min_rollover_jumps
+        ):
             return bits if np.mean((steps > 0.05 * top) & (steps < 0.8 * top)) < 0.01 else None
     return None

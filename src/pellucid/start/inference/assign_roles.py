@@ -10,9 +10,9 @@ import numpy as np
 from ...files.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
 from ...units import to_si_factor
 from .angle_units import (
+    ANGLE_LIMITS,
     ENCODER_COUNTS,
     MAX_RADIAN_RANGE,
-    USUAL_COUNTS,
     AngleUnit,
     find_angle_unit,
     find_rolling_bits,
@@ -22,8 +22,8 @@ from .clocks import FoundClock, find_clock
 from .derivatives import DerivativePair, find_derivatives
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
 from .motion_efforts import (
+    EFFORT_LIMITS,
     FULL_TURNS,
-    MIN_EFFORT_SHARE,
     FollowedCommand,
     MotionSamples,
     effort_share,
@@ -59,21 +59,25 @@ DEFAULT_UNITS = {
 _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torque", "f": "force"}
 """Quantities of drives by the first letter of a short name that is no word."""
 
-MAX_ANALYSED_ROWS = 200_000
-"""Evidence is taken from at most this many rows of a long table."""
 
-MAX_JOINTS_RANGE = 8.0 * np.pi
-"""Joints of one table whose ranges suggest both degrees and radians are in degrees if the largest range is above this:
-no joint among several turns four times [rad]."""
+@dataclass(frozen=True)
+class RoleLimits:
+    """How much of a table is examined, and when its joints are in degrees."""
 
-MAX_WEIGHING_EFFORTS = 8
-"""An angle's unit is looked for in the weight that at most so many efforts show."""
+    # Evidence is taken from at most this many rows of a long table.
+    max_analysed_rows: int = 200_000
+    # Joints of one table whose ranges suggest both degrees and radians are in degrees if the largest range is above
+    # this: no joint among several turns four times [rad].
+    max_joints_range: float = 8.0 * np.pi
+    # An angle's unit is looked for in the weight that at most so many efforts show.
+    max_weighing_efforts: int = 8
+    # Commands are looked for in at most this many pairs of columns, those of 60 columns; each takes a millisecond.
+    max_compared_commands: int = 2000
+    # Fits of efforts to motions are made for at most this many columns.
+    max_effort_candidates: int = 40
 
-MAX_COMPARED_COMMANDS = 2000
-"""Commands are looked for in at most this many pairs of columns, those of 60 columns; each takes a millisecond."""
 
-MAX_EFFORT_CANDIDATES = 40
-"""Fits of efforts to motions are made for at most this many columns."""
+ROLE_LIMITS = RoleLimits()
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,7 @@ class _Assignment:
         self.columns, self.hints, self.clock, self.rate = columns, hints, clock, rate
         self.names = names
         self.first = clock.first_sound
-        rows = slice(self.first, self.first + MAX_ANALYSED_ROWS)
+        rows = slice(self.first, self.first + ROLE_LIMITS.max_analysed_rows)
         self.time = time[rows]
         self.values = {name: x[rows] for name, x in columns.items()}
         self.roles: dict[str, ColumnRole] = {}
@@ -446,7 +450,7 @@ class _Assignment:
 
     def _find_anonymous_efforts(self) -> None:
         motions = self._motions()
-        free = self._free()[:MAX_EFFORT_CANDIDATES]
+        free = self._free()[: ROLE_LIMITS.max_effort_candidates]
         if not motions or not free:
             return
         has_drive = any(r.quantity in DRIVE_QUANTITIES and r.is_certain for r in self.roles.values())
@@ -464,7 +468,7 @@ class _Assignment:
             )
             shares[name] = best
         stepped = [n for n in shares if is_stepped(self.values[n])]
-        plausible = stepped or [n for n, (_, share) in shares.items() if share >= MIN_EFFORT_SHARE]
+        plausible = stepped or [n for n, (_, share) in shares.items() if share >= EFFORT_LIMITS.min_effort_share]
         vectors = [n for n in plausible if not n.rpartition(".")[2].isdigit() or n.isdigit()]
         single = len(motions) == 1
         for name in (vectors or plausible)[: 1 if single and not has_drive else len(plausible)]:
@@ -482,7 +486,7 @@ class _Assignment:
 
     def _command_of(self, name: str, other: str) -> FollowedCommand | None:
         self._compared += 1
-        if self._compared > MAX_COMPARED_COMMANDS:
+        if self._compared > ROLE_LIMITS.max_compared_commands:
             return None
         return find_command((name, self.values[name]), (other, self.values[other]))
 
@@ -565,7 +569,7 @@ class _Assignment:
         if common is None and len(spans) > 1 and "deg" in spans and "rad" in spans and "counts" not in spans:
             known = [self.values[name][np.isfinite(self.values[name])] for name in self._unstated_angles()]
             spread = max(float(np.ptp(x)) for x in known if len(x))
-            common = "deg" if spread > MAX_JOINTS_RANGE else None
+            common = "deg" if spread > ROLE_LIMITS.max_joints_range else None
         for name, role in list(self.roles.items()):
             if role.quantity is None or role.quantity.startswith("imu"):
                 continue
@@ -685,7 +689,7 @@ class _Assignment:
         divisions = {f"{count} counts": float(count) for count in ENCODER_COUNTS} if is_whole else {}
         motion = motion_samples(x, self.time)
         efforts = [n for n, r in self.roles.items() if r.quantity in ("torque", "current", "voltage", "duty")]
-        for other in efforts[:MAX_WEIGHING_EFFORTS]:
+        for other in efforts[: ROLE_LIMITS.max_weighing_efforts]:
             weighed = weigh_turns(self.values[other], motion, FULL_TURNS | divisions)
             if weighed is None:
                 continue
@@ -696,7 +700,7 @@ class _Assignment:
             shares = [
                 f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in dict.fromkeys((best, *FULL_TURNS))
             ]
-            usual = f"{USUAL_COUNTS} counts"
+            usual = f"{ANGLE_LIMITS.usual_counts} counts"
             if best in divisions and (weighed.is_decided() or weighed.beats(best, usual)):
                 self._counts[name] = int(divisions[best]), weighed.is_decided()
             return unit, f'"{other}" weighs it so: gravity and friction explain {", ".join(shares)}', True

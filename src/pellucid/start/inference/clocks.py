@@ -12,43 +12,42 @@ from ...files.name_evidence import NameEvidence
 UNIT_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 """Units of time columns, in seconds."""
 
-USUAL_RATES_HZ = (5.0, 5000.0)
-"""Range of sampling rates that loggers of joints and muscles have. A unit that gives a rate in it is likely [Hz]."""
 
-POSSIBLE_RATES_HZ = (0.5, 60000.0)
-"""Range of sampling rates that are possible [Hz]."""
+@dataclass(frozen=True)
+class TimeLimits:
+    """When a column is a clock."""
 
-EPOCH_RANGE_S = (3.0e8, 3.0e9)
-"""Seconds since 1970 between 1979 and 2065. A column within this range is a wall clock, and its unit is certain."""
+    # Range of sampling rates that loggers of joints and muscles have. A unit that gives a rate in it is likely
+    # [Hz].
+    usual_rates_hz: tuple[float, ...] = (5.0, 5000.0)
+    # Range of sampling rates that are possible [Hz].
+    possible_rates_hz: tuple[float, ...] = (0.5, 60000.0)
+    # Seconds since 1970 between 1979 and 2065. A column within this range is a wall clock, and its unit is certain.
+    epoch_range_s: tuple[float, ...] = (3.0e8, 3.0e9)
+    # Time may stand still or fall in at most the remaining share of steps, as stale packets and restarts make it
+    # do.
+    min_rising_share: float = 0.97
+    # A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is
+    # used.
+    max_repeated_share: float = 0.5
+    # A column that is named as time may fall behind its own maximum by at most this share of its span: stamps of
+    # arrival come out of order, and a clock that starts again is none for the whole table.
+    max_fall_share: float = 0.05
+    # Stamps of arrival have one rate if 98 of 100 lie within this many steps of a straight line. The delays of a
+    # loaded bus or radio are some steps; a pause makes a kink.
+    max_line_deviation_steps: float = 20.0
+    # Stamps jitter if more than this share of their steps is shorter than half the usual one, and as many are
+    # longer by half: lost samples make long steps only, packets that came twice short ones only.
+    max_off_step_share: float = 0.02
+    # The usual step of stamps that jitter is the median advance over this many rows.
+    lag_rows: int = 50
+    # Score of a column that only its name tells as time: any evener one comes first.
+    named_score: float = 0.05
+    # A column whose name says no time has to advance so evenly: a slow movement also rises throughout.
+    min_unnamed_score: float = 0.7
 
-MIN_RISING_SHARE = 0.97
-"""Time may stand still or fall in at most the remaining share of steps, as stale packets and restarts make it do."""
 
-MAX_REPEATED_SHARE = 0.5
-"""A clock that stands still in more than this share of steps is coarser than the samples: only its mean rate is
-used."""
-
-
-MAX_FALL_SHARE = 0.05
-"""A column that is named as time may fall behind its own maximum by at most this share of its span: stamps of arrival
-come out of order, and a clock that starts again is none for the whole table."""
-
-MAX_LINE_DEVIATION_STEPS = 20.0
-"""Stamps of arrival have one rate if 98 of 100 lie within this many steps of a straight line. The delays of a loaded
-bus or radio are some steps; a pause makes a kink."""
-
-MAX_OFF_STEP_SHARE = 0.02
-"""Stamps jitter if more than this share of their steps is shorter than half the usual one, and as many are longer by
-half: lost samples make long steps only, packets that came twice short ones only."""
-
-LAG_ROWS = 50
-"""The usual step of stamps that jitter is the median advance over this many rows."""
-
-NAMED_SCORE = 0.05
-"""Score of a column that only its name tells as time: any evener one comes first."""
-
-MIN_UNNAMED_SCORE = 0.7
-"""A column whose name says no time has to advance so evenly: a slow movement also rises throughout."""
+TIME_LIMITS = TimeLimits()
 
 
 @dataclass(frozen=True)
@@ -77,10 +76,10 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         score = _clock_score(values)
         by_name = evidence.quantity == "time"
         if score is None and by_name and _advances_overall(values):
-            score = NAMED_SCORE
+            score = TIME_LIMITS.named_score
         if score is None or (evidence.quantity not in (None, "time", "counter") and not by_name):
             continue
-        if not by_name and score < MIN_UNNAMED_SCORE:
+        if not by_name and score < TIME_LIMITS.min_unnamed_score:
             continue
         is_counter = _counts_rows(values) and not by_name
         candidates.append((by_name, not is_counter, score, evidence))
@@ -104,13 +103,13 @@ def _clock_of(
     repeated = float(np.mean(steps == 0.0))
     usual = float(np.median(positive))
     shorter, longer = np.mean(positive < 0.5 * usual), np.mean(positive > 1.5 * usual)
-    jitters = bool(min(shorter, longer) > MAX_OFF_STEP_SHARE)
-    if jitters or repeated > MAX_REPEATED_SHARE:
+    jitters = bool(min(shorter, longer) > TIME_LIMITS.max_off_step_share)
+    if jitters or repeated > TIME_LIMITS.max_repeated_share:
         usual = _usual_advance(known[first:]) or usual
     unit, why, certain = _unit(known[len(known) // 2], usual, evidence)
     stopped = _stops_between_samples(values, first, beside)
     slope = _line_step(known[first:], usual) if stopped else None
-    if slope is not None and (repeated <= MAX_REPEATED_SHARE or jitters):
+    if slope is not None and (repeated <= TIME_LIMITS.max_repeated_share or jitters):
         return FoundClock(
             None,
             "s",
@@ -122,7 +121,7 @@ def _clock_of(
             others=others,
         )
     span = (known[-1] - known[first if first < len(known) else 0]) * UNIT_SECONDS[unit]
-    if repeated > MAX_REPEATED_SHARE and not jitters:
+    if repeated > TIME_LIMITS.max_repeated_share and not jitters:
         advances = np.flatnonzero(np.diff(known) > 0.0)
         whole = (known[advances[-1] + 1] - known[advances[0] + 1]) * UNIT_SECONDS[unit]
         # Between its first and its last advance a coarse clock shows whole steps.
@@ -149,11 +148,11 @@ def _clock_score(values: np.ndarray) -> float | None:
         return None
     steps = np.diff(known)
     rising, standing = np.mean(steps > 0.0), np.mean(steps == 0.0)
-    if rising == 0.0 or rising + standing < MIN_RISING_SHARE:
+    if rising == 0.0 or rising + standing < TIME_LIMITS.min_rising_share:
         return None
     positive = steps[steps > 0.0]
     median = np.median(positive)
-    if standing > MAX_REPEATED_SHARE:
+    if standing > TIME_LIMITS.max_repeated_share:
         # A coarse clock has equal steps wherever it advances.
         even = np.mean(np.abs(positive - median) <= 0.5 * median)
         return 0.3 * float(even) if even > 0.5 and len(positive) >= 2 else None
@@ -174,13 +173,13 @@ def _advances_overall(values: np.ndarray) -> bool:
     sound = known[_first_sound_row(known) if np.isfinite(values).all() else 0 :]
     sound = sound if len(sound) >= 0.9 * len(known) else known
     span = float(sound[-1] - sound[0])
-    return span > 0.0 and float(np.max(np.maximum.accumulate(sound) - sound)) <= MAX_FALL_SHARE * span
+    return span > 0.0 and float(np.max(np.maximum.accumulate(sound) - sound)) <= TIME_LIMITS.max_fall_share * span
 
 
 def _usual_advance(values: np.ndarray) -> float | None:
     """Return the usual advance of stamps from row to row, by rows so far apart that jitter hardly counts; None if there
     is none."""
-    lag = max(1, min(LAG_ROWS, len(values) // 4))
+    lag = max(1, min(TIME_LIMITS.lag_rows, len(values) // 4))
     advance = float(np.median(values[lag:] - values[:-lag])) / lag
     return advance if advance > 0.0 else None
 
@@ -206,7 +205,7 @@ def _line_step(values: np.ndarray, usual: float) -> float | None:
     slope, start = np.polyfit(rows, values - values[0], 1)
     off = values - values[0] - start - slope * rows
     low, high = np.quantile(off, (0.01, 0.99))
-    return float(slope) if slope > 0.0 and high - low <= 2.0 * MAX_LINE_DEVIATION_STEPS * usual else None
+    return float(slope) if slope > 0.0 and high - low <= 2.0 * TIME_LIMITS.max_line_deviation_steps * usual else None
 
 
 def _counts_rows(values: np.ndarray) -> bool:
@@ -225,16 +224,18 @@ def _first_sound_row(values: np.ndarray) -> int:
 def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str, bool]:
     if evidence.quantity == "time" and evidence.unit in UNIT_SECONDS:
         rate = 1.0 / (step * UNIT_SECONDS[evidence.unit])
-        is_possible = POSSIBLE_RATES_HZ[0] / 50.0 <= rate <= 10.0 * POSSIBLE_RATES_HZ[1]
+        is_possible = TIME_LIMITS.possible_rates_hz[0] / 50.0 <= rate <= 10.0 * TIME_LIMITS.possible_rates_hz[1]
         return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", is_possible
     for unit, seconds in UNIT_SECONDS.items():
-        is_wall_clock = EPOCH_RANGE_S[0] <= middle * seconds <= EPOCH_RANGE_S[1] and unit not in ("min", "h")
+        is_wall_clock = TIME_LIMITS.epoch_range_s[0] <= middle * seconds <= TIME_LIMITS.epoch_range_s[
+            1
+        ] and unit not in ("min", "h")
         if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
             return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
     possible = [
         u for u in ("s", "ms", "us", "ns")
-        if POSSIBLE_RATES_HZ[0] <= 1.0 / (step * UNIT_SECONDS[u]) <= POSSIBLE_RATES_HZ[1]
+        if TIME_LIMITS.possible_rates_hz[0] <= 1.0 / (step * UNIT_SECONDS[u]) <= TIME_LIMITS.possible_rates_hz[1]
     ]  # fmt: skip
     unit = (usual or possible or ["s"])[0]
     rate = 1.0 / (step * UNIT_SECONDS[unit])
@@ -246,4 +247,4 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
 
 
 def _is_usual(rate: float) -> bool:
-    return USUAL_RATES_HZ[0] <= rate <= USUAL_RATES_HZ[1]
+    return TIME_LIMITS.usual_rates_hz[0] <= rate <= TIME_LIMITS.usual_rates_hz[1]

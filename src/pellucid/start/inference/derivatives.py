@@ -11,14 +11,29 @@ import numpy as np
 
 from .motion_efforts import running_mean
 
-MAX_COMPARED_ROWS = 40_000
-"""Only this many rows of a table are compared, those with the most motion."""
 
-MIN_CORRELATION = 0.9
-"""A column is another one's derivative if it correlates with that one's difference quotient at least so."""
+@dataclass(frozen=True)
+class DerivativeLimits:
+    """When a column is the derivative of another, and when a motion is repeated."""
 
-MIN_CORRELATION_WITHOUT_UNITS = 0.998
-"""A pair with a ratio that no two units have, such as counts and rad/s, needs at least this correlation."""
+    # Only this many rows of a table are compared, those with the most motion.
+    max_compared_rows: int = 40_000
+    # A column is another one's derivative if it correlates with that one's difference quotient at least so.
+    min_correlation: float = 0.9
+    # A pair with a ratio that no two units have, such as counts and rad/s, needs at least this correlation.
+    min_correlation_without_units: float = 0.998
+    # A ratio is one of `UNIT_RATIOS` if it is within this share of it: filters and delays lower the ratio by some
+    # percent.
+    ratio_tolerance: float = 0.08
+    # Two motions are the same if they correlate at least so, at the best shift.
+    min_same_motion: float = 0.97
+    # Efforts differ if one's spread is at least so many times the other's.
+    min_effort_ratio: float = 1.08
+    # Motions are resampled to at most so many rows before they are compared.
+    compared_rows: int = 4000
+
+
+DERIVATIVE_LIMITS = DerivativeLimits()
 
 UNIT_RATIOS = (
     ("rad", "rad/s", 1.0), ("deg", "deg/s", 1.0), ("deg", "rad/s", math.pi / 180.0), ("rad", "deg/s", 180.0 / math.pi),
@@ -28,10 +43,6 @@ UNIT_RATIOS = (
     ("mm", "mm/s", 1.0),
 )  # fmt: skip
 """Units of a column and of its derivative, with the ratio of the recorded to the computed derivative."""
-
-RATIO_TOLERANCE = 0.08
-"""A ratio is one of `UNIT_RATIOS` if it is within this share of it: filters and delays lower the ratio by some
-percent."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,11 @@ class DerivativePair:
     @property
     def units(self) -> tuple[tuple[str, str], ...]:
         """Pairs of units that fit the ratio, such as ``("deg", "rad/s")``."""
-        return tuple((a, b) for a, b, ratio in UNIT_RATIOS if abs(abs(self.ratio) / ratio - 1.0) < RATIO_TOLERANCE)
+        return tuple(
+            (a, b)
+            for a, b, ratio in UNIT_RATIOS
+            if abs(abs(self.ratio) / ratio - 1.0) < DERIVATIVE_LIMITS.ratio_tolerance
+        )
 
 
 def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> list[DerivativePair]:
@@ -85,30 +100,30 @@ def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> lis
         strengths = np.abs(correlation[:, j]).copy()
         strengths[j] = 0.0
         i = int(np.argmax(strengths))
-        if strengths[i] < MIN_CORRELATION or own[i, j] > 0.6:
+        if strengths[i] < DERIVATIVE_LIMITS.min_correlation or own[i, j] > 0.6:
             continue
         centred = slope[:, i] - slope[:, i].mean()
         ratio = float(centred @ (level[:, j] - level[:, j].mean()) / (centred @ centred))
         pair = DerivativePair(names[i], by, ratio, float(correlation[i, j]))
         # Friction makes an effort resemble a velocity; then the ratio is none of units, and the fit is worse.
-        if pair.units or abs(pair.correlation) > MIN_CORRELATION_WITHOUT_UNITS:
+        if pair.units or abs(pair.correlation) > DERIVATIVE_LIMITS.min_correlation_without_units:
             found.append(pair)
     return sorted(found, key=lambda pair: -abs(pair.correlation))
 
 
 def _busiest_rows(columns: list[np.ndarray], n: int) -> slice:
-    """Return the rows, at most `MAX_COMPARED_ROWS`, in which the columns vary most."""
-    if n <= MAX_COMPARED_ROWS:
+    """Return the rows, at most `DERIVATIVE_LIMITS.max_compared_rows`, in which the columns vary most."""
+    if n <= DERIVATIVE_LIMITS.max_compared_rows:
         return slice(0, n)
     best, start = -1.0, 0
-    for first in range(0, n - MAX_COMPARED_ROWS + 1, MAX_COMPARED_ROWS // 2):
-        part = [column[first : first + MAX_COMPARED_ROWS : 20] for column in columns]
+    for first in range(0, n - DERIVATIVE_LIMITS.max_compared_rows + 1, DERIVATIVE_LIMITS.max_compared_rows // 2):
+        part = [column[first : first + DERIVATIVE_LIMITS.max_compared_rows : 20] for column in columns]
         total = sum(
             float(np.nanstd(x) / (np.nanstd(column[::20]) or 1.0)) for x, column in zip(part, columns, strict=True)
         )
         if total > best:
             best, start = total, first
-    return slice(start, start + MAX_COMPARED_ROWS)
+    return slice(start, start + DERIVATIVE_LIMITS.max_compared_rows)
 
 
 def _smoothed(matrix: np.ndarray, width: int) -> np.ndarray:
@@ -124,16 +139,6 @@ def _correlations(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     norms = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)[None, :]
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num((a.T @ b) / norms)
-
-
-MIN_SAME_MOTION = 0.97
-"""Two motions are the same if they correlate at least so, at the best shift."""
-
-MIN_EFFORT_RATIO = 1.08
-"""Efforts differ if one's spread is at least so many times the other's."""
-
-COMPARED_ROWS = 4000
-"""Motions are resampled to at most so many rows before they are compared."""
 
 
 @dataclass(frozen=True)
@@ -157,20 +162,20 @@ def find_repeated_motion(
     n = max(len(position_a), len(position_b))
     if min(len(position_a), len(position_b)) < 0.6 * n:
         return None
-    stride = max(1, n // COMPARED_ROWS)
+    stride = max(1, n // DERIVATIVE_LIMITS.compared_rows)
     a, b = (running_mean(x, stride)[::stride] for x in (position_a, position_b))
     a, b = a - a.mean(), b - b.mean()
     size = 2 ** int(np.ceil(np.log2(len(a) + len(b))))
     product = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)
     correlation = float(product.max() / (np.linalg.norm(a) * np.linalg.norm(b) or 1.0))
-    if correlation < MIN_SAME_MOTION or abs(np.std(a) / np.std(b) - 1.0) > 0.1:
+    if correlation < DERIVATIVE_LIMITS.min_same_motion or abs(np.std(a) / np.std(b) - 1.0) > 0.1:
         return None
     spread_a, spread_b = (float(np.std(running_mean(x, max(stride, 5)))) for x in (effort_a, effort_b))
     if min(spread_a, spread_b) <= 0.0:
         return None
     ratio = spread_b / spread_a
-    if ratio >= MIN_EFFORT_RATIO:
+    if ratio >= DERIVATIVE_LIMITS.min_effort_ratio:
         return RepeatedMotion(name_a, name_b, correlation, ratio)
-    if 1.0 / ratio >= MIN_EFFORT_RATIO:
+    if 1.0 / ratio >= DERIVATIVE_LIMITS.min_effort_ratio:
         return RepeatedMotion(name_b, name_a, correlation, 1.0 / ratio)
     return None

@@ -8,20 +8,37 @@ from math import gcd
 
 import numpy as np
 
-MIN_EMG_RATE_HZ = 400.0
-"""Raw EMG is recorded at this rate or faster."""
 
-EMG_BAND_HZ = (20.0, 450.0)
-"""Most of the power of surface EMG lies in this band."""
+@dataclass(frozen=True)
+class SpectrumLimits:
+    """When a column is EMG, an envelope, or of an inertial sensor."""
 
-MIN_BAND_SHARE = 0.7
-"""Raw EMG has at least this share of its power, its mean taken off, in `EMG_BAND_HZ`."""
+    # Raw EMG is recorded at this rate or faster.
+    min_emg_rate_hz: float = 400.0
+    # Most of the power of surface EMG lies in this band.
+    emg_band_hz: tuple[float, ...] = (20.0, 450.0)
+    # Raw EMG has at least this share of its power, its mean taken off, in `SPECTRUM_LIMITS.emg_band_hz`.
+    min_band_share: float = 0.7
+    # A channel whose strongest line of the spectrum has more than this share of its power is mains hum, not EMG.
+    max_line_share: float = 0.6
+    # An envelope has nearly all of its power below this frequency.
+    max_envelope_frequency_hz: float = 15.0
+    # The median length of an accelerometer's reading is that of gravity within this share.
+    gravity_tolerance: float = 0.12
+    # Four columns are a quaternion if the length of each row is 1 within this.
+    quaternion_tolerance: float = 0.02
+    # Three columns are a gyroscope if the turn that they tell explains at least this share of how gravity's
+    # direction changes.
+    min_rotation_fit: float = 0.3
+    # A flat list is tried to hold at most so many columns.
+    max_flat_columns: int = 16
+    # A column in a flat list has at least so many rows.
+    min_flat_rows: int = 200
+    # The columns are those of which the usual step is at least so many times smaller than that of the flat list.
+    min_smoothing: float = 5.0
 
-MAX_LINE_SHARE = 0.6
-"""A channel whose strongest line of the spectrum has more than this share of its power is mains hum, not EMG."""
 
-MAX_ENVELOPE_FREQUENCY_HZ = 15.0
-"""An envelope has nearly all of its power below this frequency."""
+SPECTRUM_LIMITS = SpectrumLimits()
 
 
 def is_raw_emg(values: np.ndarray, rate: float) -> bool:
@@ -31,7 +48,7 @@ def is_raw_emg(values: np.ndarray, rate: float) -> bool:
     """
     from scipy.signal import welch  # it loads all of scipy.stats
 
-    if rate < MIN_EMG_RATE_HZ:
+    if rate < SPECTRUM_LIMITS.min_emg_rate_hz:
         return False
     known = values[np.isfinite(values)]
     if len(known) < 256 or np.ptp(known) == 0.0 or len(np.unique(known[:5000])) < 8:
@@ -40,10 +57,17 @@ def is_raw_emg(values: np.ndarray, rate: float) -> bool:
     total = power[1:].sum()
     if total <= 0.0:
         return False
-    inside = power[(frequency >= EMG_BAND_HZ[0]) & (frequency <= EMG_BAND_HZ[1])].sum() / total
+    inside = (
+        power[(frequency >= SPECTRUM_LIMITS.emg_band_hz[0]) & (frequency <= SPECTRUM_LIMITS.emg_band_hz[1])].sum()
+        / total
+    )
     peak = int(np.argmax(power[1:])) + 1
     line = power[max(peak - 1, 1) : peak + 2].sum() / total
-    return bool(inside >= MIN_BAND_SHARE and line <= MAX_LINE_SHARE and _is_broad(frequency, power))
+    return bool(
+        inside >= SPECTRUM_LIMITS.min_band_share
+        and line <= SPECTRUM_LIMITS.max_line_share
+        and _is_broad(frequency, power)
+    )
 
 
 def _is_broad(frequency: np.ndarray, power: np.ndarray) -> bool:
@@ -63,11 +87,11 @@ def is_envelope(values: np.ndarray, rate: float) -> bool:
     largest = float(np.max(known))
     if largest <= 0.0 or float(np.min(known)) < -0.03 * largest or float(np.quantile(known, 0.1)) > 0.6 * largest:
         return False
-    if rate < 4.0 * MAX_ENVELOPE_FREQUENCY_HZ:
+    if rate < 4.0 * SPECTRUM_LIMITS.max_envelope_frequency_hz:
         return True
     frequency, power = welch(known - known.mean(), rate, nperseg=min(1024, len(known)))
     total = power.sum()
-    return bool(total > 0.0 and power[frequency <= MAX_ENVELOPE_FREQUENCY_HZ].sum() > 0.95 * total)
+    return bool(total > 0.0 and power[frequency <= SPECTRUM_LIMITS.max_envelope_frequency_hz].sum() > 0.95 * total)
 
 
 def swings_fast(values: np.ndarray) -> bool:
@@ -83,16 +107,6 @@ def swings_fast(values: np.ndarray) -> bool:
 
 GRAVITY_UNITS = (("m/s^2", 9.81), ("g0", 1.0), ("mg0", 1000.0))
 """Units of accelerometers, with the length of gravity in each."""
-
-GRAVITY_TOLERANCE = 0.12
-"""The median length of an accelerometer's reading is that of gravity within this share."""
-
-QUATERNION_TOLERANCE = 0.02
-"""Four columns are a quaternion if the length of each row is 1 within this."""
-
-MIN_ROTATION_FIT = 0.3
-"""Three columns are a gyroscope if the turn that they tell explains at least this share of how gravity's direction
-changes."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +139,7 @@ def find_inertial(
             continue
         lengths = np.linalg.norm([columns[name] for name in group], axis=0)
         moving = sum(np.ptp(columns[name]) > 1e-3 for name in group)
-        if moving >= 2 and np.nanquantile(np.abs(lengths - 1.0), 0.95) < QUATERNION_TOLERANCE:
+        if moving >= 2 and np.nanquantile(np.abs(lengths - 1.0), 0.95) < SPECTRUM_LIMITS.quaternion_tolerance:
             found.append(InertialColumns("orientation", group, "1", "its rows have length 1 throughout", True))
             used |= set(group)
     accelerometers: list[tuple[str, ...]] = []
@@ -168,7 +182,7 @@ def _gravity_unit(axes: list[np.ndarray]) -> tuple[str, float] | None:
     median = float(np.nanmedian(lengths))
     spreads = [float(np.nanstd(axis)) for axis in axes]
     for unit, gravity in GRAVITY_UNITS:
-        usual = abs(median / gravity - 1.0) < GRAVITY_TOLERANCE
+        usual = abs(median / gravity - 1.0) < SPECTRUM_LIMITS.gravity_tolerance
         # All axes measure, and the length varies less than the axes do: gravity turns among them.
         if usual and min(spreads) > 1e-3 * gravity and np.nanstd(lengths) < 0.8 * max(spreads):
             return unit, median
@@ -191,19 +205,9 @@ def _gyroscope_scale(
         return None
     factor = float(np.sum(change * turned)) / power
     share = 1.0 - float(np.sum((change - factor * turned) ** 2)) / float(np.sum(change * change))
-    if share < MIN_ROTATION_FIT or factor <= 0.0:
+    if share < SPECTRUM_LIMITS.min_rotation_fit or factor <= 0.0:
         return None
     return 1.0 / factor, share
-
-
-MAX_FLAT_COLUMNS = 16
-"""A flat list is tried to hold at most so many columns."""
-
-MIN_FLAT_ROWS = 200
-"""A column in a flat list has at least so many rows."""
-
-MIN_SMOOTHING = 5.0
-"""The columns are those of which the usual step is at least so many times smaller than that of the flat list."""
 
 
 @dataclass(frozen=True)
@@ -231,11 +235,15 @@ def find_flat_shape(values: np.ndarray, counts: tuple[int, ...] = ()) -> FlatSha
     known = np.nan_to_num(values)
     n = len(known)
     plain = float(np.median(np.abs(np.diff(known)))) if n > 1 else 0.0
-    tried = [k for k in (counts or range(2, MAX_FLAT_COLUMNS + 1)) if k > 1 and n % k == 0 and n // k >= MIN_FLAT_ROWS]
+    tried = [
+        k
+        for k in (counts or range(2, SPECTRUM_LIMITS.max_flat_columns + 1))
+        if k > 1 and n % k == 0 and n // k >= SPECTRUM_LIMITS.min_flat_rows
+    ]
     best: tuple[float, int] | None = None
     for k in tried:
         step = float(np.median(np.abs(np.diff(known.reshape(-1, k), axis=0))))
-        if plain > MIN_SMOOTHING * step and (best is None or step < 0.5 * best[0]):
+        if plain > SPECTRUM_LIMITS.min_smoothing * step and (best is None or step < 0.5 * best[0]):
             best = (step, k)
     if best is not None:
         return FlatShape(best[1], "interleaved")
@@ -252,7 +260,9 @@ def common_rows(lengths: Mapping[str, int]) -> int | None:
         common = gcd(common, length)
     shortest = min(lengths.values())
     for rows in (shortest, common):
-        if rows >= MIN_FLAT_ROWS and all(n % rows == 0 and n // rows <= MAX_FLAT_COLUMNS for n in lengths.values()):
+        if rows >= SPECTRUM_LIMITS.min_flat_rows and all(
+            n % rows == 0 and n // rows <= SPECTRUM_LIMITS.max_flat_columns for n in lengths.values()
+        ):
             return rows
     return None
 

@@ -19,23 +19,37 @@ from .assign_roles import DRIVE_QUANTITIES, ColumnRole, TableRoles
 from .motion_efforts import running_mean
 from .processing_choice import choose_processing
 
-MAX_LOCKED_SHARE = 0.1
-"""The output is locked if its range is at most this share of the motor's; the lock gives a little."""
+
+@dataclass(frozen=True)
+class SpringLimits:
+    """When recordings are of a spring on the bench, and when they hold postures."""
+
+    # The output is locked if its range is at most this share of the motor's; the lock gives a little.
+    max_locked_share: float = 0.1
+    # A weight of so many N*m at 90 deg is more than a wearable robot or its wearer has at one joint [N*m/rad].
+    min_stiffness_nm_per_rad: float = 500.0
+    # Shorter recordings are not examined.
+    min_rows: int = 200
+    # At most this many rows of a recording are examined.
+    max_rows: int = 60_000
+    # An angle's range lies between these percentiles, so that single outliers do not widen it.
+    range_percentiles: tuple[float, ...] = (0.5, 99.5)
+    # A posture counts if it is held for at least this long [s].
+    min_hold_s: float = 0.5
+    # A joint is still below this share of its largest speed.
+    still_speed_share: float = 0.02
+    # A recording holds postures if it rests at least in so many places.
+    min_posture_count: int = 3
+    # A recording holds postures if it is still for at least this share of its time.
+    min_still_share: float = 0.5
+    # Postures are different ones if they lie apart by at least this share of the range.
+    min_posture_distance_share: float = 0.05
+
+
+SPRING_LIMITS = SpringLimits()
 
 MAX_DEFLECTION_RAD = float(np.radians(5.0))
 """Within this travel a spring that no weight could be is told from a joint by its stiffness alone [rad]."""
-
-MIN_STIFFNESS_NM_PER_RAD = 500.0
-"""A weight of so many N*m at 90 deg is more than a wearable robot or its wearer has at one joint [N*m/rad]."""
-
-MIN_ROWS = 200
-"""Shorter recordings are not examined."""
-
-MAX_ROWS = 60_000
-"""At most this many rows of a recording are examined."""
-
-RANGE_PERCENTILES = (0.5, 99.5)
-"""An angle's range lies between these percentiles, so that single outliers do not widen it."""
 
 
 @dataclass(frozen=True)
@@ -135,14 +149,14 @@ def find_locked_spring(
     slides : bool
         Whether the angles are lengths, which no weight's effort follows.
     """
-    if len(effort) < MIN_ROWS:
+    if len(effort) < SPRING_LIMITS.min_rows:
         return None
-    rows = slice(0, MAX_ROWS)
+    rows = slice(0, SPRING_LIMITS.max_rows)
     taken = {name: x[rows] for name, x in angles.items()}
     spans = {name: _span(x) for name, x in taken.items()}
     for driven, moved in taken.items():
         for locked, still in taken.items():
-            if locked == driven or not 0.0 <= spans[locked] <= MAX_LOCKED_SHARE * spans[driven]:
+            if locked == driven or not 0.0 <= spans[locked] <= SPRING_LIMITS.max_locked_share * spans[driven]:
                 continue
             for sign in (1, -1):
                 found = _evidence(sign * (moved - still), effort[rows], rate)
@@ -161,7 +175,7 @@ def find_locked_spring(
         return LockedSpring(driven, None, why)
     if radians_per_unit is None or not is_torque or found.travel * radians_per_unit > MAX_DEFLECTION_RAD:
         return None
-    if found.stiffness / radians_per_unit < MIN_STIFFNESS_NM_PER_RAD:
+    if found.stiffness / radians_per_unit < SPRING_LIMITS.min_stiffness_nm_per_rad:
         return None
     why = f'the effort follows "{driven}", which hardly moves, and no joint weighs as much: {_said(found)}'
     return LockedSpring(driven, None, why)
@@ -173,12 +187,12 @@ def _said(found: SpringEvidence) -> str:
 
 def _span(x: np.ndarray) -> float:
     known = x[np.isfinite(x)]
-    return float(np.ptp(np.percentile(known, RANGE_PERCENTILES))) if len(known) else float("nan")
+    return float(np.ptp(np.percentile(known, SPRING_LIMITS.range_percentiles))) if len(known) else float("nan")
 
 
 def _evidence(deflection: np.ndarray, effort: np.ndarray, rate: float) -> SpringEvidence | None:
     known = np.isfinite(deflection) & np.isfinite(effort)
-    if known.sum() < MIN_ROWS or np.ptp(deflection[known]) == 0.0:
+    if known.sum() < SPRING_LIMITS.min_rows or np.ptp(deflection[known]) == 0.0:
         return None
     place = np.arange(len(deflection))
     q, y = (np.interp(place, place[known], x[known]) for x in (deflection, effort))
@@ -188,22 +202,6 @@ def _evidence(deflection: np.ndarray, effort: np.ndarray, rate: float) -> Spring
     edge = min(round(rate / lowpass), len(q) // 10)
     inner = slice(edge, len(q) - edge)
     return spring_evidence(q[inner], v[inner], central_difference(v, rate)[inner], y[inner])
-
-
-MIN_HOLD_S = 0.5
-"""A posture counts if it is held for at least this long [s]."""
-
-STILL_SPEED_SHARE = 0.02
-"""A joint is still below this share of its largest speed."""
-
-MIN_POSTURE_COUNT = 3
-"""A recording holds postures if it rests at least in so many places."""
-
-MIN_STILL_SHARE = 0.5
-"""A recording holds postures if it is still for at least this share of its time."""
-
-MIN_POSTURE_DISTANCE_SHARE = 0.05
-"""Postures are different ones if they lie apart by at least this share of the range."""
 
 
 @dataclass(frozen=True)
@@ -216,17 +214,19 @@ class HeldPostures:
     @property
     def is_static(self) -> bool:
         """Whether the recording is one of postures."""
-        return len(self.positions) >= MIN_POSTURE_COUNT and self.still_share >= MIN_STILL_SHARE
+        return (
+            len(self.positions) >= SPRING_LIMITS.min_posture_count and self.still_share >= SPRING_LIMITS.min_still_share
+        )
 
 
 def find_postures(position: np.ndarray, rate: float) -> HeldPostures:
     """Return the different postures that positions, shape (n,), sampled at `rate` [Hz], hold."""
     smooth = running_mean(position, max(1, round(0.05 * rate)))
     speed = np.abs(np.gradient(smooth)) * rate
-    still = speed < STILL_SPEED_SHARE * max(float(np.quantile(speed, 0.995)), 1e-12)
+    still = speed < SPRING_LIMITS.still_speed_share * max(float(np.quantile(speed, 0.995)), 1e-12)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
-    spans = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_HOLD_S * rate]
-    apart, distinct = MIN_POSTURE_DISTANCE_SHARE * float(np.ptp(smooth)), list[float]()
+    spans = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= SPRING_LIMITS.min_hold_s * rate]
+    apart, distinct = SPRING_LIMITS.min_posture_distance_share * float(np.ptp(smooth)), list[float]()
     for a, b in spans:
         place = float(np.mean(smooth[a:b]))
         if all(abs(place - other) > apart for other in distinct):

@@ -8,36 +8,53 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MIN_EFFORT_SHARE = 0.25
-"""A column is a joint's effort if the joint's motion explains at least this share of its variance."""
+
+@dataclass(frozen=True)
+class EffortLimits:
+    """When a motion explains an effort, a column follows a command, or rests at a limit."""
+
+    # A column is a joint's effort if the joint's motion explains at least this share of its variance.
+    min_effort_share: float = 0.25
+    # One unit of an angle is decided against another if gravity then leaves less than this share of what it leaves
+    # in the other unit. Simulated joints with little weight reach 0.85.
+    max_left_ratio: float = 0.9
+    # Units are compared in so many blocks of a recording.
+    weighed_blocks: int = 20
+    # One unit is decided against another if it leaves less in at least so many blocks: by chance in 1 of 5,000.
+    min_won_blocks: int = 18
+    # The decided unit makes the joint turn by at least this angle: less hardly bends the sine, as a spring does not
+    # [rad].
+    min_weighed_angle: float = 0.5
+    # Friction turns over at speeds of the usual one over these: at a creep, and at once. With one alone, what
+    # friction leaves hides how gravity differs between units.
+    friction_sharpness: tuple[float, ...] = (1.0, 10.0)
+    # A turn is decided only if one that is longer or shorter by this factor fits worse: else the true one is none
+    # of the candidates, as after a gear. Without it, a third of simulated angles behind gears got a wrong unit.
+    near_turn: float = 1.1
+    # Fits take at most this many rows, evenly spread.
+    max_rows: int = 4_000
+    # Two columns are a command and its measurement if they correlate at least so, at the best shift.
+    min_following_correlation: float = 0.9
+    # A measurement follows its command with a slope within this of 1; a saturated drive follows by less.
+    max_scale_error: float = 0.5
+    # The measurement may come later by at most this share of the recording.
+    max_shift_share: float = 0.02
+    # A column that changes in less than this share of its rows is stepped: a program set it.
+    max_stepped_share: float = 0.15
+    # A channel rests at its limit if it stays there for so many rows.
+    min_limit_rows: int = 4
+    # A largest number is a limit if a channel rests there at least so often.
+    min_limit_runs: int = 3
+    # A column rests on a level if it does not change for so many rows.
+    min_level_rows: int = 20
+    # A program set a column that rests on levels other than 0 for at least this share of its rows.
+    min_level_share: float = 0.15
+
+
+EFFORT_LIMITS = EffortLimits()
 
 FULL_TURNS = {"deg": 360.0, "rad": 2.0 * math.pi, "turn": 1.0}
 """One turn in each unit of an angle that gravity may decide."""
-
-MAX_LEFT_RATIO = 0.9
-"""One unit of an angle is decided against another if gravity then leaves less than this share of what it leaves in the
-other unit. Simulated joints with little weight reach 0.85."""
-
-WEIGHED_BLOCKS = 20
-"""Units are compared in so many blocks of a recording."""
-
-MIN_WON_BLOCKS = 18
-"""One unit is decided against another if it leaves less in at least so many blocks: by chance in 1 of 5,000."""
-
-MIN_WEIGHED_ANGLE = 0.5
-"""The decided unit makes the joint turn by at least this angle: less hardly bends the sine, as a spring does not
-[rad]."""
-
-FRICTION_SHARPNESS = (1.0, 10.0)
-"""Friction turns over at speeds of the usual one over these: at a creep, and at once. With one alone, what friction
-leaves hides how gravity differs between units."""
-
-NEAR_TURN = 1.1
-"""A turn is decided only if one that is longer or shorter by this factor fits worse: else the true one is none of the
-candidates, as after a gear. Without it, a third of simulated angles behind gears got a wrong unit."""
-
-MAX_ROWS = 4_000
-"""Fits take at most this many rows, evenly spread."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +105,9 @@ def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: floa
     """Return the power of an effort, and what the joint's motion leaves of it in some rows, shape (k,)."""
     target = running_mean(effort, motion.width)
     speed = motion.velocity / _usual(motion.velocity)
-    friction = [running_mean(np.tanh(speed * sharpness), motion.width) for sharpness in FRICTION_SHARPNESS]
+    friction = [
+        running_mean(np.tanh(speed * sharpness), motion.width) for sharpness in EFFORT_LIMITS.friction_sharpness
+    ]
     columns = [motion.acceleration, motion.velocity, *friction, np.ones(len(target))]
     if radians_per_unit is not None:
         # The mean of the sine, and not the sine of the mean: they differ where the joint turns fast.
@@ -96,7 +115,7 @@ def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: floa
         columns += [running_mean(np.sin(angle), motion.width), running_mean(np.cos(angle), motion.width)]
     # Means at the ends repeat the last value: the kink there would look like an acceleration.
     end = min(3 * motion.width + 2, len(target) // 10) if motion.width > 1 else 0
-    rows = slice(end, len(target) - end, max(1, len(target) // MAX_ROWS))
+    rows = slice(end, len(target) - end, max(1, len(target) // EFFORT_LIMITS.max_rows))
     matrix = np.column_stack(columns)[rows]
     scales = np.linalg.norm(matrix, axis=0)
     matrix, target = matrix / np.where(scales > 0.0, scales, 1.0), target[rows]
@@ -125,7 +144,10 @@ class WeighedTurns:
     def beats(self, name: str, other: str) -> bool:
         """Whether a candidate is better than another one, in the whole and nearly everywhere."""
         won = int(np.sum(self.left[name] < self.left[other]))
-        return self.left_share(name) < MAX_LEFT_RATIO * self.left_share(other) and won >= MIN_WON_BLOCKS
+        return (
+            self.left_share(name) < EFFORT_LIMITS.max_left_ratio * self.left_share(other)
+            and won >= EFFORT_LIMITS.min_won_blocks
+        )
 
     def is_decided(self, others: Mapping[str, float] | None = None) -> bool:
         """Whether the best candidate is better than all `others`, and than none, and turns the joint far enough.
@@ -135,7 +157,10 @@ class WeighedTurns:
         compared = self.turns if others is None else others
         rivals = [other for other in compared if other != self.best]
         angle = 2.0 * math.pi * self.span / self.turns[self.best]
-        explains = self.left_share(self.best) <= 1.0 - MIN_EFFORT_SHARE and angle >= MIN_WEIGHED_ANGLE
+        explains = (
+            self.left_share(self.best) <= 1.0 - EFFORT_LIMITS.min_effort_share
+            and angle >= EFFORT_LIMITS.min_weighed_angle
+        )
         is_true_turn = self.best not in compared or self.left_share(self.best) < self.near
         return explains and is_true_turn and all(self.beats(self.best, other) for other in (*rivals, "none"))
 
@@ -150,7 +175,10 @@ def weigh_turns(effort: np.ndarray, motion: MotionSamples, turns: Mapping[str, f
     if len(left) < len(shares):
         return None
     best = min(turns, key=lambda name: float(np.sum(left[name])))
-    near = [_left_shares(effort, motion, turns[best] * factor) for factor in (NEAR_TURN, 1.0 / NEAR_TURN)]
+    near = [
+        _left_shares(effort, motion, turns[best] * factor)
+        for factor in (EFFORT_LIMITS.near_turn, 1.0 / EFFORT_LIMITS.near_turn)
+    ]
     least = min(float(np.sum(share)) for share in near if share is not None)
     return WeighedTurns(float(np.ptp(motion.recorded)), dict(turns), left, least)
 
@@ -160,37 +188,11 @@ def _left_shares(effort: np.ndarray, motion: MotionSamples, turn: float | None) 
     power, residuals = _residuals(effort, motion, None if turn is None else 2.0 * math.pi / turn)
     if power <= 0.0:
         return None
-    return np.array([float(part @ part) / power for part in np.array_split(residuals, WEIGHED_BLOCKS)])
+    return np.array([float(part @ part) / power for part in np.array_split(residuals, EFFORT_LIMITS.weighed_blocks)])
 
 
 def _usual(values: np.ndarray) -> float:
     return float(np.quantile(np.abs(values), 0.3)) or float(np.max(np.abs(values))) or 1.0
-
-
-MIN_FOLLOWING_CORRELATION = 0.9
-"""Two columns are a command and its measurement if they correlate at least so, at the best shift."""
-
-MAX_SCALE_ERROR = 0.5
-"""A measurement follows its command with a slope within this of 1; a saturated drive follows by less."""
-
-MAX_SHIFT_SHARE = 0.02
-"""The measurement may come later by at most this share of the recording."""
-
-MAX_STEPPED_SHARE = 0.15
-"""A column that changes in less than this share of its rows is stepped: a program set it."""
-
-
-MIN_LIMIT_ROWS = 4
-"""A channel rests at its limit if it stays there for so many rows."""
-
-MIN_LIMIT_RUNS = 3
-"""A largest number is a limit if a channel rests there at least so often."""
-
-MIN_LEVEL_ROWS = 20
-"""A column rests on a level if it does not change for so many rows."""
-
-MIN_LEVEL_SHARE = 0.15
-"""A program set a column that rests on levels other than 0 for at least this share of its rows."""
 
 
 @dataclass(frozen=True)
@@ -215,10 +217,10 @@ def find_command(a: tuple[str, np.ndarray], b: tuple[str, np.ndarray]) -> Follow
         return None
     stride = max(1, len(x) // 8_000)
     lag, correlation = _best_lag(x[::stride] - x.mean(), y[::stride] - y.mean())
-    if correlation < MIN_FOLLOWING_CORRELATION:
+    if correlation < EFFORT_LIMITS.min_following_correlation:
         return None
     slope = float(np.std(y) / np.std(x))
-    if not 1.0 - MAX_SCALE_ERROR <= slope <= 1.0 / (1.0 - MAX_SCALE_ERROR):
+    if not 1.0 - EFFORT_LIMITS.max_scale_error <= slope <= 1.0 / (1.0 - EFFORT_LIMITS.max_scale_error):
         return None
     rough_x, rough_y = roughness(x), roughness(y)
     if lag != 0:
@@ -245,7 +247,7 @@ def is_stepped(values: np.ndarray) -> bool:
     if len(known) < 20:
         return False
     changes = float(np.mean(np.diff(known) != 0.0))
-    return 0.0 < changes < MAX_STEPPED_SHARE
+    return 0.0 < changes < EFFORT_LIMITS.max_stepped_share
 
 
 def is_set_by_program(values: np.ndarray) -> bool:
@@ -255,10 +257,10 @@ def is_set_by_program(values: np.ndarray) -> bool:
     if len(edges) < 2:
         return False
     starts, ends = np.concatenate(([0], edges + 1)), np.concatenate((edges + 1, [len(known)]))
-    long = ends - starts >= MIN_LEVEL_ROWS
+    long = ends - starts >= EFFORT_LIMITS.min_level_rows
     levels = np.unique(known[starts[long]])
     resting = float(np.sum((ends - starts)[long & (known[starts] != 0.0)]))
-    return len(levels) >= 2 and resting > MIN_LEVEL_SHARE * len(known)
+    return len(levels) >= 2 and resting > EFFORT_LIMITS.min_level_share * len(known)
 
 
 def find_resting_limit(recordings: Sequence[np.ndarray]) -> float | None:
@@ -273,13 +275,13 @@ def find_resting_limit(recordings: Sequence[np.ndarray]) -> float | None:
     for values in recordings:
         at = np.abs(np.abs(values) - largest) <= 1e-9 * largest
         edges = np.flatnonzero(np.diff(np.concatenate(([False], at, [False])).astype(int)))
-        runs += int(np.sum(edges[1::2] - edges[::2] >= MIN_LIMIT_ROWS))
-    return largest if runs >= MIN_LIMIT_RUNS else None
+        runs += int(np.sum(edges[1::2] - edges[::2] >= EFFORT_LIMITS.min_limit_rows))
+    return largest if runs >= EFFORT_LIMITS.min_limit_runs else None
 
 
 def _best_lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:
     """Return by how many rows `y` is later than `x`, and the correlation there."""
-    reach = max(1, int(MAX_SHIFT_SHARE * len(x)))
+    reach = max(1, int(EFFORT_LIMITS.max_shift_share * len(x)))
     size = 2 ** int(np.ceil(np.log2(2 * len(x))))
     product = np.fft.irfft(np.conj(np.fft.rfft(x, size)) * np.fft.rfft(y, size), size)
     around = np.concatenate((product[-reach:], product[: reach + 1]))

@@ -13,34 +13,35 @@ from ...numerics.filters import zero_phase_lowpass
 from ...numerics.motion import Filtering, shortest
 from .angle_units import find_quantum
 
-FLOOR_MARGIN = 4.0
-"""The acceleration's spectrum ends where it has fallen to this many times its floor."""
 
-MIN_RATE_OVER_LOWPASS = 6.0
-"""After decimation the rate is at least this many times the low-pass."""
+@dataclass(frozen=True)
+class ProcessingLimits:
+    """How the processing of a new study is chosen."""
 
-MAX_LOWPASS_SHARE = 0.2
-"""The low-pass is at most this share of the sampling rate."""
+    # The acceleration's spectrum ends where it has fallen to this many times its floor.
+    floor_margin: float = 4.0
+    # After decimation the rate is at least this many times the low-pass.
+    min_rate_over_lowpass: float = 6.0
+    # The low-pass is at most this share of the sampling rate.
+    max_lowpass_share: float = 0.2
+    # The dead band is at least this share of the largest speed, where friction takes a sign for certain.
+    dead_band_share: float = 0.02
+    # The spectrum is computed over losses of up to so many sampling periods, by interpolation. A longer loss can
+    # hide motion within reach of a low-pass of a twentieth of the sampling rate, and parts the samples. Chosen by
+    # judgement.
+    max_bridged_periods: int = 10
+    # A spectrum is computed between long losses only if one stretch has so many samples.
+    min_spectrum_samples: int = 64
+    # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
+    # is lowered, so that longer losses are bridged, until it is reached. Chosen by judgement.
+    min_kept_share: float = 0.8
+    # Periods of the low-pass that are left out at each border, where the filter has not settled.
+    trim_lowpass_periods: float = 0.5
+    # Fewest samples that are left out at each border.
+    min_trim_samples: int = 20
 
-DEAD_BAND_SHARE = 0.02
-"""The dead band is at least this share of the largest speed, where friction takes a sign for certain."""
 
-MAX_BRIDGED_PERIODS = 10
-"""The spectrum is computed over losses of up to so many sampling periods, by interpolation. A longer loss can hide
-motion within reach of a low-pass of a twentieth of the sampling rate, and parts the samples. Chosen by judgement."""
-
-MIN_SPECTRUM_SAMPLES = 64
-"""A spectrum is computed between long losses only if one stretch has so many samples."""
-
-MIN_KEPT_SHARE = 0.8
-"""Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass is
-lowered, so that longer losses are bridged, until it is reached. Chosen by judgement."""
-
-TRIM_LOWPASS_PERIODS = 0.5
-"""Periods of the low-pass that are left out at each border, where the filter has not settled."""
-
-MIN_TRIM_SAMPLES = 20
-"""Fewest samples that are left out at each border."""
+PROCESSING_LIMITS = ProcessingLimits()
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np
     long = steps > MIN_GAP_STEP_RATIO
     if steps.min() <= 0.0 or not long.any() or np.quantile(np.abs(steps - periods)[~long], 0.99) > MAX_EVEN_JITTER:
         return None
-    short = long & (periods <= MAX_BRIDGED_PERIODS)
+    short = long & (periods <= PROCESSING_LIMITS.max_bridged_periods)
     if short.any() and np.quantile(np.abs(steps - periods)[short], 0.9) > MAX_EVEN_JITTER:
         return None
     moved = np.diff(position)
@@ -104,14 +105,16 @@ def choose_processing(position: np.ndarray, rate: float, periods: np.ndarray | N
     smooth = _smoothed(acceleration)
     peak = int(np.argmax(smooth * (frequency < 0.25 * rate) / (1.0 + frequency) ** 4))
     lowest = peak + int(np.argmin(smooth[peak:])) if peak < len(smooth) - 2 else peak
-    above = smooth[peak : lowest + 1] > FLOOR_MARGIN * smooth[lowest]
+    above = smooth[peak : lowest + 1] > PROCESSING_LIMITS.floor_margin * smooth[lowest]
     end = peak + int(np.flatnonzero(above)[-1]) + 1 if above.any() else lowest
     cut = float(frequency[min(end, len(frequency) - 1)])
-    lowpass = _rounded(min(max(cut, 4.0 * float(frequency[peak])), MAX_LOWPASS_SHARE * rate))
+    lowpass = _rounded(min(max(cut, 4.0 * float(frequency[peak])), PROCESSING_LIMITS.max_lowpass_share * rate))
     speed = np.concatenate([np.abs(np.gradient(zero_phase_lowpass(part, lowpass, 4, rate))) * rate for part in parts])
     quantum = find_quantum(known) or 0.0
     # A quantum that passes the filter once is a speed of about quantum times the cut-off.
-    dead_band = _rounded(max(DEAD_BAND_SHARE * float(np.quantile(speed, 0.99)), 2.0 * quantum * lowpass))
+    dead_band = _rounded(
+        max(PROCESSING_LIMITS.dead_band_share * float(np.quantile(speed, 0.99)), 2.0 * quantum * lowpass)
+    )
     why = (
         f"the acceleration's spectrum falls to its floor at {cut:.3g} Hz; above it, quanta and noise of the position "
         "outweigh motion"
@@ -130,12 +133,14 @@ def bridge_losses(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: 
     frequent.
     """
     tried = [choice.lowpass]
-    for lost in range(2, MAX_BRIDGED_PERIODS + 1):
+    for lost in range(2, PROCESSING_LIMITS.max_bridged_periods + 1):
         lowpass = _rounded(BRIDGED_LOWPASS_PERIODS * rate / (lost + 0.5))
         if 4.0 * choice.peak <= lowpass < choice.lowpass:
             tried.append(lowpass)
     shares = [_kept_share(tables, lowpass, rate) for lowpass in tried]
-    best = next((i for i, share in enumerate(shares) if share >= MIN_KEPT_SHARE), int(np.argmax(shares)))
+    best = next(
+        (i for i, share in enumerate(shares) if share >= PROCESSING_LIMITS.min_kept_share), int(np.argmax(shares))
+    )
     lowpass = tried[best]
     if not any(np.any((p > 1.0) & (p <= _bridged_periods(lowpass, rate))) for p in tables):
         return choice
@@ -165,11 +170,11 @@ def _bridged_periods(lowpass: float, rate: float) -> float:
 
 
 def _decimation(lowpass: float, rate: float) -> int:
-    return max(1, int(rate / (MIN_RATE_OVER_LOWPASS * lowpass)))
+    return max(1, int(rate / (PROCESSING_LIMITS.min_rate_over_lowpass * lowpass)))
 
 
 def _trim(lowpass: float, rate: float) -> int:
-    return max(MIN_TRIM_SAMPLES, round(TRIM_LOWPASS_PERIODS * rate / lowpass))
+    return max(PROCESSING_LIMITS.min_trim_samples, round(PROCESSING_LIMITS.trim_lowpass_periods * rate / lowpass))
 
 
 def _even_parts(position: np.ndarray, periods: np.ndarray) -> list[np.ndarray]:
@@ -178,11 +183,11 @@ def _even_parts(position: np.ndarray, periods: np.ndarray) -> list[np.ndarray]:
     finite = np.isfinite(position)
     row, known = row[finite], position[finite]
     parts = []
-    for part in np.split(np.arange(len(row)), 1 + np.flatnonzero(np.diff(row) > MAX_BRIDGED_PERIODS)):
+    for part in np.split(np.arange(len(row)), 1 + np.flatnonzero(np.diff(row) > PROCESSING_LIMITS.max_bridged_periods)):
         if len(part) >= 4:
             grid = np.arange(row[part[0]], row[part[-1]] + 1.0)
             parts.append(CubicSpline(row[part], known[part])(grid))
-    return parts if max(map(len, parts), default=0) >= MIN_SPECTRUM_SAMPLES else [known]
+    return parts if max(map(len, parts), default=0) >= PROCESSING_LIMITS.min_spectrum_samples else [known]
 
 
 def _smoothed(power: np.ndarray) -> np.ndarray:

@@ -176,7 +176,6 @@ SCORED_ANGLES = ("offline", "causal", "aligned", "unaligned", "gyroscopes")
 calibration's rates, ``unaligned`` assumes no delay, and ``gyroscopes`` integrates rates alone.
 """
 
-
 @dataclass(frozen=True, eq=False)
 class HingeTrial:
     """One recording of a hinge."""
