@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .recording import Recording
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,35 @@ class Fault:
     found: str
     expected: str
     message: str
+
+
+def fault_of(
+    recording: Recording,
+    severity: str,
+    kind: str,
+    channel: str,
+    *,
+    found: str,
+    expected: str,
+    end: str = "",
+    of_channel: bool = True,
+) -> Fault:
+    """Return a fault of a recording; its message says where, what was `found`, and at its `end` what was expected.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recording, or stream of one, with the fault.
+    severity, kind, channel, found, expected : str
+        Attributes of the fault.
+    end : str
+        End of the message after the comma; "" for what was expected.
+    of_channel : bool
+        Whether the message names the channel.
+    """
+    where = f"{recording.path.name} (recording {recording.name})" + f", channel {channel}" * of_channel
+    message = f"{where}: found {found}, {end or f'expected {expected}'}"
+    return Fault(severity, kind, recording.path.name, channel, found, expected, message)
 
 
 def warn_if_held_out(fault: Fault, use: str) -> Fault:

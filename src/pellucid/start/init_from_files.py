@@ -20,7 +20,7 @@ from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
 from .missing_parts import missing_part
 from .proposal_page import proposal_page
-from .propose_study import Proposal, propose_study, require_agreeing_units, require_known_units
+from .propose_study import Proposal, propose_study, require_agreeing_units, require_known_units, shared_folders
 from .questions import Question
 from .study_text import study_text
 
@@ -182,10 +182,6 @@ def _write(folder: Path, proposal: Proposal, given: GivenFiles) -> None:
 
 def _places(paths: Iterable[Path]) -> dict[Path, str]:
     """Return where each file stands in the folder of recordings: below the folders that not all files share."""
-    paths = list(paths)
-    parts = [path.absolute().parent.parts for path in paths]
-    shared = 0
-    while parts and all(len(p) > shared for p in parts) and len({p[shared] for p in parts}) == 1:
-        shared += 1
-    places = {path: "/".join((*own[shared:], path.name)) for path, own in zip(paths, parts, strict=True)}
-    return places
+    whole = {path: path.absolute() for path in paths}
+    shared = shared_folders(list(whole.values()))
+    return {path: "/".join(place.parts[shared:]) for path, place in whole.items()}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,13 @@ from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL
 from ..files.stated_units import unit_from_text
+from ..study.drive_channel import DRIVE_CHANNELS
 from ..study.study_file import channel_unit, rig_units
-from ..units import to_si_factor
+from ..units import parse_quantity, to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS
-from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole, TableHints, TableRoles, assign_roles
+from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.clocks import UNIT_SECONDS
 from .inference.derivatives import DERIVATIVE_LIMITS, UNIT_RATIOS, RepeatedMotion, find_repeated_motion
 from .inference.emg_spectrum import swings_fast
@@ -80,6 +82,18 @@ class Layout:
         """Roles of the columns that become channels."""
         return tuple(role for role in self.roles.roles if role.quantity is not None)
 
+    def with_each(self, change: Callable[[ColumnRole], ColumnRole]) -> Layout:
+        """Return the layout with every role changed."""
+        return replace(self, roles=replace(self.roles, roles=tuple(map(change, self.roles.roles))))
+
+    def with_changes(self, is_meant: Callable[[ColumnRole], bool], **changes: object) -> Layout:
+        """Return the layout with `changes` of the roles that are meant."""
+        return self.with_each(lambda role: replace(role, **changes) if is_meant(role) else role)
+
+    def column_in(self, table: GivenTable, column: str) -> str:
+        """Return the name that another table of the layout has for a column of the first one."""
+        return list(table.columns)[list(self.tables[0].columns).index(column)]
+
 
 @dataclass(frozen=True, eq=False)
 class ProposedRecording:
@@ -93,9 +107,7 @@ class ProposedRecording:
     participant: str | None = None
     condition: str | None = None
     protocol: str | None = None
-    columns: Mapping[str, str] = field(
-        default_factory=dict
-    )  # columns of channels that differ from the first recording's
+    columns: Mapping[str, str] = field(default_factory=dict)  # columns that differ from the first recording's
     extras: tuple[ColumnRole, ...] = ()  # channels that this recording alone has
     why: str = ""  # reason for its use or window
 
@@ -262,14 +274,13 @@ def _key_of_unit(role: ColumnRole) -> str:
 
 def _without_idle_unknowns(layout: Layout, drive: str | None) -> Layout:
     """Return a layout without efforts that drive nothing and whose stated unit is not known."""
-    used = {"torque": ("torque", "force"), "voltage": ("voltage", "duty")}.get(drive or "", (drive,))
-    roles = tuple(
-        replace(role, quantity=None, why=role.unit_why)
-        if role.unknown_unit and role.quantity in DRIVE_QUANTITIES and role.quantity not in used
-        else role
-        for role in layout.roles.roles
-    )
-    return replace(layout, roles=replace(layout.roles, roles=roles))
+    used = DRIVE_CHANNELS.get(drive or "", ())
+
+    def known(role: ColumnRole) -> ColumnRole:
+        is_idle = role.quantity in DRIVE_QUANTITIES and role.quantity not in used
+        return replace(role, quantity=None, why=role.unit_why) if role.unknown_unit and is_idle else role
+
+    return layout.with_each(known)
 
 
 def _locked_spring(main: Layout, drive: str | None) -> LockedSpring | None:
@@ -478,9 +489,14 @@ def _named_plainly(layout: Layout, main: Layout) -> Layout:
         bare = read_name(role.column).bare
         if role.quantity != "position" or role.label or not bare[:1].isalpha():
             return role
-        return replace(role, quantity=re.sub(r"[^a-z0-9]+", "_", bare.casefold()).strip("_"))
+        return replace(role, quantity=_own_quantity(role))
 
-    return replace(layout, roles=replace(layout.roles, roles=tuple(map(plain, layout.roles.roles))))
+    return layout.with_each(plain)
+
+
+def _own_quantity(role: ColumnRole) -> str:
+    """Return the name of a column as the first part of a channel's name; "" if it has no letter or digit."""
+    return re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_")
 
 
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
@@ -496,11 +512,7 @@ def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
         return ()
     found = assign_roles(dict(table.columns), TableHints(units=table.units, angle_unit=table.angle_unit)).roles
     return tuple(
-        replace(
-            role,
-            quantity=re.sub(r"[^a-z0-9]+", "_", read_name(role.column).bare.casefold()).strip("_") or "extra",
-            label="",
-        )
+        replace(role, quantity=_own_quantity(role) or "extra", label="")
         for role in found
         if role.column in more and role.quantity is not None
     )
@@ -548,11 +560,9 @@ def _duration(layout: Layout) -> float:
     """Return the duration of a layout's first table by its own clock [s], 0 if nothing tells it."""
     clock, rate, table = layout.roles.clock, layout.roles.rate, layout.tables[0]
     if clock.column is not None and clock.column in table.columns:
-        return (
-            float(np.nanmax(table.columns[clock.column]) - np.nanmin(table.columns[clock.column]))
-            * UNIT_SECONDS[clock.unit]
-        )
-    return layout.tables[0].rows / rate if rate else 0.0
+        time = table.columns[clock.column]
+        return float(np.nanmax(time) - np.nanmin(time)) * UNIT_SECONDS[clock.unit]
+    return table.rows / rate if rate else 0.0
 
 
 def _share_rows_or_time(layout: Layout, main: Layout) -> bool:
@@ -577,13 +587,14 @@ def _stream_name(layout: Layout, taken: set[str], person: bool) -> str:
 
 def _recording_names(tables: Sequence[GivenTable]) -> dict[int, str]:
     """Return a name for each table, by what its path has that others lack."""
-    stems = [re.sub(r"[^A-Za-z0-9_.-]+", "_", table.path.stem).strip("_.") or "recording" for table in tables]
+    unsafe = re.compile(r"[^A-Za-z0-9_.-]+")
+    stems = [unsafe.sub("_", table.path.stem).strip("_.") or "recording" for table in tables]
     if len(set(stems)) < len(stems):
-        stems = [
-            f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', _distinct_parents(table, tables))}_{stem}".strip("_")
-            for table, stem in zip(tables, stems, strict=True)
-        ]
-    names = [f"{s}_{_safe(t.key)}" if t.key else s for t, s in zip(tables, stems, strict=True)]
+        shared = shared_folders([table.path for table in tables])
+        folders = [unsafe.sub("_", "_".join(table.path.parent.parts[shared:])) for table in tables]
+        stems = [f"{folder}_{stem}".strip("_") for folder, stem in zip(folders, stems, strict=True)]
+    keys = [re.sub(r"[^A-Za-z0-9_-]+", "_", table.key).strip("_") if table.key else None for table in tables]
+    names = [stem if key is None else f"{stem}_{key}" for stem, key in zip(stems, keys, strict=True)]
     made: dict[int, str] = {}
     for i, (table, name) in enumerate(zip(tables, names, strict=True)):
         own = name if names.count(name) == 1 else f"{name}_{i + 1}"
@@ -591,17 +602,10 @@ def _recording_names(tables: Sequence[GivenTable]) -> dict[int, str]:
     return made
 
 
-def _safe(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")
-
-
-def _distinct_parents(table: GivenTable, tables: Sequence[GivenTable]) -> str:
-    """Return the folders of a path that not all paths share."""
-    parts = [t.path.parent.parts for t in tables]
-    shared = 0
-    while all(len(p) > shared for p in parts) and len({p[shared] for p in parts}) == 1:
-        shared += 1
-    return "_".join(table.path.parent.parts[shared:])
+def shared_folders(paths: Sequence[Path]) -> int:
+    """Return how many of the folders from the root on all paths share."""
+    levels = zip(*(path.parent.parts for path in paths), strict=False)
+    return sum(1 for _ in takewhile(lambda level: len(set(level)) == 1, levels))
 
 
 _PARTICIPANT_CODE = re.compile(
@@ -655,8 +659,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     if n < 200 or rate is None:
         return [recording]
     if clock.column is not None:
-        times = list(_own_names(recording.table, main.tables[0]).items())
-        values = dict(times)[clock.column] * UNIT_SECONDS[clock.unit]
+        values = _own_names(recording.table, main.tables[0])[clock.column] * UNIT_SECONDS[clock.unit]
         known = values[np.isfinite(values)]
         begin, end = float(known[min(clock.first_sound, len(known) - 1)]), float(known[-1])
     else:
@@ -681,15 +684,18 @@ def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
     order = ("torque", "force", "current", "duty", "voltage")
     # A measured effort that is certain comes before one that a name only suggests.
     best = min(roles, key=lambda r: (not r.is_certain, not r.unit_is_certain, order.index(r.quantity or "torque")))
-    return {"force": "torque", "duty": "voltage"}.get(best.quantity or "", best.quantity)
+    return _drive_of(best.quantity)
+
+
+def _drive_of(effort: str | None) -> str | None:
+    """Return the kind of a drive by its effort."""
+    return next((kind for kind, efforts in DRIVE_CHANNELS.items() if effort in efforts), None)
 
 
 def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, ColumnRole] | None:
-    names = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}.get(
-        drive or "", ()
-    )
-    found = [(layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command]
-    return found[0] if found else None
+    names = DRIVE_CHANNELS.get(drive or "", ())
+    found = ((layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command)
+    return next(found, None)
 
 
 def duty_without_supply(
@@ -737,9 +743,9 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     if found is None or not positions or main.roles.rate is None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
-    n = table.rows
-    motion = motion_samples(table.columns[role.column][: min(n, 200_000)], np.arange(min(n, 200_000)) / main.roles.rate)
-    effort = _decoded(table, found[1])[: min(n, 200_000)]
+    n = min(table.rows, ROLE_LIMITS.max_analysed_rows)
+    motion = motion_samples(table.columns[role.column][:n], np.arange(n) / main.roles.rate)
+    effort = _decoded(table, found[1])[:n]
     turn = FULL_TURNS.get(role.unit)
     weighed = weigh_turns(effort, motion, {role.unit: turn}) if turn is not None else None
     if weighed is None:
@@ -761,14 +767,14 @@ def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
 def _in_metres(main: Layout) -> Layout:
     """Return a layout in which positions whose unit is a guess are in metres, since the joint seems to slide."""
     units = {"rad": "m", "rad/s": "m/s", "rad/s^2": "m/s^2", "deg": "m"}
-    roles = tuple(
-        replace(r, unit=units[r.unit], unit_why="little travel, and no weight: it seems to slide")
-        if r.quantity in ("position", "reference", "velocity", "acceleration", "desired_velocity")
-        and not r.unit_is_certain and r.unit in units
-        else r
-        for r in main.roles.roles
-    )  # fmt: skip
-    return replace(main, roles=replace(main.roles, roles=roles))
+    moving = ("position", "reference", "velocity", "acceleration", "desired_velocity")
+
+    def slid(role: ColumnRole) -> ColumnRole:
+        if role.quantity not in moving or role.unit_is_certain or role.unit not in units:
+            return role
+        return replace(role, unit=units[role.unit], unit_why="little travel, and no weight: it seems to slide")
+
+    return main.with_each(slid)
 
 
 def _with_full_duty(main: Layout) -> Layout:
@@ -783,7 +789,7 @@ def _with_full_duty(main: Layout) -> Layout:
             replace(role, keys={**role.keys, "scale": 1.0 / full}) if largest > PROPOSAL_LIMITS.max_duty_share else role
         )
 
-    return replace(main, roles=replace(main.roles, roles=tuple(map(guessed, main.roles.roles))))
+    return main.with_each(guessed)
 
 
 def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
@@ -792,23 +798,16 @@ def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | Non
     if found is None or len(main.roles.joints) > 1:
         return main, None
     role = found[1]
-    recordings = [
-        _decoded(t, replace(role, column=list(t.columns)[list(main.tables[0].columns).index(role.column)]))
-        for t in _alike_tables(main)
-    ]
+    recordings = _decoded_alike(main, role)
     limit = find_resting_limit(recordings)
     if limit is None or not _is_drives_limit(main, role, recordings):
         return main, None
     said = f'"{role.column}" rests at {limit:.6g} again and again'
-    if role.quantity != "duty":
+    if role.quantity != "duty" or "scale" not in role.keys:
         return main, FileFact(limit, role.unit, said)
-    if "scale" not in role.keys:
-        return main, FileFact(limit, role.unit, said)
-    why = f"{said}: it is taken for 100 %"
-    roles = tuple(
-        replace(r, keys={**r.keys, "scale": 1.0 / limit}, unit_why=why) if r is role else r for r in main.roles.roles
-    )
-    return replace(main, roles=replace(main.roles, roles=roles)), FileFact(100.0, "%", said)
+    scaled = {**role.keys, "scale": 1.0 / limit}
+    main = main.with_changes(lambda r: r is role, keys=scaled, unit_why=f"{said}: it is taken for 100 %")
+    return main, FileFact(100.0, "%", said)
 
 
 def _is_drives_limit(main: Layout, role: ColumnRole, efforts: Sequence[np.ndarray]) -> bool:
@@ -823,37 +822,34 @@ def _is_drives_limit(main: Layout, role: ColumnRole, efforts: Sequence[np.ndarra
     if position is None or rate is None:
         return not is_measured
     factor = to_si_factor(position.unit, None)[0] if position.unit != "counts" else 1.0
-    pairs = [
-        (effort, [factor * _decoded(table, replace(position, column=own))])
-        for effort, table in zip(efforts, _alike_tables(main), strict=True)
-        for own in [list(table.columns)[list(main.tables[0].columns).index(position.column)]]
-    ]
+    motions = ([factor * x] for x in _decoded_alike(main, position))
+    pairs = list(zip(efforts, motions, strict=True))
     if any(sensor_ends(effort, motion, rate) for effort, motion in pairs):
         return False
     return not is_measured or any(agrees_at_limit(effort, motion, rate) for effort, motion in pairs)
 
 
-def _alike_tables(main: Layout) -> list[GivenTable]:
-    return [t for t in main.tables if len(t.columns) == len(main.tables[0].columns)]
+def _decoded_alike(main: Layout, role: ColumnRole) -> list[np.ndarray]:
+    """Return the numbers of a role in each table that has as many columns as the first one."""
+    alike = [t for t in main.tables if len(t.columns) == len(main.tables[0].columns)]
+    return [_decoded(t, replace(role, column=main.column_in(t, role.column))) for t in alike]
 
 
 def _with_torque(main: Layout) -> Layout:
     """Return a layout in which a force without a unit is a torque, since the joint turns: a load cell stands on a
     lever."""
-    if not _measures_angle(main):
+    if not _measures_angle(main) or any(r.quantity == "torque" for r in main.channels):
         return main
-    if any(r.quantity == "torque" for r in main.channels):
-        return main
-    roles = tuple(
-        replace(
-            r, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="nothing states a unit", is_certain=False,
-            why=f"{r.why}, and of a joint that turns it is a torque",
-        )
-        if r.quantity == "force" and not r.unit_is_certain
-        else r
-        for r in main.roles.roles
-    )  # fmt: skip
-    return replace(main, roles=replace(main.roles, roles=roles))
+
+    def turned(role: ColumnRole) -> ColumnRole:
+        if role.quantity != "force" or role.unit_is_certain:
+            return role
+        return replace(
+            role, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="nothing states a unit",
+            is_certain=False, why=f"{role.why}, and of a joint that turns it is a torque",
+        )  # fmt: skip
+
+    return main.with_each(turned)
 
 
 def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str | None) -> RepeatedMotion | None:
@@ -867,18 +863,10 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     largest = max(efforts, key=lambda r: float(np.std(_decoded(main.tables[0], r))))
     position = next((r for r in positions if r.label == largest.label), positions[0])
     whole = [r for r in recordings if r.window is None][:12]
-    for i, a in enumerate(whole):
-        for b in whole[i + 1 :]:
-            first, second = (_motion_and_effort(r, main, position, largest) for r in (a, b))
-            found = find_repeated_motion(first, second)
-            if found is not None:
-                return found
-    return None
-
-
-def _motion_and_effort(recording, main: Layout, position: ColumnRole, effort: ColumnRole):
-    own = _own_names(recording.table, main.tables[0])
-    return recording.name, own[position.column], own[effort.column]
+    own = [(r.name, _own_names(r.table, main.tables[0])) for r in whole]
+    samples = [(name, table[position.column], table[largest.column]) for name, table in own]
+    found = (find_repeated_motion(first, second) for first, second in combinations(samples, 2))
+    return next((each for each in found if each is not None), None)
 
 
 def _questions(main, streams, recordings, drive, facts, person, repeated, gravity):
@@ -1024,9 +1012,8 @@ def _worn_evidence(layouts: Sequence[Layout], recordings: Sequence[ProposedRecor
 def _apply(answers, main, streams, drive, motion, gravity, facts):
     """Return the proposal's parts with the answers in them."""
     if "rate" in answers:
-        rate = _quantity(answers["rate"], "Hz", "rate")
-        main = replace(main, roles=replace(main.roles, rate=main.roles.rate or rate))
-        streams = [replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in streams]
+        rate = parse_quantity(answers["rate"], "Hz", "rate")
+        main, *streams = (replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in (main, *streams))
     if "effort" in answers:
         quantity, _, unit = answers["effort"].partition(" in ")
         if quantity not in DRIVE_QUANTITIES or not unit:
@@ -1038,46 +1025,36 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
             def is_meant(role: ColumnRole) -> bool:
                 return role.quantity == old and (role is found[1] or role.is_guess)
 
-            main = _with_roles(main, is_meant, quantity=quantity, unit=unit, said=SAID_BY_LAB)
-            streams = [_with_roles(s, is_meant, quantity=quantity, unit=unit, said=SAID_BY_LAB) for s in streams]
-            drive = {"force": "torque", "duty": "voltage"}.get(quantity, quantity)
+            said = {"quantity": quantity, "is_certain": True, **_said_unit(unit)}
+            main, *streams = (layout.with_changes(is_meant, **said) for layout in (main, *streams))
+            drive = _drive_of(quantity)
     if "position_unit" in answers:
         unit = _position_answer(answers["position_unit"])
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
-        main = _with_roles(
-            main, lambda r: r.quantity in ("position", "reference", "angle") and not r.unit_is_certain, unit=unit,
-            said=SAID_BY_LAB,
-        )  # fmt: skip
+        places = ("position", "reference", "angle")
+        main = main.with_changes(lambda r: r.quantity in places and not r.unit_is_certain, **_said_unit(unit))
         main = _with_speeds_of(main, unit)
     if "full_duty" in answers:
-        scale = 1.0 / _quantity(answers["full_duty"], "1", "full_duty")
-        roles = tuple(
-            replace(r, keys={**r.keys, "scale": scale}, unit_is_certain=True) if r.quantity == "duty" else r
-            for r in main.roles.roles
-        )
-        main = replace(main, roles=replace(main.roles, roles=roles))
+        scale = 1.0 / parse_quantity(answers["full_duty"], "1", "full_duty")
+        main = main.with_each(lambda r: _with_known_key(r, "scale", scale) if r.quantity == "duty" else r)
     if answers.get("supply_voltage", "unknown") != "unknown":
-        facts["supply"] = FileFact(_quantity(answers["supply_voltage"], "V", "supply_voltage"), "V", SAID_BY_LAB)
+        facts["supply"] = FileFact(parse_quantity(answers["supply_voltage"], "V", "supply_voltage"), "V", SAID_BY_LAB)
     if "counts_per_turn" in answers:
-        count = round(_quantity(answers["counts_per_turn"], "1", "counts_per_turn"))
-        roles = tuple(
-            replace(r, keys={**r.keys, "counts_per_turn": count}, unit_is_certain=True) if r.unit == "counts" else r
-            for r in main.roles.roles
-        )
-        main = replace(main, roles=replace(main.roles, roles=roles))
+        count = round(parse_quantity(answers["counts_per_turn"], "1", "counts_per_turn"))
+        main = main.with_each(lambda r: _with_known_key(r, "counts_per_turn", count) if r.unit == "counts" else r)
     if "emg_unit" in answers:
 
         def is_open(role: ColumnRole) -> bool:
             return role.quantity == "emg" and not role.unit_is_certain
 
-        main = _with_roles(main, is_open, unit=answers["emg_unit"], said=SAID_BY_LAB)
-        streams = [_with_roles(s, is_open, unit=answers["emg_unit"], said=SAID_BY_LAB) for s in streams]
+        said = _said_unit(answers["emg_unit"])
+        main, *streams = (layout.with_changes(is_open, **said) for layout in (main, *streams))
     if answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
         key = "torque_constant" if motion == "rotary" else "force_constant"
         si = expected[0] if drive == "current" else expected[1]
-        facts[key] = FileFact(_quantity(answers["drive_constant"], si, "drive_constant"), si, SAID_BY_LAB)
+        facts[key] = FileFact(parse_quantity(answers["drive_constant"], si, "drive_constant"), si, SAID_BY_LAB)
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts
@@ -1099,13 +1076,14 @@ def _with_speeds_of(layout: Layout, unit: str) -> Layout:
         fitting = [(abs(abs(pair.ratio) / ratios[of, by] - 1.0), by) for of, by in pair.units if of == unit]
         if fitting:
             units[pair.by] = min(fitting)[1]
-    roles = tuple(
-        replace(r, unit=units.get(r.column, f"{unit}/s"), unit_why="as the position, per second", unit_is_certain=True)
-        if r.quantity in ("velocity", "desired_velocity") and not r.unit_is_certain
-        else r
-        for r in layout.roles.roles
-    )
-    return replace(layout, roles=replace(layout.roles, roles=roles))
+
+    def timed(role: ColumnRole) -> ColumnRole:
+        if role.quantity not in ("velocity", "desired_velocity") or role.unit_is_certain:
+            return role
+        own = units.get(role.column, f"{unit}/s")
+        return replace(role, unit=own, unit_why="as the position, per second", unit_is_certain=True)
+
+    return layout.with_each(timed)
 
 
 def has_open_counts(role: ColumnRole) -> bool:
@@ -1113,29 +1091,18 @@ def has_open_counts(role: ColumnRole) -> bool:
     return role.unit == "counts" and ("counts_per_turn" not in role.keys or not role.unit_is_certain)
 
 
-def _with_roles(layout: Layout, chosen, *, quantity: str | None = None, unit: str | None = None, said: str) -> Layout:
-    roles = tuple(
-        replace(
-            r, quantity=quantity or r.quantity, unit=unit or r.unit, unit_why=said, unit_is_certain=True,
-            is_certain=r.is_certain or quantity is not None, unknown_unit="" if unit else r.unknown_unit,
-        )
-        if chosen(r)
-        else r
-        for r in layout.roles.roles
-    )  # fmt: skip
-    return replace(layout, roles=replace(layout.roles, roles=roles))
+def _said_unit(unit: str) -> dict[str, object]:
+    """Return what changes in a role whose unit the lab said."""
+    return {"unit": unit, "unit_why": SAID_BY_LAB, "unit_is_certain": True, "unknown_unit": ""}
 
 
-def _quantity(text: str, si: str, where: str) -> float:
-    from ..units import parse_quantity
-
-    return parse_quantity(text, si, where)
+def _with_known_key(role: ColumnRole, key: str, value: float) -> ColumnRole:
+    return replace(role, keys={**role.keys, key: value}, unit_is_certain=True)
 
 
 def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
     """Return the processing of the main position; several joints share the highest low-pass."""
-    positions = [r for r in main.channels if r.quantity in ("position", "motor_position")]
-    rate = main.roles.rate
+    positions, rate = [r for r in main.channels if r.quantity in ("position", "motor_position")], main.roles.rate
     if drive is None or not positions or rate is None or main.tables[0].rows < 200:
         return None
     first = main.roles.clock.first_sound
@@ -1149,9 +1116,8 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
 def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: int) -> np.ndarray | None:
     """Return how many sampling periods each step of a table's clock lasts; None unless it loses samples."""
     clock = main.roles.clock
-    if clock.column is None or any(name not in table.columns for name in (clock.column, position.column)):
-        return None
-    if main.roles.rate is None:
+    unknown = clock.column is None or main.roles.rate is None
+    if unknown or any(name not in table.columns for name in (clock.column, position.column)):
         return None
     time = np.asarray(table.columns[clock.column], float)[first:] * UNIT_SECONDS[clock.unit]
     return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)

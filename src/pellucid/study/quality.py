@@ -15,7 +15,7 @@ from ..files.defects import clipped, limited, sensor_range
 from ..files.defects.magnitude import find_implausible, has_constant_speeds, is_tumbling
 from ..files.defects.watched import WatchedRecording
 from ..files.delay import SHIFTED_KIND
-from ..files.fault import Fault
+from ..files.fault import Fault, fault_of
 from ..files.optical_faults import find_optical_faults
 from ..files.pieces import breaking_cuts, pieces_between_cuts
 from ..files.recording import Recording
@@ -61,9 +61,7 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
     faults = cut_faults(recording)
 
     def add(severity: str, kind: str, channel: str, *, found: str, expected: str) -> None:
-        where = f"{recording.path.name} (recording {recording.name}), channel {channel}"
-        message = f"{where}: found {found}, expected {expected}"
-        faults.append(Fault(severity, kind, recording.path.name, channel, found, expected, message))
+        faults.append(fault_of(recording, severity, kind, channel, found=found, expected=expected))
 
     for joint in study.rig.joints:
         _check_channels(recording, joint, f".{joint.joint}" if len(study.rig.joints) > 1 else "", add)
@@ -91,8 +89,7 @@ def cut_faults(recording: Recording) -> list[Fault]:
     for part in (recording, *recording.streams.values()):
         for cut in (c for c in part.cuts if c.kind != SHIFTED_KIND):
             found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
-            message = f"{part.path.name} (recording {part.name}), channel {cut.channel}: found {found}, cut out"
-            faults.append(Fault("cut", cut.kind, part.path.name, cut.channel, found, "none", message))
+            faults.append(fault_of(part, "cut", cut.kind, cut.channel, found=found, expected="none", end="cut out"))
     return faults
 
 
@@ -112,9 +109,7 @@ def sensor_range_faults(recording: Recording, study: Study) -> list[Fault]:
         is_kept = drive in watched.accepted
         done = f'they are fitted because of clip = "accept" for {drive}' if is_kept else "they are left out of the fit"
         wanted = f"a sensor with a larger range; {done}"
-        where = f"{recording.path.name} (recording {recording.name}), channel {drive}"
-        message = f"{where}: found {found}, expected {wanted}"
-        faults.append(Fault("warn", sensor_range.KIND, recording.path.name, drive, found, wanted, message))
+        faults.append(fault_of(recording, "warn", sensor_range.KIND, drive, found=found, expected=wanted))
     return faults
 
 
@@ -158,9 +153,9 @@ def _repeat_fault(recording: Recording) -> Fault | None:
         return None
     rows = len(recording) + recording.repeats
     found = f"{recording.repeats} of {rows} rows that repeat the samples of the row before, at its time or just after"
-    where = f"{recording.path.name} (recording {recording.name}), channel time"
-    message = f"{where}: found {found}, expected each packet once; the repeated rows are left out"
-    return Fault("warn", "repeated_packets", recording.path.name, "time", found, "each packet once", message)
+    wanted = "each packet once"
+    end = f"expected {wanted}; the repeated rows are left out"
+    return fault_of(recording, "warn", "repeated_packets", "time", found=found, expected=wanted, end=end)
 
 
 def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
@@ -179,10 +174,8 @@ def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
             f"stamps smoothed over {clock.window} samples, {why}: they moved by "
             f"{1e3 * clock.moved:.3g} ms RMS, {1e3 * clock.farthest:.3g} ms at most; then {way}"
         )
-    where = f"{recording.path.name} (recording {recording.name}), channel time"
-    message = f"{where}: found {found}, expected an even clock; {way}"
-    severity = "warn" if smoothed else "note"
-    return Fault(severity, "sampling_jitter", recording.path.name, "time", found, f"an even clock; {way}", message)
+    severity, wanted = "warn" if smoothed else "note", f"an even clock; {way}"
+    return fault_of(recording, severity, "sampling_jitter", "time", found=found, expected=wanted)
 
 
 def share_faults(recording: Recording, study: Study) -> list[Fault]:
@@ -204,8 +197,8 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
             causes.setdefault((cut.kind, cut.channel), f"{cut.found} in {cut.channel} from sample {cut.first} on")
         text = f"{lost} of {on} samples bad ({100 * lost / on:.3g} %): {'; '.join(causes.values())}"
         wanted = f"at most {100 * share:.3g} %; a window without them, or [processing] cut_share"
-        message = f"{part.path.name} (recording {part.name}): found {text}, expected {wanted}"
-        faults.append(Fault("refuse", "too_much_cut", part.path.name, found[0].channel, text, wanted, message))
+        channel = found[0].channel
+        faults.append(fault_of(part, "refuse", "too_much_cut", channel, found=text, expected=wanted, of_channel=False))
     return faults
 
 
@@ -231,11 +224,10 @@ def left_out_fault(
     found = f"{first.found} in {first.channel} at {first.start:.6g} s"
     if len(cuts) > 1:
         found += f" and {len(cuts) - 1} further breaks"
-    message = (
-        f"{recording.path.name} (recording {recording.name}): found {found}, expected {expected}: the recording is "
-        "left out"
+    end = f"expected {expected}: the recording is left out"
+    return fault_of(
+        recording, "warn", "left_out", first.channel, found=found, expected=expected, end=end, of_channel=False
     )
-    return Fault("warn", "left_out", recording.path.name, first.channel, found, expected, message)
 
 
 def short_piece_fault(recording: Recording, shortest_piece: float) -> Fault | None:
@@ -247,10 +239,8 @@ def short_piece_fault(recording: Recording, shortest_piece: float) -> Fault | No
     lasts = [sum(float(piece.time[-1] - piece.time[0]) for piece in pieces) for pieces in (every, kept)]
     found = f"{len(every) - len(kept)} pieces between cuts, {lasts[0] - lasts[1]:.3g} s of {lasts[0]:.3g} s"
     expected = f"at least {shortest_piece:g} s each"
-    message = (
-        f"{recording.path.name} (recording {recording.name}): found {found}, expected {expected}: these are left out"
-    )
-    return Fault("cut", "short_piece", recording.path.name, "time", found, expected, message)
+    end = f"expected {expected}: these are left out"
+    return fault_of(recording, "cut", "short_piece", "time", found=found, expected=expected, end=end, of_channel=False)
 
 
 def require_sound(recording: Recording, study: Study) -> None:
@@ -268,33 +258,17 @@ def _check_channels(recording: Recording, joint: JointTable, ending: str, add: A
     present = ", ".join(recording.channels)
     places = [f"{'motor_' if getattr(joint, 'turns', None) else ''}position{ending}", f"position{ending}"]
     if not any(name in recording for name in places):
-        add(
-            "refuse",
-            "missing_channel",
-            places[0],
-            found=f"only {present}",
-            expected=f"a channel {places[0]} {EXPECTED_ENTRY}",
-        )
+        entry = f"a channel {places[0]} {EXPECTED_ENTRY}"
+        add("refuse", "missing_channel", places[0], found=f"only {present}", expected=entry)
     kind = joint.drive.kind
     drive = command_channel(recording, kind, ending)
     if drive is None:
         wanted = " or ".join(f"{name}{ending}" for name in DRIVE_CHANNELS[kind])
-        add(
-            "refuse",
-            "missing_channel",
-            wanted,
-            found=f"only {present}",
-            expected=f'a channel {wanted} for a drive of kind "{kind}"',
-        )
+        entry = f'a channel {wanted} for a drive of kind "{kind}"'
+        add("refuse", "missing_channel", wanted, found=f"only {present}", expected=entry)
     if drive == f"duty{ending}" and joint.drive.supply is None and f"supply{ending}" not in recording:
-        supply = f"supply{ending}"
-        add(
-            "refuse",
-            "missing_channel",
-            supply,
-            found="a duty but no supply voltage",
-            expected="[rig.drive] supply or such a channel",
-        )
+        found, wanted = "a duty but no supply voltage", "[rig.drive] supply or such a channel"
+        add("refuse", "missing_channel", f"supply{ending}", found=found, expected=wanted)
 
 
 def _check_missing(watched: WatchedRecording, add: AddFault) -> None:
@@ -308,13 +282,9 @@ def _check_missing(watched: WatchedRecording, add: AddFault) -> None:
 
 
 def _check_time(recording: Recording, study: Study, add: AddFault) -> bool:
-    """Return whether time advances, without which the other checks mean nothing."""
-    even = recording.advances and recording.steps_within(recording.longest_step)
-    return even or _check_steps(recording, study, add)
-
-
-def _check_steps(recording: Recording, study: Study, add: AddFault) -> bool:
-    """Return whether time increases with every step; note the gaps that interpolation bridges."""
+    """Return whether time increases with every step, without which other checks mean nothing; note bridged gaps."""
+    if recording.advances and recording.steps_within(recording.longest_step):
+        return True
     known = np.flatnonzero(np.isfinite(recording.time))
     time = recording.time[known]
     if len(time) < 2:
@@ -329,17 +299,12 @@ def _check_steps(recording: Recording, study: Study, add: AddFault) -> bool:
         found = f"time {what} at {place}, {back.size} times in all"
         add("refuse", "time_order", "time", found=found, expected="time that increases with every sample")
         return False
-    bridged = max_bridged_gap(study.processing_of(recording), recording.fs)
+    processing = study.processing_of(recording)
+    bridged = max_bridged_gap(processing, recording.fs)
     long = steps[(steps > recording.longest_step) & (steps <= bridged)]
-    if long.size and study.processing_of(recording).resample is not None:
-        many = "a gap" if long.size == 1 else f"{long.size} gaps"
-        add(
-            "note",
-            "gap",
-            "time",
-            found=f"{many} of up to {long.max():.4g} s",
-            expected="a sample at every step; interpolated over",
-        )
+    if long.size and processing.resample is not None:
+        found = f"{'a gap' if long.size == 1 else f'{long.size} gaps'} of up to {long.max():.4g} s"
+        add("note", "gap", "time", found=found, expected="a sample at every step; interpolated over")
     return True
 
 
@@ -348,24 +313,17 @@ def _check_length(recording, study, add) -> None:
     fs = processing.resample or recording.fs
     n = len(recording) * fs / recording.fs
     if processing.lowpass is not None and processing.lowpass > 0.49 * fs:
-        add(
-            "refuse",
-            "rate",
-            "time",
-            found=f"a rate of {fs:.5g} Hz",
-            expected=f"more than twice the low-pass of {processing.lowpass:g} Hz, so that the filter exists",
-        )
+        wanted = f"more than twice the low-pass of {processing.lowpass:g} Hz, so that the filter exists"
+        add("refuse", "rate", "time", found=f"a rate of {fs:.5g} Hz", expected=wanted)
     # A zero-phase filter needs as many samples at either end as it has memory.
     needed = max(2 * processing.trim + MIN_REMAINING_SAMPLES * processing.decimate, 6 * (processing.order + 1))
     if n < needed:
-        add(
-            "refuse",
-            "too_few_samples",
-            "time",
-            found=f"{len(recording)} samples ({len(recording) / recording.fs:.4g} s)",
-            expected=f"at least {math.ceil(needed * recording.fs / fs)}: {MIN_REMAINING_SAMPLES} are to be left after "
-            f"trim = {processing.trim} and decimate = {processing.decimate}",
+        found = f"{len(recording)} samples ({len(recording) / recording.fs:.4g} s)"
+        wanted = (
+            f"at least {math.ceil(needed * recording.fs / fs)}: {MIN_REMAINING_SAMPLES} are to be left after "
+            f"trim = {processing.trim} and decimate = {processing.decimate}"
         )
+        add("refuse", "too_few_samples", "time", found=found, expected=wanted)
 
 
 def _check_clipped(watched: WatchedRecording, add: AddFault) -> None:
@@ -388,28 +346,20 @@ def _check_clipped(watched: WatchedRecording, add: AddFault) -> None:
             runs = "one flat run" if first.size == 1 else f"{first.size} flat runs"
             unit = "" if channel.unit == "1" else f" {channel.unit}"
             found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{unit}"
+            severity = "note"
             if clipped.is_at_limit(watched, name, value):
-                add("note", clipped.KIND, name, found=found, expected="none, but the limit is known")
-            elif name in watched.accepted or name not in watched.channels:
-                add(
-                    "note",
-                    clipped.KIND,
-                    name,
-                    found=found,
-                    expected="none, but accepted" if name in watched.accepted else "none",
-                )
+                wanted = "none, but the limit is known"
+            elif name in watched.accepted:
+                wanted = "none, but accepted"
+            elif name not in watched.channels:
+                wanted = "none"
             else:
+                severity = "refuse"
                 wanted = (
                     f"flat tops in at most {100 * MAX_CLIPPED_SHARE:g} % of the samples, which are cut out; if it is a "
                     f'limit that is meant to act, say so: {name} = {{ clip = "accept" }}'
-                )
-                add(
-                    "refuse",
-                    clipped.KIND,
-                    name,
-                    found=found,
-                    expected=wanted + (" or [rig.drive] limit" * watched.is_drive(name)),
-                )
+                ) + " or [rig.drive] limit" * watched.is_drive(name)
+            add(severity, clipped.KIND, name, found=found, expected=wanted)
 
 
 def _check_wrap(watched: WatchedRecording, specs: Mapping[str, ChannelSpec], add: AddFault) -> None:
@@ -442,13 +392,8 @@ def _check_jump(name: str, q: np.ndarray, add: AddFault) -> None:
         return
     i = int(jumps[0])
     found = f"a leap from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
-    add(
-        "refuse",
-        "wrap",
-        name,
-        found=found,
-        expected="a continuous position: an encoder that rolls over needs wrap_bits or wrap",
-    )
+    wanted = "a continuous position: an encoder that rolls over needs wrap_bits or wrap"
+    add("refuse", "wrap", name, found=found, expected=wanted)
 
 
 def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> None:
@@ -467,18 +412,13 @@ def _check_magnitude(watched: WatchedRecording, study: Study, add: AddFault) -> 
         if wrong is None or (wrong.probable_unit == "deg" and _turns_on(recording, name, watched)):
             continue
         steady = wrong.probable_unit == "deg" and has_constant_speeds(recording.time, channel.samples)
+        unit = wrong.probable_unit
         found = f"a magnitude of {wrong.largest:.4g} {channel.unit}"
         found += " of a joint that turns at constant speeds" if steady else ""
-        found += (
-            f", which looks like {wrong.probable_unit} taken for {channel.unit}"
-            if wrong.probable_unit
-            else ", which is nonsense"
-        )
+        found += f", which looks like {unit} taken for {channel.unit}" if unit else ", which is nonsense"
         wanted = f"at most {wrong.limit:.4g} {channel.unit}"
         if name in watched.channels:
-            wanted += (
-                f': the unit; write unit = "{wrong.probable_unit}"' if wrong.probable_unit and wrong.is_typical else ""
-            )
+            wanted += f': the unit; write unit = "{unit}"' if unit and wrong.is_typical else ""
             wanted += _override(name, watched.is_drive(name))
         severity = ("warn" if steady else "refuse") if name in watched.channels else "note"
         add(severity, "magnitude", name, found=found, expected=wanted)

@@ -143,22 +143,20 @@ def short_stretch_faults(study: Study) -> list[Fault]:
             continue  # the check of time refuses it, and no even grid exists
         processing = study.processing_of(recording)
         fewest = shortest(filtering_of(processing))
-        where = f"{recording.path.name} (recording {recording.name})"
+        short: list[tuple[str, str]] = []  # what was found, and the end of the message about it
         if recording.use != "fit" and not usable_stretches(recording, processing):
             found = f"{len(recording)} samples, no enabled stretch of at least {fewest}"
-            message = f"{where}: found {found}; it is held out, and is left out"
-            faults.append(
-                Fault("cut", "short_stretch", recording.path.name, "time", found, f"{fewest} samples", message)
-            )
-            continue
-        for stretch in stretches_of(recording, processing) if recording.cuts else ():
-            n = len(stretch.time)
-            if n < fewest:
-                found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
-                message = f"{where}: found {found}, expected at least {fewest}; left out"
-                faults.append(
-                    Fault("cut", "short_stretch", recording.path.name, "time", found, f"{fewest} samples", message)
-                )
+            short.append((found, "; it is held out, and is left out"))
+        else:
+            for stretch in stretches_of(recording, processing) if recording.cuts else ():
+                n, time = len(stretch.time), stretch.time
+                if n < fewest:
+                    found = f"{n} samples between cuts, from {time[0]:.6g} s to {time[-1]:.6g} s"
+                    short.append((found, f", expected at least {fewest}; left out"))
+        file, where = recording.path.name, f"{recording.path.name} (recording {recording.name})"
+        for found, end in short:
+            message = f"{where}: found {found}{end}"
+            faults.append(Fault("cut", "short_stretch", file, "time", found, f"{fewest} samples", message))
     return faults
 
 
