@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import math
 import re
+import textwrap
 from collections.abc import Mapping
 
 import numpy as np
 
+from .._given import visible_text
+from ..files.name_evidence import read_name
 from ..units import to_si_factor
 from .file_facts import FileFact
 from .given_files import GivenTable
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
-from .inference.assign_roles import ColumnRole
+from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
+from .inference.clocks import UNIT_SECONDS, find_clock
 from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
@@ -62,17 +66,14 @@ def unsaid_defaults(proposal: Proposal) -> set[str]:
 
 def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
     """Return ``"GUESS"``, ``"ASKED"`` or nothing: how certain a channel's line is."""
-    open_keys = unsaid_defaults(proposal)
     hangs = {
         "counts_per_turn": has_open_counts(role),
         "full_duty": role.quantity == "duty",
-        "effort": role.quantity in ("torque", "force", "current", "voltage", "duty")
-        and role.is_guess
-        and not role.is_command,
+        "effort": role.quantity in DRIVE_QUANTITIES and role.is_guess and not role.is_command,
         "position_unit": role.quantity in ("position", "angle", "reference") and role.is_guess,
         "emg_unit": role.quantity == "emg" and not role.unit_is_certain,
     }
-    if any(key in open_keys and hangs[key] for key in hangs):
+    if any(hangs.get(key) for key in unsaid_defaults(proposal)):
         return MARK_ASKED
     return MARK_GUESS if role.is_guess else ""
 
@@ -97,9 +98,8 @@ def _questions(proposal: Proposal) -> list[str]:
     lines = []
     for question in proposal.asked:
         answer = proposal.answers.get(question.key)
-        said = (
-            f"answered: {answer}" if answer is not None else f"{MARK_ASKED}, the default is taken: {question.default}"
-        )
+        taken = f"{MARK_ASKED}, the default is taken: {question.default}"
+        said = taken if answer is None else f"answered: {answer}"
         lines += _wrapped(f"{question.key}: {question.text} {said}. It decides {question.consequence}.")
     for question in proposal.marked:
         lines += _wrapped(f"{question.key}: {MARK_GUESS}, not asked: {question.text} Taken: {question.default}.")
@@ -107,8 +107,6 @@ def _questions(proposal: Proposal) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    import textwrap
-
     return textwrap.wrap(text, 116, initial_indent="# ", subsequent_indent="#   ")
 
 
@@ -168,11 +166,8 @@ def _joint_name(proposal: Proposal) -> str:
     if proposal.is_person:
         angles = [r.label for r in proposal.main.channels if r.quantity in ("angle", "moment") and r.label]
         return angles[0] if len(angles) == 1 else "leg" if any("knee" in a for a in angles) else "joint"
-    named = [r for r in proposal.main.channels if r.quantity == "position"]
-    from ..files.name_evidence import read_name
-
-    joint = next((read_name(r.column).joint for r in named if read_name(r.column).joint), None)
-    return joint or "joint"
+    joints = (read_name(r.column).joint for r in proposal.main.channels if r.quantity == "position")
+    return next(filter(None, joints), "joint")
 
 
 def _drive(proposal: Proposal, head: str) -> list[str]:
@@ -183,22 +178,17 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
     key = "torque_constant" if proposal.motion == "rotary" else "force_constant"
     if proposal.drive in ("current", "voltage"):
         if key in facts:
-            fact = facts[key]
-            unit = (
-                fact.unit.replace("/A", "/V")
-                if proposal.drive == "voltage" and "resistance" not in facts
-                else fact.unit
-            )
-            if unit == fact.unit:
-                lines.append(_line(f'{key} = "{fact.text}"', _origin(fact)))
+            # Without a resistance, the constant of a voltage drive is per volt: one per ampere says nothing.
+            if proposal.drive == "current" or "resistance" in facts or "/A" not in facts[key].unit:
+                lines.append(_line(f'{key} = "{facts[key].text}"', _origin(facts[key])))
         else:
-            example = {"current": "0.06 N*m/A", "voltage": "0.06 N*m/V"}[proposal.drive]
-            lines.append(f'# {key} = "{example}"  # {MARK_ASKED}: unknown, so that results stay per {_per(proposal)}')
+            unit, word = {"current": ("A", "ampere"), "voltage": ("V", "volt")}[proposal.drive]
+            why = f"{MARK_ASKED}: unknown, so that results stay per {word}"
+            lines.append(f'# {key} = "0.06 N*m/{unit}"  # {why}')
         if "gear_ratio" in facts and key in facts:
             lines.append(_line(f"gear_ratio = {facts['gear_ratio'].value:g}", _origin(facts["gear_ratio"])))
     if "limit" in facts:
-        fact = facts["limit"]
-        lines.append(_line(f'limit = "{fact.text}"', f"{MARK_GUESS}: {fact.label}"))
+        lines.append(_line(f'limit = "{facts["limit"].text}"', f"{MARK_GUESS}: {facts['limit'].label}"))
     has_duty = any(r.quantity == "duty" for r in proposal.main.channels)
     if proposal.drive == "voltage" and has_duty and "supply" in facts:
         lines.append(_line(f'supply = "{facts["supply"].text}"', _origin(facts["supply"])))
@@ -217,16 +207,12 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
     positions = [r for r in proposal.main.channels if r.quantity == "position" and r.label == joint]
     if not positions or proposal.motion != "rotary" or not positions[0].unit_is_certain:
         return []
-    role, first = positions[0], proposal.main.tables[0]
-    if role.unit == "counts":
-        per = int(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
-        factor = 2.0 * math.pi / per
-    else:
-        factor = to_si_factor(role.unit, "rad")[0]
-    at = list(first.columns).index(role.column)
+    role, main = positions[0], proposal.main
+    per = int(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
+    factor = 2.0 * math.pi / per if role.unit == "counts" else to_si_factor(role.unit, "rad")[0]
     known = []
     for table in proposal.main.tables:
-        name = role.column if role.column in table.columns else list(table.columns)[at]
+        name = role.column if role.column in table.columns else main.column_in(table, role.column)
         values = _decoded_values(table.columns[name], role)
         known.append(values[np.isfinite(values)])
     ends = [factor * float(end) for x in known if len(x) for end in (x.min(), x.max())]
@@ -248,10 +234,6 @@ def _decoded_values(values: np.ndarray, role: ColumnRole) -> np.ndarray:
     if isinstance(bits, int):
         x = np.where(x >= 2.0 ** (bits - 1), x - 2.0**bits, x)
     return np.unwrap(x[np.isfinite(x)], period=2.0**wrap) if isinstance(wrap, int) else x
-
-
-def _per(proposal: Proposal) -> str:
-    return {"current": "ampere", "voltage": "volt"}[proposal.drive or "current"]
 
 
 def _participants(proposal: Proposal) -> list[str]:
@@ -279,7 +261,7 @@ def _time(layout: Layout, proposal: Proposal) -> str:
     if layout.roles.rate is None:
         said = f"{MARK_ASKED}: no column is a time, and no file states the rate"
     elif "rate" in proposal.answers:
-        said = "said by the lab"
+        said = SAID_BY_LAB
     elif layout.rate_fact is not None:
         said = f'"{layout.rate_fact.label}" in the file states it'
     else:
@@ -357,22 +339,13 @@ def _value(value: object) -> str:
 
 def _stream(layout: Layout, proposal: Proposal) -> list[str]:
     lines = []
-    clockless = layout.roles.clock.column is None
-    same_rows = layout.tables[0].rows == proposal.main.tables[0].rows
-    own_file = layout.tables[0].path == proposal.main.tables[0].path
-    if not proposal.is_person and proposal.drive is not None and (clockless or own_file) and (same_rows or own_file):
-        lines += [
-            f"[streams.{layout.stream}]",
-            "join = true",
-            'offset = "0 s"  # the same rows as the recordings',
-            "drift = 0",
-        ]
-    elif (
-        not proposal.is_person
-        and proposal.drive is not None
-        and any(r.quantity in ("torque", "current", "voltage", "force", "duty") for r in layout.channels)
-    ):
-        lines += [f"[streams.{layout.stream}]", "join = true"]
+    first, main = layout.tables[0], proposal.main.tables[0]
+    is_clocked_alike = first.path == main.path or (layout.roles.clock.column is None and first.rows == main.rows)
+    if not proposal.is_person and proposal.drive is not None:
+        if is_clocked_alike or any(r.quantity in DRIVE_QUANTITIES for r in layout.channels):
+            lines += [f"[streams.{layout.stream}]", "join = true"]
+        if is_clocked_alike:
+            lines += ['offset = "0 s"  # the same rows as the recordings', "drift = 0"]
     return [*lines, *_channels(layout, proposal, f"[streams.{layout.stream}.channels]")]
 
 
@@ -385,28 +358,20 @@ def _processing(proposal: Proposal) -> list[str]:
     # A spring shows its stiffness where it is held, too, and has no dead band.
     factor = 2.0 * math.pi / ANGLE_LIMITS.usual_counts if role.unit == "counts" else to_si_factor(role.unit, None)[0]
     dead_band = f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"'
-    lines = [
-        "",
-        "[processing]",
-        *_wrapped(f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."),
-        f'lowpass = "{choice.lowpass:g} Hz"',
-        "order = 4",
-        *(
-            [_line(f'resample = "{choice.resample:.5g} Hz"', "the clock loses samples; short losses are interpolated")]
-            if choice.resample is not None
-            else []
-        ),
-        f"decimate = {choice.decimate}",
-        *([] if proposal.spring is not None else [_line(dead_band, "slower, friction has no certain sign")]),
-        _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled"),
-    ]
-    return lines
+    why = f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."
+    lines = ["", "[processing]", *_wrapped(why), f'lowpass = "{choice.lowpass:g} Hz"', "order = 4"]
+    if choice.resample is not None:
+        text = f'resample = "{choice.resample:.5g} Hz"'
+        lines.append(_line(text, "the clock loses samples; short losses are interpolated"))
+    lines.append(f"decimate = {choice.decimate}")
+    if proposal.spring is None:
+        lines.append(_line(dead_band, "slower, friction has no certain sign"))
+    return [*lines, _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled")]
 
 
 def _model(proposal: Proposal) -> list[str]:
-    if proposal.drive is None or proposal.gravity is None or proposal.motion == "prismatic" or proposal.robot_joints:
-        return []
-    if proposal.spring is not None:
+    is_fixed = proposal.motion == "prismatic" or proposal.robot_joints or proposal.spring is not None
+    if proposal.drive is None or proposal.gravity is None or is_fixed:
         return []
     why = {
         "none": f"{MARK_GUESS}: the sine of the angle explains nothing of the effort",
@@ -481,11 +446,6 @@ def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[
 
 def _sound_window(recording: ProposedRecording, proposal: Proposal) -> tuple[float, float] | None:
     """Return the window [s] that leaves out stale rows before time first advances, None if there are none."""
-    import numpy as np
-
-    from ..files.name_evidence import read_name
-    from .inference.clocks import UNIT_SECONDS, find_clock
-
     clock = proposal.main.roles.clock
     if clock.column is None or clock.column not in recording.table.columns:
         return None
@@ -505,8 +465,6 @@ def _line(text: str, comment: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    from .._given import visible_text
-
     return visible_text(" ".join(text.split()))[:300]
 
 

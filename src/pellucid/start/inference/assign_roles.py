@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...files.name_evidence import NameEvidence, read_name, with_stated_unit, words_of
+from ...files.name_evidence import (
+    JOINT_WORDS,
+    QUANTITY_WORDS,
+    NameEvidence,
+    read_name,
+    with_stated_unit,
+    words_of,
+)
 from ...units import to_si_factor
 from .angle_units import (
     ANGLE_LIMITS,
@@ -18,7 +26,7 @@ from .angle_units import (
     find_rolling_bits,
     find_unsigned_bits,
 )
-from .clocks import FoundClock, find_clock
+from .clocks import UNIT_SECONDS, FoundClock, find_clock
 from .derivatives import DerivativePair, find_derivatives
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
 from .motion_efforts import (
@@ -101,6 +109,10 @@ class ColumnRole:
         """Whether the role or its unit is a guess that study.toml has to mark."""
         return self.quantity is not None and not (self.is_certain and self.unit_is_certain)
 
+    def in_unit(self, unit: str, why: str, is_certain: bool) -> ColumnRole:
+        """Return the role with a unit, the reason for it, and whether it is certain."""
+        return replace(self, unit=unit, unit_why=why, unit_is_certain=is_certain)
+
 
 @dataclass(frozen=True)
 class TableRoles:
@@ -151,8 +163,6 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
 
 def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | None, n: int) -> np.ndarray:
     if clock.column is not None and np.isfinite(columns[clock.column]).all():
-        from .clocks import UNIT_SECONDS
-
         times = columns[clock.column] * UNIT_SECONDS[clock.unit]
         return np.maximum.accumulate(times) - times[0]
     return np.arange(n) / (rate or 1.0)
@@ -187,7 +197,7 @@ class _Assignment:
             self._find_derivatives()
         self._take_names()
         if any(role.quantity == "motor_position" for role in self.roles.values()):
-            for name, role in list(self.roles.items()):
+            for name, role in self.roles.items():
                 if role.quantity == "position":
                     self.roles[name] = replace(role, quantity="motor_position")
         is_inertial = any((role.quantity or "").endswith(".acceleration") for role in self.roles.values())
@@ -201,15 +211,8 @@ class _Assignment:
             if role.unknown_unit and role.quantity not in ESSENTIAL_QUANTITIES:
                 self._leave_out(name, role.unit_why)
         self._group_joints()
-        order = [name for name in self.columns if name in self.roles]
-        return TableRoles(
-            self.clock,
-            self.rate,
-            tuple(self.roles[name] for name in order),
-            self.joints,
-            tuple(self.pairs),
-            tuple(self.commands),
-        )
+        roles = tuple(self.roles[name] for name in self.columns if name in self.roles)
+        return TableRoles(self.clock, self.rate, roles, self.joints, tuple(self.pairs), tuple(self.commands))
 
     def _angle(self, name: str) -> AngleUnit:
         """Return what a column's numbers tell of its unit as an angle, computed once."""
@@ -264,12 +267,8 @@ class _Assignment:
         said = self.hints.quantity
         if said in (None, "emg", "time"):
             return
-        own_words = [
-            e
-            for e in self.names.values()
-            if e.quantity in (*DRIVE_QUANTITIES, "position", "velocity") and _is_long_name(e)
-        ]
-        if len([e for e in own_words if e.joint is None]) >= 2:
+        own_words = [e for e in self.names.values() if e.quantity in (*DRIVE_QUANTITIES, "position", "velocity")]
+        if sum(e.joint is None and _is_long_name(e) for e in own_words) >= 2:
             return  # the columns say themselves what they are; the file's name tells a protocol
         for name in self._free():
             evidence = self.names[name]
@@ -459,14 +458,11 @@ class _Assignment:
             # What follows a position is its command, and no effort.
             if any(self._follows(name, other) for other in motions):
                 continue
-            best = max(
-                (
-                    (other, effort_share(self.values[name], motion, self._radians(other)))
-                    for other, motion in motions.items()
-                ),
-                key=lambda item: item[1],
-            )
-            shares[name] = best
+            explained = {
+                other: effort_share(self.values[name], motion, self._radians(other))
+                for other, motion in motions.items()
+            }
+            shares[name] = max(explained.items(), key=lambda item: item[1])
         stepped = [n for n in shares if is_stepped(self.values[n])]
         plausible = stepped or [n for n, (_, share) in shares.items() if share >= EFFORT_LIMITS.min_effort_share]
         vectors = [n for n in plausible if not n.rpartition(".")[2].isdigit() or n.isdigit()]
@@ -476,13 +472,8 @@ class _Assignment:
                 break
             other, share = shares[name]
             quantity, why = self._kind_of_effort(name)
-            self._set(
-                name,
-                quantity,
-                f'{why}; the motion "{other}" explains {100 * share:.0f} % of it',
-                self.names[name],
-                False,
-            )
+            said = f'{why}; the motion "{other}" explains {100 * share:.0f} % of it'
+            self._set(name, quantity, said, self.names[name], False)
 
     def _command_of(self, name: str, other: str) -> FollowedCommand | None:
         self._compared += 1
@@ -522,18 +513,8 @@ class _Assignment:
                     followed = self._command_of(name, other)
                     if followed is not None and abs(followed.slope - 1.0) < 0.3:
                         quantity = "reference" if role.quantity == "position" else "desired_velocity"
-                        unit = role.unit
-                        self.roles[name] = ColumnRole(
-                            name,
-                            quantity,
-                            unit,
-                            f'"{other}" follows it: {followed.why}',
-                            "",
-                            True,
-                            True,
-                            role.label,
-                            True,
-                        )
+                        why = f'"{other}" follows it: {followed.why}'
+                        self.roles[name] = ColumnRole(name, quantity, role.unit, why, label=role.label, is_command=True)
                         self.commands.append(followed)
                         break
             if name not in self.roles and evidence.is_command:
@@ -542,19 +523,17 @@ class _Assignment:
             if role.quantity == "position" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
             elif role.quantity in DRIVE_QUANTITIES and self.names[name].is_command:
-                measured = [
-                    n
-                    for n, r in self.roles.items()
-                    if r.quantity == role.quantity
-                    and n != name
-                    and not (r.is_command or self.names[n].is_command or self.names[n].is_computed)
-                ]
-                if measured:
+                if any(self._is_measured(n, role.quantity) for n in self.roles if n != name):
                     self.roles[name] = replace(role, quantity=f"desired_{role.quantity}", is_command=True)
             elif role.quantity == "velocity" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="desired_velocity", is_command=True)
         for name in self._free():
             self._leave_out(name, "neither its name nor its numbers tell what it is")
+
+    def _is_measured(self, name: str, quantity: str) -> bool:
+        """Whether a column is a measurement of a quantity: neither asked for nor computed."""
+        role, evidence = self.roles[name], self.names[name]
+        return role.quantity == quantity and not (role.is_command or evidence.is_command or evidence.is_computed)
 
     def _settle_units(self) -> None:
         votes = []
@@ -576,18 +555,14 @@ class _Assignment:
             self.roles[name] = self._with_unit(name, role, common)
         self._share_emg_unit()
         for name, role in list(self.roles.items()):
-            if (
-                role.quantity in ("velocity", "acceleration", "desired_velocity", "reference")
-                and not role.unit_is_certain
-            ):
+            derived = role.quantity in ("velocity", "acceleration", "desired_velocity", "reference")
+            if derived and not role.unit_is_certain:
                 self.roles[name] = self._with_partner_unit(name, role)
         for name, role in list(self.roles.items()):
             unknown = self.names[name].unknown_unit
             if role.quantity is not None and unknown is not None:
-                self.roles[name] = replace(
-                    role, unknown_unit=unknown, unit_is_certain=False,
-                    unit_why=f'the file states "{unknown}", which is no unit that is known',
-                )  # fmt: skip
+                why = f'the file states "{unknown}", which is no unit that is known'
+                self.roles[name] = replace(role, unknown_unit=unknown, unit_is_certain=False, unit_why=why)
 
     def _unstated_angles(self) -> list[str]:
         return [
@@ -606,12 +581,7 @@ class _Assignment:
         known = next(self.roles[name] for name in names if self.roles[name].unit == common)
         for name in names:
             if self.roles[name].unit != common:
-                self.roles[name] = replace(
-                    self.roles[name],
-                    unit=common,
-                    unit_why="as the other EMG channels",
-                    unit_is_certain=known.unit_is_certain,
-                )
+                self.roles[name] = self.roles[name].in_unit(common, "as the other EMG channels", known.unit_is_certain)
 
     def _stated(self, name: str) -> str | None:
         return self.names[name].unit
@@ -627,12 +597,8 @@ class _Assignment:
             unit = self._stated(pair.by) if pair.of == name else None
             fitting = [a for a, b in pair.units if b == unit]
             if fitting:
-                return (
-                    fitting[0],
-                    f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}',
-                    True,
-                    None,
-                )
+                why = f'its derivative "{pair.by}" is in {unit}, at a ratio of {pair.ratio:.4g}'
+                return fitting[0], why, True, None
         if name in self.keys and "wrap_bits" in self.keys[name]:
             return "counts", f"a count that rolls over after {self.keys[name]['wrap_bits']} bits", True, found
         return found.unit, found.why, found.is_certain, found
@@ -641,6 +607,7 @@ class _Assignment:
         stated = self._stated(name)
         quantity = role.quantity or ""
         keys = dict(role.keys) | self.keys.get(name, {})
+        role = replace(role, keys=keys)
         if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
             unit, why, sure, found = self._position_unit(name)
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
@@ -656,18 +623,14 @@ class _Assignment:
                 keys["wrap"] = found.wrap
             if unit == "counts" and name in self._counts:
                 keys["counts_per_turn"], sure = self._counts[name]
-            return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+            return role.in_unit(unit, why, sure)
         if stated is not None:
-            return replace(role, unit=stated, unit_why="the file states it", unit_is_certain=True, keys=keys)
+            return role.in_unit(stated, "the file states it", True)
         if quantity == "emg":
-            unit, why, sure = _emg_unit(self.values[name], self.rate)
-            return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+            return role.in_unit(*_emg_unit(self.values[name], self.rate))
         if quantity in ("velocity", "acceleration", "desired_velocity"):
-            return replace(
-                role, unit="rad/s" if quantity != "acceleration" else "rad/s^2", unit_is_certain=False, keys=keys
-            )
-        unit, why, sure = _unit_by_size(quantity.removeprefix("desired_"), self.values[name])
-        return replace(role, unit=unit, unit_why=why, unit_is_certain=sure, keys=keys)
+            return role.in_unit("rad/s" if quantity != "acceleration" else "rad/s^2", role.unit_why, False)
+        return role.in_unit(*_unit_by_size(quantity.removeprefix("desired_"), self.values[name]))
 
     def _weighed(self, name: str) -> tuple[str, str, bool] | None:
         """Return a position's unit by the weight of what it moves, with the reason and True; None if weight does not
@@ -697,9 +660,8 @@ class _Assignment:
             if not weighed.is_decided(FULL_TURNS):
                 continue
             unit = "counts" if best in divisions else best
-            shares = [
-                f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in dict.fromkeys((best, *FULL_TURNS))
-            ]
+            compared = dict.fromkeys((best, *FULL_TURNS))
+            shares = [f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in compared]
             usual = f"{ANGLE_LIMITS.usual_counts} counts"
             if best in divisions and (weighed.is_decided() or weighed.beats(best, usual)):
                 self._counts[name] = int(divisions[best]), weighed.is_decided()
@@ -712,19 +674,12 @@ class _Assignment:
             for command in self.commands:
                 partner = self.roles.get(command.measured)
                 if command.command == name and partner is not None:
-                    return replace(
-                        role,
-                        unit=partner.unit,
-                        unit_why=f'as "{command.measured}"',
-                        unit_is_certain=partner.unit_is_certain,
-                    )
+                    return role.in_unit(partner.unit, f'as "{command.measured}"', partner.unit_is_certain)
             measured = [r for r in self.roles.values() if r.quantity == "position"]
-            if len(measured) == 1:
-                return replace(
-                    role, unit=measured[0].unit, unit_why=f'as "{measured[0].column}"',
-                    unit_is_certain=measured[0].unit_is_certain,
-                )  # fmt: skip
-            return role
+            if len(measured) != 1:
+                return role
+            (only,) = measured
+            return role.in_unit(only.unit, f'as "{only.column}"', only.unit_is_certain)
         for pair in self.pairs:
             if pair.by != name:
                 continue
@@ -734,10 +689,8 @@ class _Assignment:
             for a, b in pair.units:
                 if a == of.unit or (role.quantity == "acceleration" and f"{a}/s" == of.unit):
                     unit = f"{of.unit}^2" if role.quantity == "acceleration" else b
-                    return replace(
-                        role, unit=unit, unit_why=f'it is {pair.ratio:.4g} times the derivative of "{pair.of}"',
-                        unit_is_certain=of.unit_is_certain,
-                    )  # fmt: skip
+                    why = f'it is {pair.ratio:.4g} times the derivative of "{pair.of}"'
+                    return role.in_unit(unit, why, of.unit_is_certain)
             return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
         positions = [r for r in self.roles.values() if r.quantity == "position"]
         suffix = "/s^2" if role.quantity == "acceleration" else "/s"
@@ -904,8 +857,6 @@ def _has_own_label(role: ColumnRole) -> bool:
 
 def _named_joint(bare: str) -> str | None:
     """Return the name of a person's joint with its direction and side, as a word of study.toml."""
-    from ...files.name_evidence import JOINT_WORDS
-
     folded = bare.casefold()
     if not any(joint in folded for joint in JOINT_WORDS):
         return None
@@ -915,16 +866,12 @@ def _named_joint(bare: str) -> str | None:
 
 
 def _plain_label(text: str) -> str:
-    import re
-
     label = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "channel"
     return label if label[0].isalpha() else f"c{label}"
 
 
 def _is_long_name(evidence: NameEvidence) -> bool:
     """Whether a name says its quantity by a word, and not by a letter that may stand for anything."""
-    from ...files.name_evidence import QUANTITY_WORDS, words_of
-
     known = QUANTITY_WORDS.get(evidence.quantity or "", set())
     words = words_of(evidence.bare)
     joined = "".join(words)
@@ -962,11 +909,8 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     if quantity == "torque":
         return ("mN*m" if whole and largest > 300.0 else "N*m"), f"numbers up to {largest:.4g}", False
     if quantity in ("voltage", "supply"):
-        return (
-            ("mV" if largest > 500.0 else "V"),
-            f"numbers up to {largest:.4g}",
-            quantity == "supply" and 3 < largest < 60,
-        )
+        is_usual = quantity == "supply" and 3 < largest < 60
+        return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", is_usual
     if quantity == "duty" and largest > 100.0:
         return "1", f"whole numbers up to {largest:.4g} in the file; which of them is 100 % is not said", False
     if quantity == "duty":
