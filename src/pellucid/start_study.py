@@ -18,7 +18,7 @@ from .study import datasets
 if TYPE_CHECKING:
     from .files.fault import Fault
     from .start.init_from_files import ProposedStudy
-    from .start.questions import Question
+    from .start.propose_study import Question
     from .study.study import Study
 
 

@@ -17,11 +17,15 @@ from pellucid.start.given_files import read_given
 from pellucid.start.inference.angle_units import find_angle_unit, find_unsigned_bits
 from pellucid.start.inference.assign_roles import TableHints, assign_roles
 from pellucid.start.inference.clocks import find_clock
-from pellucid.start.inference.derivatives import find_derivatives, find_repeated_motion
 from pellucid.start.inference.emg_spectrum import find_flat_shape, is_raw_emg
-from pellucid.start.inference.motion_efforts import FULL_TURNS, motion_samples, weigh_turns
-from pellucid.start.propose_study import propose_study
-from pellucid.start.questions import MAX_QUESTION_COUNT
+from pellucid.start.inference.motion_efforts import (
+    FULL_TURNS,
+    find_derivatives,
+    find_repeated_motion,
+    motion_samples,
+    weigh_turns,
+)
+from pellucid.start.propose_study import MAX_QUESTION_COUNT, propose_study
 from pellucid.start.study_text import study_text
 from pellucid.units import to_si_factor
 

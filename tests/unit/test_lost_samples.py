@@ -13,7 +13,7 @@ from pellucid._errors import RecordingError, UnfitRecordingError
 from pellucid.files.fault import Fault
 from pellucid.files.recording import Channel, Recording, make_cut
 from pellucid.start.given_files import read_given
-from pellucid.start.inference.derivatives import find_derivatives
+from pellucid.start.inference.motion_efforts import find_derivatives
 from pellucid.start.inference.processing_choice import bridge_losses, choose_processing, find_lost_periods
 from pellucid.start.init_from_files import _draft_of, _require_accepted
 from pellucid.start.propose_study import propose_study

@@ -18,11 +18,64 @@ from ..files.fault import Fault, grouped_messages
 from ..study.pages.page import write_page
 from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
-from .missing_parts import missing_part
 from .proposal_page import proposal_page
-from .propose_study import Proposal, propose_study, require_agreeing_units, require_known_units, shared_folders
-from .questions import Question
-from .study_text import study_text
+from .propose_study import (
+    Proposal,
+    Question,
+    accepted_units,
+    duty_without_supply,
+    has_accepted_unit,
+    propose_study,
+    require_agreeing_units,
+    require_known_units,
+    shared_folders,
+)
+from .study_text import channel_mark, channel_name, study_text
+
+EFFORT_QUANTITIES = ("torque", "force", "moment", "current", "voltage", "duty")
+"""Quantities of which a study needs one: each tells the effort of a joint."""
+
+
+def missing_part(proposal: Proposal) -> str | None:
+    """Return the first thing that keeps a proposal from being a study; None if the proposal has all its parts."""
+    return next(_missing_parts(proposal), None)
+
+
+def _missing_parts(proposal: Proposal) -> Iterator[str]:
+    channels = [role for layout in (proposal.main, *proposal.streams) for role in layout.channels]
+    quantities = {role.quantity for role in channels}
+    if proposal.drive is None and not quantities & set(EFFORT_QUANTITIES):
+        yield (
+            "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
+            "expected one beside the motion"
+        )
+    elif proposal.drive is None and "emg" not in quantities:
+        yield (
+            "found joint moments of a person and no EMG, expected EMG beside the moments, or the effort of a drive "
+            "(torque, force, current, voltage or duty cycle)"
+        )
+    for role in channels:
+        if not has_accepted_unit(role):
+            units = " or ".join(accepted_units(role))
+            yield (
+                f'the column "{role.column}" is taken for {role.quantity} and states the unit "{role.unit}", expected '
+                f"{units} or a multiple: export the column in such a unit"
+            )
+    joints = proposal.main.roles.joints
+    if len(joints) > 1 and not proposal.is_person and not proposal.robot_joints:
+        robots = proposal.given.robots
+        found = f"{robots[0].name}, which has another number of joints" if robots else "no URDF file of the robot"
+        yield (
+            f"found {len(joints)} joints ({', '.join(joints)}) and {found}, expected a URDF file with these joints: "
+            "name it with --urdf FILE, or give files with the columns of one joint"
+        )
+    duty = duty_without_supply((proposal.main, *proposal.streams), proposal.drive, proposal.drive_facts)
+    if duty is not None:
+        yield (
+            f'the effort "{duty.column}" is a duty cycle and no file states the supply voltage, expected it: '
+            '--answer "supply_voltage=12 V", with the voltage of your supply'
+        )
+
 
 RECORDINGS_FOLDER = "recordings"
 """Folder of a study that holds its files."""
@@ -185,3 +238,36 @@ def _places(paths: Iterable[Path]) -> dict[Path, str]:
     whole = {path: path.absolute() for path in paths}
     shared = shared_folders(list(whole.values()))
     return {path: "/".join(place.parts[shared:]) for path, place in whole.items()}
+
+
+MAX_LISTED_CHANNELS = 40
+"""At most so many channels are listed in the terminal; the page has all."""
+
+
+def proposal_lines(made: ProposedStudy) -> list[str]:
+    """Return the lines that the command prints."""
+    proposal = made.proposal
+    rate = f"{proposal.rate:.5g} Hz" if proposal.rate else "a rate that no file states"
+    count = len(proposal.recordings)
+    lines = [f"{made.folder}: {count} {'recording' if count == 1 else 'recordings'} at {rate}."]
+    for layout in (proposal.main, *proposal.streams):
+        for role in layout.channels[:MAX_LISTED_CHANNELS]:
+            mark = channel_mark(role, proposal)
+            lines.append(
+                f"  {role.column} -> {channel_name(role)} [{role.unit}]{f'  {mark}' if mark else ''}: {role.why}"
+            )
+        if len(layout.channels) > MAX_LISTED_CHANNELS:
+            lines.append(f"  and {len(layout.channels) - MAX_LISTED_CHANNELS} more channels")
+    for question in proposal.asked:
+        answer = proposal.answers.get(question.key)
+        lines.append(
+            f"question {question.key}: {question.text} "
+            + (
+                f"Answer: {answer}."
+                if answer
+                else f'Default taken: {question.default}. --answer "{question.key}=..." changes it.'
+            )
+        )
+    lines += [f"note: {text}" for text in proposal.remarks]
+    lines.append(f"{made.page}: every channel drawn beside its role. {made.study_file} marks each guess.")
+    return lines

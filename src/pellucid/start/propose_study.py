@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, takewhile
 from pathlib import Path
@@ -24,12 +24,45 @@ from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS
 from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.clocks import UNIT_SECONDS
-from .inference.derivatives import DERIVATIVE_LIMITS, UNIT_RATIOS, RepeatedMotion, find_repeated_motion
 from .inference.emg_spectrum import swings_fast
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
-from .inference.motion_efforts import FULL_TURNS, find_resting_limit, motion_samples, weigh_turns
+from .inference.motion_efforts import (
+    DERIVATIVE_LIMITS,
+    FULL_TURNS,
+    UNIT_RATIOS,
+    RepeatedMotion,
+    find_repeated_motion,
+    find_resting_limit,
+    motion_samples,
+    weigh_turns,
+)
 from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
-from .questions import Question, select_questions
+
+MAX_QUESTION_COUNT = 5
+"""At most so many questions are asked; what else is uncertain is marked in study.toml."""
+
+QUESTION_ORDER = (
+    "rate", "effort", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+    "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
+)  # fmt: skip
+"""Questions by how much hangs on their answer."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that the files cannot tell."""
+
+    key: str  # short name of the question, by which an answer is given
+    text: str  # the question
+    default: str  # answer that --yes takes
+    consequence: str  # what hangs on the answer
+    choices: tuple[str, ...] = ()  # answers that are possible; empty for any
+
+
+def select_questions(questions: Iterable[Question]) -> tuple[tuple[Question, ...], tuple[Question, ...]]:
+    """Return the questions that are asked, by importance, and those that are only marked."""
+    ranked = sorted(questions, key=lambda question: QUESTION_ORDER.index(question.key))
+    return tuple(ranked[:MAX_QUESTION_COUNT]), tuple(ranked[MAX_QUESTION_COUNT:])
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ from ..files.clock import first_deliveries
 from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
 from ..files.defects.garbage import find_garbage
-from ..files.delay import shift_channels, undo_lags
-from ..files.joined_stream import initial_offset, join_stream
+from ..files.delay import initial_offset, join_stream, shift_channels, undo_lags
 from ..files.kept_columns import kept_columns
 from ..files.optical import AXES, OpticalRecording
 from ..files.pieces import pieces_between_cuts

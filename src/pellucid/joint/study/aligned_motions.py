@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import PellucidError, RecordingError
-from ...files.delay import recording_part, shift_channels, undo_lags
-from ...files.joined_stream import initial_offset
+from ...files.delay import initial_offset, recording_part, shift_channels, undo_lags
 from ...files.recording import Recording
 from ...models.joint import JointModel, joint_model
 from ...numerics.delay import Delay, find_likely_delays

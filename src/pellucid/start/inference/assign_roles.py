@@ -27,15 +27,16 @@ from .angle_units import (
     find_unsigned_bits,
 )
 from .clocks import UNIT_SECONDS, FoundClock, find_clock
-from .derivatives import DerivativePair, find_derivatives
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
 from .motion_efforts import (
     EFFORT_LIMITS,
     FULL_TURNS,
+    DerivativePair,
     FollowedCommand,
     MotionSamples,
     effort_share,
     find_command,
+    find_derivatives,
     is_set_by_program,
     is_stepped,
     motion_samples,
