@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pellucid.files import kept_columns
-from pellucid.files import log as keepers_mark
-from pellucid.files.log import SEAL_LENGTH, mark, seal
+from pellucid.files import kept_columns as keepers_mark
+from pellucid.files.kept_columns import SEAL_LENGTH, mark, seal
 from pellucid.models.estimates import Parameter, Verdict
 from pellucid.study import kept as code_fingerprint
 from pellucid.study.kept import TREE_KEY, keep_result, read_kept

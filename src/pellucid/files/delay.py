@@ -1,4 +1,7 @@
-"""Shift channels that are late against the others back to their own time, without using samples across a cut."""
+"""Bring channels onto one clock: shift those that are late, undo lags, and join another instrument's channels.
+
+Channels are interpolated at the recording's own times, and never across a cut.
+"""
 
 from __future__ import annotations
 

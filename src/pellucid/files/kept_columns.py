@@ -4,6 +4,9 @@ A kept file is named after the checksums of its source file and of the readers. 
 of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian float64. Only columns
 that are asked for are read. A file without this user's seal is written anew. Nothing is kept in a folder that cannot be
 written, and no more than `MAX_KEPT_BYTES` altogether.
+
+A seal says that this user wrote a file: it holds the content's size, its checksum, and a mark that nobody makes without
+the key in the user's folder of settings.
 """
 
 from __future__ import annotations
@@ -13,13 +16,14 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cache
-from hashlib import sha256
+from hashlib import blake2b, sha256
+from hmac import compare_digest
 from pathlib import Path
+from secrets import token_bytes
 
 import numpy as np
 
-from .._atomic import atomically
-from .log import SEAL_LENGTH, is_sealed, seal, sealed_size
+from .._atomic import atomically, write_bytes_atomically
 from .readers import Columns, read_columns
 from .readers.read import needs_process
 
@@ -38,6 +42,70 @@ STORED_DTYPE = np.dtype("<f8")
 
 _VERIFIED_COLUMNS: dict[tuple[str, int, int], set[str]] = {}
 """Columns whose checksums this process has verified, by what `_state_of` says of their file."""
+
+
+MARK_BYTES = 32
+"""Length of a mark, and of the key."""
+
+SETTINGS_VARIABLE = "PELLUCID_SETTINGS"
+"""Environment variable that names another folder of settings."""
+
+
+def mark(content: bytes | memoryview) -> bytes:
+    """Return the mark of a content, `MARK_BYTES` bytes, which nobody can make without the key."""
+    return blake2b(content, key=_key(settings_folder()), digest_size=MARK_BYTES).digest()
+
+
+SEAL_LENGTH = 8 + 2 * MARK_BYTES
+"""Length of a seal in bytes: a content's size, its checksum, and the mark of both."""
+
+
+def seal(content: bytes | memoryview, context: bytes = b"") -> bytes:
+    """Return the seal of a content, `SEAL_LENGTH` bytes; its mark includes a `context`, such as a file's name.
+
+    A seal can be checked before the content is read, so that a reader never reads more bytes than were stored.
+    """
+    note = len(content).to_bytes(8, "little") + blake2b(content, digest_size=MARK_BYTES).digest()
+    return note + mark(context + note)
+
+
+def sealed_size(found: bytes, context: bytes = b"") -> int | None:
+    """Return the size of the content that a `found` seal belongs to [bytes]; None if it is not this user's seal."""
+    note, marked = found[:-MARK_BYTES], found[-MARK_BYTES:]
+    own = len(found) == SEAL_LENGTH and is_own_mark(context + note, marked)
+    return int.from_bytes(note[:8], "little") if own else None
+
+
+def is_sealed(content: bytes | memoryview, found: bytes) -> bool:
+    """Return whether a content is the one of a `found` seal, which `sealed_size` has accepted."""
+    return found[8:-MARK_BYTES] == blake2b(content, digest_size=MARK_BYTES).digest()
+
+
+def is_own_mark(content: bytes | memoryview, found: bytes) -> bool:
+    """Return whether a `found` mark is this user's mark of the content."""
+    return compare_digest(mark(content), found)
+
+
+def settings_folder() -> Path:
+    """Return the user's own folder of settings."""
+    named = os.environ.get(SETTINGS_VARIABLE)
+    if named:
+        return Path(named)
+    parent = os.environ.get("APPDATA") if os.name == "nt" else os.environ.get("XDG_CONFIG_HOME")
+    return (Path(parent) if parent else Path.home() / ".config") / "pellucid"
+
+
+@cache
+def _key(folder: Path) -> bytes:
+    """Return the key; draw it if the folder has none. If the folder cannot be written, the key is this process's
+    own."""
+    path = folder / "kept.key"
+    try:
+        if not path.is_file() or path.stat().st_size != MARK_BYTES:
+            write_bytes_atomically(path, token_bytes(MARK_BYTES), private=True)
+        return path.read_bytes()  # if two processes drew a key at once, both use the later one
+    except OSError:
+        return token_bytes(MARK_BYTES)
 
 
 class KeptColumns(Mapping):

@@ -6,19 +6,14 @@ more than that is not made.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from hashlib import blake2b
-from hmac import compare_digest
+from functools import cached_property
 from pathlib import Path
-from secrets import token_bytes
 
 import numpy as np
 
-from .._atomic import write_bytes_atomically
 from .clock import first_deliveries
 from .cut import MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
 from .defects import constant, echoed, frozen, garbage, held, limited, magnitude, missing, sensor_range, spikes
@@ -674,67 +669,3 @@ def _computed_findings(alike: Sequence[LogChannel]) -> Iterator[LogFinding]:
                 text = f"it is {command.name}, {echo.delay} rows late (r = {echo.correlation:.5f}): no measurement"
                 yield LogFinding(echoed.KIND, channel.name, text, size=echo.correlation)
                 break
-
-
-MARK_BYTES = 32
-"""Length of a mark, and of the key."""
-
-SETTINGS_VARIABLE = "PELLUCID_SETTINGS"
-"""Environment variable that names another folder of settings."""
-
-
-def mark(content: bytes | memoryview) -> bytes:
-    """Return the mark of a content, `MARK_BYTES` bytes, which nobody can make without the key."""
-    return blake2b(content, key=_key(settings_folder()), digest_size=MARK_BYTES).digest()
-
-
-SEAL_LENGTH = 8 + 2 * MARK_BYTES
-"""Length of a seal in bytes: a content's size, its checksum, and the mark of both."""
-
-
-def seal(content: bytes | memoryview, context: bytes = b"") -> bytes:
-    """Return the seal of a content, `SEAL_LENGTH` bytes; its mark includes a `context`, such as a file's name.
-
-    A seal can be checked before the content is read, so that a reader never reads more bytes than were stored.
-    """
-    note = len(content).to_bytes(8, "little") + blake2b(content, digest_size=MARK_BYTES).digest()
-    return note + mark(context + note)
-
-
-def sealed_size(found: bytes, context: bytes = b"") -> int | None:
-    """Return the size of the content that a `found` seal belongs to [bytes]; None if it is not this user's seal."""
-    note, marked = found[:-MARK_BYTES], found[-MARK_BYTES:]
-    own = len(found) == SEAL_LENGTH and is_own_mark(context + note, marked)
-    return int.from_bytes(note[:8], "little") if own else None
-
-
-def is_sealed(content: bytes | memoryview, found: bytes) -> bool:
-    """Return whether a content is the one of a `found` seal, which `sealed_size` has accepted."""
-    return found[8:-MARK_BYTES] == blake2b(content, digest_size=MARK_BYTES).digest()
-
-
-def is_own_mark(content: bytes | memoryview, found: bytes) -> bool:
-    """Return whether a `found` mark is this user's mark of the content."""
-    return compare_digest(mark(content), found)
-
-
-def settings_folder() -> Path:
-    """Return the user's own folder of settings."""
-    named = os.environ.get(SETTINGS_VARIABLE)
-    if named:
-        return Path(named)
-    parent = os.environ.get("APPDATA") if os.name == "nt" else os.environ.get("XDG_CONFIG_HOME")
-    return (Path(parent) if parent else Path.home() / ".config") / "pellucid"
-
-
-@cache
-def _key(folder: Path) -> bytes:
-    """Return the key; draw it if the folder has none. If the folder cannot be written, the key is this process's
-    own."""
-    path = folder / "kept.key"
-    try:
-        if not path.is_file() or path.stat().st_size != MARK_BYTES:
-            write_bytes_atomically(path, token_bytes(MARK_BYTES), private=True)
-        return path.read_bytes()  # if two processes drew a key at once, both use the later one
-    except OSError:
-        return token_bytes(MARK_BYTES)

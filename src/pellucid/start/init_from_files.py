@@ -1,4 +1,7 @@
-"""Make a study's folder from a lab's own files: copies, study.toml, and the page that shows why."""
+"""Make a study's folder from a lab's own files: copies, study.toml, and the page that shows why.
+
+Where the files lack a part of a study, one sentence says what supplies it; the proposal is also said in lines of text.
+"""
 
 from __future__ import annotations
 

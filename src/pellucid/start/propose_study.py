@@ -1,4 +1,7 @@
-"""Propose a study for given files: which are recordings of one layout, what their columns are, what must be asked."""
+"""Propose a study for given files: which are recordings of one layout, what their columns are, what must be asked.
+
+At most five questions are asked, those first on whose answers most depends; each has a default.
+"""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from .._atomic import write_bytes_atomically
 from .._errors import PellucidError
-from ..files.log import SEAL_LENGTH, is_sealed, seal, sealed_size
+from ..files.kept_columns import SEAL_LENGTH, is_sealed, seal, sealed_size
 
 MAX_WAIT_S = 60.0
 """A command waits at most this long for another one that writes the same results [s]."""

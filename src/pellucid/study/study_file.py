@@ -150,6 +150,21 @@ class Loop(StudyTable):
         return self
 
 
+def _unit_vector(direction: tuple[float, float, float] | None) -> tuple[float, ...] | None:
+    if direction is None:
+        return None
+    length = math.hypot(*direction)
+    if length == 0.0:
+        raise ValueError("found [0, 0, 0], which points nowhere")
+    return tuple(x / length for x in direction)
+
+
+def _each_once(names: tuple) -> tuple:
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"found {list(names)}, expected at least one, each once")
+    return names
+
+
 if TYPE_CHECKING:
     LengthInMetres = float
     AngleInRadians = float
@@ -306,8 +321,8 @@ class RigJoint(JointTable):
     name: str = Field(pattern=NAME_PATTERN)
     parent: Word | None = None
     place: PositionInMetres | None = None
-    turned: tuple[quantity("rad"), quantity("rad"), quantity("rad")] | None = None
-    axis: tuple[float, float, float] | None = None
+    turned: tuple[AngleInRadians, AngleInRadians, AngleInRadians] | None = None
+    axis: Annotated[tuple[float, float, float] | None, AfterValidator(_unit_vector)] = None
     through: PositionInMetres | None = None
     dh: DenavitHartenberg | None = None
     body: Body | None = None
@@ -326,16 +341,6 @@ class RigJoint(JointTable):
         """Keys of the table that are meaningful only if all joints are identified at once."""
         others = {*JointTable.model_fields, "name"}
         return tuple(key for key in RigJoint.model_fields if key in self.model_fields_set - others)
-
-    @field_validator("axis")
-    @classmethod
-    def _unit_length(cls, axis: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
-        if axis is None:
-            return None
-        length = math.hypot(*axis)
-        if length == 0.0:
-            raise ValueError("found [0, 0, 0], which points nowhere")
-        return (axis[0] / length, axis[1] / length, axis[2] / length)
 
     @model_validator(mode="after")
     def _motor_turns_with_it(self) -> RigJoint:
@@ -409,11 +414,9 @@ class SeveralJoints(StudyTable):
                 instruments.require_encoder()
             except ValueError as error:
                 raise ValueError(f"[[rig.joints]] {joint.name}: {error}") from None
-        joints = [
-            joint.model_copy(update={"instruments": instruments})
-            for joint, instruments in zip(self.joints, completed, strict=True)
-        ]
-        return self.model_copy(update={"joints": tuple(joints)})
+        pairs = zip(self.joints, completed, strict=True)
+        joints = tuple(joint.model_copy(update={"instruments": instruments}) for joint, instruments in pairs)
+        return self.model_copy(update={"joints": joints})
 
     @property
     def refusal(self) -> str:
@@ -656,9 +659,9 @@ class Optical(StudyTable):
 
     time: ChannelSpec
     unit: str
-    markers: tuple[ShownText, ...]
+    markers: Annotated[tuple[ShownText, ...], AfterValidator(_each_once)]
     columns: str = "{marker}_{axis}"
-    down: tuple[float, float, float]
+    down: Annotated[tuple[float, float, float], AfterValidator(_unit_vector)]
 
     @model_validator(mode="before")
     @classmethod
@@ -680,13 +683,6 @@ class Optical(StudyTable):
         to_si_factor(unit, "m", "")
         return unit
 
-    @field_validator("markers")
-    @classmethod
-    def _each_once(cls, markers: tuple) -> tuple:
-        if not markers or len(set(markers)) < len(markers):
-            raise ValueError(f"found {list(markers)}, expected at least one, each once")
-        return markers
-
     @field_validator("columns")
     @classmethod
     def _both_vary(cls, columns: str) -> str:
@@ -700,14 +696,6 @@ class Optical(StudyTable):
         if not isinstance(down, (list, tuple)) or len(down) != 3:
             raise ValueError(f"found {down!r}, expected three numbers such as [0, 0, -1]")
         return down
-
-    @field_validator("down")
-    @classmethod
-    def _unit_length(cls, down: tuple[float, float, float]) -> tuple[float, float, float]:
-        length = math.hypot(*down)
-        if length == 0.0:
-            raise ValueError("found [0, 0, 0], which points nowhere")
-        return (down[0] / length, down[1] / length, down[2] / length)
 
     @property
     def si_factor(self) -> float:
@@ -845,7 +833,7 @@ class Model(StudyTable):
         that are predicted from the others, in [0, 1).
     """
 
-    families: tuple[Literal[tuple(FAMILIES)], ...] = DEFAULT_FAMILIES
+    families: Annotated[tuple[Literal[tuple(FAMILIES)], ...], AfterValidator(_each_once)] = DEFAULT_FAMILIES
     gravity: Literal["none", "sine", "sine+cosine"]
     known: dict[str, float] = Field({})
     purpose: Literal["torque", "simulation"] = "torque"
@@ -859,13 +847,6 @@ class Model(StudyTable):
         if isinstance(table, dict) and "gravity" not in table:
             return {**table, "gravity": "none" if (info.context or {}).get("motion") == "prismatic" else "sine"}
         return table
-
-    @field_validator("families")
-    @classmethod
-    def _each_family_once(cls, families: tuple) -> tuple:
-        if not families or len(set(families)) < len(families):
-            raise ValueError(f"found {list(families)}, expected at least one, each once")
-        return families
 
     @field_validator("known", mode="before")
     @classmethod
@@ -980,11 +961,10 @@ class RecordingEntry(StudyTable):
             raise ValueError(
                 f'found {what} with files = "{self.files}", expected file: each recording has files of its own for them'
             )
-        if self.window is not None and self.window[0] >= self.window[1]:
-            raise ValueError(f"window: found {self.window[0]:g} s to {self.window[1]:g} s, expected start before end")
-        for start, stop in self.exclude:
+        spans = [("window", self.window)] if self.window is not None else []
+        for key, (start, stop) in [*spans, *(("exclude", span) for span in self.exclude)]:
             if start >= stop:
-                raise ValueError(f"exclude: found {start:g} s to {stop:g} s, expected start before end")
+                raise ValueError(f"{key}: found {start:g} s to {stop:g} s, expected start before end")
         return self
 
 
@@ -1057,10 +1037,8 @@ class StudyFile(StudyTable):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
             channels = set(self.channels_of(entry))
             channels |= {c for stream in entry.streams for c in self.joined_channels(stream)}
-            joints = ("velocity", *(f"velocity.{joint.joint}" for joint in self.rig.joints))
-            if (entry.processing or self.processing).velocity == "recorded" and not any(
-                name in channels for name in joints
-            ):
+            speeds = {"velocity", *(f"velocity.{joint.joint}" for joint in self.rig.joints)}
+            if (entry.processing or self.processing).velocity == "recorded" and not speeds & channels:
                 raise ValueError(
                     f'[[recordings]] {entry.name}: found [processing] velocity = "recorded" and no channel velocity, '
                     "expected one with its column and unit"

@@ -1,4 +1,7 @@
-"""Find which column is the effort of which motion, and in which unit an angle is by how gravity weighs the joint."""
+"""Find how columns of a table explain each other: derivatives, efforts of motions, commands that are followed.
+
+Gravity's weight also decides the unit of an angle, and repeated motions with another effort show a payload.
+"""
 
 from __future__ import annotations
 
