@@ -66,19 +66,11 @@ def _check_seen(optical, marker, add) -> None:
     count = int(seen.sum())
     # Only the carriage's marker is needed. The others locate the axis, for which other recordings serve as well.
     needed = marker == optical.carriage
-    if count == 0 or (needed and (count < MARKER_LIMITS.min_frames or count < MARKER_LIMITS.min_seen_share * n)):
-        enough = (
-            f"at least {max(MARKER_LIMITS.min_frames, math.ceil(MARKER_LIMITS.min_seen_share * n))}"
-            if needed
-            else "some"
-        )
-        add(
-            "refuse" if needed else "note",
-            "lost_marker",
-            marker,
-            found=f"it in {count} of {n} frames",
-            expected=f"{enough}: a column of another name, or a marker that was hidden",
-        )
+    least = max(MARKER_LIMITS.min_frames, math.ceil(MARKER_LIMITS.min_seen_share * n)) if needed else 1
+    if count < least:
+        wanted = f"{f'at least {least}' if needed else 'some'}: a column of another name, or a marker that was hidden"
+        severity = "refuse" if needed else "note"
+        add(severity, "lost_marker", marker, found=f"it in {count} of {n} frames", expected=wanted)
         return
     starts, lengths = find_runs(~seen)
     if starts.size == 0 or not np.isfinite(optical.time).all():
@@ -87,10 +79,8 @@ def _check_seen(optical, marker, add) -> None:
     longest = int(np.argmax(optical.time[ends] - optical.time[starts]))
     lasted = float(optical.time[ends[longest]] - optical.time[starts[longest]])
     if lasted > MARKER_LIMITS.max_unreported_loss_s:
-        found = (
-            f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after "
-            f"{optical.time[starts[longest]]:.6g} s"
-        )
+        begun = optical.time[starts[longest]]
+        found = f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after {begun:.6g} s"
         add("note", "lost_marker", marker, found=found, expected="it in every frame; frames without it are left out")
 
 
@@ -98,25 +88,15 @@ def _check_optical_time(optical, add) -> bool:
     time = optical.time
     missing = int(np.sum(~np.isfinite(time)))
     if missing or len(time) < 2:
+        kind = "missing_samples" if missing else "too_few_samples"
         found = f"{missing} missing samples (NaN)" if missing else f"{len(time)} frame"
-        add(
-            "refuse",
-            "missing_samples" if missing else "too_few_samples",
-            "time",
-            found=found,
-            expected="a time for every frame",
-        )
+        add("refuse", kind, "time", found=found, expected="a time for every frame")
         return False
     back = np.flatnonzero(np.diff(time) <= 0)
     if back.size:
         i = int(back[0])
-        add(
-            "refuse",
-            "time_order",
-            "time",
-            found=f"{time[i]:.6g} s, then {time[i + 1]:.6g} s at index {i + 1}, {back.size} such steps in all",
-            expected="time that increases with every frame",
-        )
+        found = f"{time[i]:.6g} s, then {time[i + 1]:.6g} s at index {i + 1}, {back.size} such steps in all"
+        add("refuse", "time_order", "time", found=found, expected="time that increases with every frame")
         return False
     return True
 
@@ -144,19 +124,9 @@ def _check_room(optical, add) -> None:
     value = largest[farthest]
     if value > MARKER_LIMITS.max_coordinate_m:
         found = f"a coordinate of {value:.4g} m, which looks like mm taken for m"
-        add(
-            "refuse",
-            "magnitude",
-            farthest,
-            found=found,
-            expected=f"at most {MARKER_LIMITS.max_coordinate_m:g} m: the unit [optical] states",
-        )
+        wanted = f"at most {MARKER_LIMITS.max_coordinate_m:g} m: the unit [optical] states"
+        add("refuse", "magnitude", farthest, found=found, expected=wanted)
     elif value < MARKER_LIMITS.min_largest_coordinate_m:
         found = f"no coordinate of any marker beyond {value:.4g} m, which looks like m taken for mm"
-        add(
-            "refuse",
-            "magnitude",
-            farthest,
-            found=found,
-            expected=f"markers farther apart than {MARKER_LIMITS.min_largest_coordinate_m:g} m: the unit",
-        )
+        wanted = f"markers farther apart than {MARKER_LIMITS.min_largest_coordinate_m:g} m: the unit"
+        add("refuse", "magnitude", farthest, found=found, expected=wanted)

@@ -18,6 +18,19 @@ _RATE_TEXT = re.compile(
 
 _VALUE_WITH_UNIT = re.compile(rf"\s*({_NUMBER_TEXT})\s*([^\d].*)?")
 
+_RATE_NAMES = frozenset({
+    "rate", "fs", "samplerate", "samplingrate", "samplingfrequency", "sampfreq", "samplefrequency", "srate", "freq",
+    "frequency", "fps",
+})  # fmt: skip
+
+_PERIOD_NAMES = frozenset({
+    "dt", "ts", "tsample", "sampletime", "samplingtime", "samplingperiod", "sampleperiod", "stepsize",
+})  # fmt: skip
+
+_SAMPLING_WORDS = frozenset({
+    "sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan",
+})  # fmt: skip
+
 MAX_RATE_HZ = 1e6
 """A number that is said to be a sampling rate is at most this [Hz]."""
 
@@ -40,16 +53,13 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
     """Return the sampling rate that a file states [Hz], by its rate, its frequency or its period; None if it states
     none."""
     for label, text in facts.items():
-        words = set(words_of(label))
-        joined = "".join(words_of(label))
+        words, joined = set(words_of(label)), "".join(words_of(label))
         value = _value(text)
         if value is None:
             continue
         number, unit = value
         unit = unit or split_unit(label)[1]
-        about = bool(
-            words & {"sampling", "sample", "sampled", "acquisition", "recording", "data", "logging", "log", "scan"}
-        )
+        about = bool(words & _SAMPLING_WORDS)
         if (words & {"rate", "frequency", "freq", "hz"} and (about or joined in _RATE_NAMES)) or joined in _RATE_NAMES:
             factor = 1e3 if unit == "kHz" else 1.0
             if unit in (None, "Hz", "kHz", "1") and 0.1 < number * factor <= MAX_RATE_HZ:
@@ -61,26 +71,6 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
             if 1.0 / MAX_RATE_HZ <= seconds <= 10.0:
                 return FileFact(float(f"{1.0 / seconds:.9g}"), "Hz", label)
     return _rate_in_texts(facts)
-
-
-_RATE_NAMES = frozenset(
-    {
-        "rate",
-        "fs",
-        "samplerate",
-        "samplingrate",
-        "samplingfrequency",
-        "sampfreq",
-        "samplefrequency",
-        "srate",
-        "freq",
-        "frequency",
-        "fps",
-    }
-)
-_PERIOD_NAMES = frozenset(
-    {"dt", "ts", "tsample", "sampletime", "samplingtime", "samplingperiod", "sampleperiod", "stepsize"}
-)
 
 
 def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:

@@ -22,20 +22,8 @@ MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
 """Endings of files of models. They are named, and a robot's file gives its joints."""
 
 IGNORED_ENDINGS = (
-    ".pdf",
-    ".md",
-    ".yaml",
-    ".yml",
-    ".toml",
-    ".py",
-    ".m",
-    ".html",
-    ".png",
-    ".jpg",
-    ".svg",
-    ".zip",
-    ".docx",
-)
+    ".pdf", ".md", ".yaml", ".yml", ".toml", ".py", ".m", ".html", ".png", ".jpg", ".svg", ".zip", ".docx",
+)  # fmt: skip
 """Endings of files that are no recordings."""
 
 IGNORED_NAMES = ("license", "licence", "readme", "original_readme", "notice", "citation", "changelog")
@@ -47,19 +35,20 @@ SHEET_ENDINGS = (".xlsx", ".xlsm", ".ods")
 MIN_TABLE_ROWS = 8
 """A table has at least so many rows; shorter columns are constants and settings."""
 
-QUANTITY_BY_FILE_WORD = {
-    "ik": "angle", "angle": "angle", "angles": "angle", "ikdata": "angle", "kinematics": "angle",
-    "id": "torque", "moment": "torque", "moments": "torque", "iddata": "torque", "torque": "torque",
-        "torques": "torque",
-    "tau": "torque", "trq": "torque", "effort": "torque", "efforts": "torque",
-    "position": "position", "positions": "position", "pos": "position", "q": "position", "qpos": "position",
-    "velocity": "velocity", "velocities": "velocity", "vel": "velocity", "dq": "velocity", "qd": "velocity",
-        "qvel": "velocity",
-    "acceleration": "acceleration", "accelerations": "acceleration", "acc": "acceleration", "ddq": "acceleration",
-    "qdd": "acceleration", "current": "current", "currents": "current", "curr": "current", "cur": "current",
-    "voltage": "voltage", "voltages": "voltage", "force": "force", "forces": "force", "grf": "force",
-    "emg": "emg", "emgs": "emg", "semg": "emg", "emgdata": "emg", "length": "length", "lengths": "length",
-}  # fmt: skip
+_FILE_WORDS_BY_QUANTITY = {
+    "angle": "ik angle angles ikdata kinematics",
+    "torque": "id moment moments iddata torque torques tau trq effort efforts",
+    "position": "position positions pos q qpos",
+    "velocity": "velocity velocities vel dq qd qvel",
+    "acceleration": "acceleration accelerations acc ddq qdd",
+    "current": "current currents curr cur",
+    "voltage": "voltage voltages",
+    "force": "force forces grf",
+    "emg": "emg emgs semg emgdata",
+    "length": "length lengths",
+}
+
+QUANTITY_BY_FILE_WORD = {word: kind for kind, words in _FILE_WORDS_BY_QUANTITY.items() for word in words.split()}
 """Quantities by words of files' and folders' names, beside those of columns."""
 
 
@@ -165,7 +154,8 @@ def _tables_of(path: Path) -> list[GivenTable]:
         path,
         {},
         units={str(name): unit for name, unit in columns.units.items()},
-        angle_unit=columns.angle_unit if not _is_moment_file(path) else None,
+        # The header of a file of moments states the unit of angles that it does not hold.
+        angle_unit=None if quantity_of_file(path) in ("torque", "force", "emg") else columns.angle_unit,
         facts={**scalars, **columns.facts},
         personal=columns.personal,
         quantity=quantity_of_file(path),
@@ -173,10 +163,6 @@ def _tables_of(path: Path) -> list[GivenTable]:
     )
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
     return [replace(empty, columns=part, key=key) for key, part in parts]
-
-
-def _is_moment_file(path: Path) -> bool:
-    return quantity_of_file(path) in ("torque", "force", "emg")
 
 
 def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple[str, dict[str, np.ndarray]]]:

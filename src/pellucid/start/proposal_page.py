@@ -16,6 +16,7 @@ from ..study.pages.forest import Row, Table
 from ..study.pages.page import Answer, Page, Section, Tile, without_drawing
 from .given_files import GivenTable
 from .inference.assign_roles import ColumnRole
+from .inference.clocks import UNIT_SECONDS
 from .inference.processing_choice import ProcessingChoice
 from .propose_study import Layout, Proposal
 from .study_text import channel_mark, channel_name
@@ -94,8 +95,6 @@ def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing
 
 
 def _times(layout: Layout, table: GivenTable) -> tuple[np.ndarray, str]:
-    from .inference.clocks import UNIT_SECONDS
-
     clock, rate = layout.roles.clock, layout.roles.rate
     if clock.column is not None and clock.column in table.columns:
         times = table.columns[clock.column] * UNIT_SECONDS[clock.unit]
@@ -107,8 +106,7 @@ def _times(layout: Layout, table: GivenTable) -> tuple[np.ndarray, str]:
 def _role_text(role: ColumnRole, mark: str) -> str:
     if role.quantity is None:
         return "left out"
-    name = f"{role.quantity}.{role.label}" if role.label else role.quantity
-    return _short(f"{name} [{role.unit}]" + (f"  {mark}" if mark else ""), 44)
+    return _short(f"{channel_name(role)} [{role.unit}]" + (f"  {mark}" if mark else ""), 44)
 
 
 def _short(text: str, most: int) -> str:
@@ -152,19 +150,11 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
 
 
 def _headline(proposal: Proposal, count: int, guesses: int) -> str:
-    what = (
-        "a person's joints"
-        if proposal.is_person
-        else f"a joint with a {proposal.drive} drive"
-        if proposal.drive
-        else "motion"
-    )
-    if len(proposal.main.roles.joints) > 1 and not proposal.is_person:
-        what = f"{len(proposal.main.roles.joints)} joints"
-    decided = count - guesses
-    return (
-        f"The files hold {what}: {count} channels, {decided} of them decided by evidence and {guesses} to be confirmed."
-    )
+    joints, decided = len(proposal.main.roles.joints), count - guesses
+    what = f"a joint with a {proposal.drive} drive" if proposal.drive else "motion"
+    what = "a person's joints" if proposal.is_person else f"{joints} joints" if joints > 1 else what
+    said = f"{decided} of them decided by evidence and {guesses} to be confirmed"
+    return f"The files hold {what}: {count} channels, {said}."
 
 
 def _question_sections(proposal: Proposal) -> list[Section]:
@@ -188,15 +178,13 @@ def _layout_section(layout: Layout, proposal: Proposal) -> Section:
         mark = marks.get(role.column, "")
         rows.append(Row((role.column, channel, role.unit if role.quantity else "", mark, why), bool(mark)))
     clock = layout.roles.clock
-    said = (
-        f'Time is the column "{clock.column}" in {clock.unit}: {clock.why}.' if clock.column else f"Time: {clock.why}."
-    )
+    said = f'Time is the column "{clock.column}" in {clock.unit}' if clock.column else "Time"
     table = layout.tables[0]
     drawings = channel_figures(layout, table, f"channels_{layout.stream or 'main'}", marks)
     return Section(
         f"channels-{name}",
         "Channels" if not layout.stream else f"Channels of the stream {layout.stream}",
-        (said,),
+        (f"{said}: {clock.why}.",),
         (Table(("Column", "Channel", "Unit", "Mark", "Why"), tuple(rows), wide=True),),
         tuple(drawings),
     )

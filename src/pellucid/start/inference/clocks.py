@@ -110,32 +110,22 @@ def _clock_of(
     stopped = _stops_between_samples(values, first, beside)
     slope = _line_step(known[first:], usual) if stopped else None
     if slope is not None and (repeated <= TIME_LIMITS.max_repeated_share or jitters):
-        return FoundClock(
-            None,
-            "s",
-            1.0 / (slope * UNIT_SECONDS[unit]),
+        why = (
             f'"{evidence.name}" is the clock, stamped on arrival: in {stopped} rows its stamps stand still or fall '
-            "although the samples go on, so that its mean rate takes their place",
-            certain,
-            coarse_column=evidence.name,
-            others=others,
+            "although the samples go on, so that its mean rate takes their place"
         )
+        return FoundClock(None, "s", 1.0 / (slope * UNIT_SECONDS[unit]), why, certain, evidence.name, others)
     span = (known[-1] - known[first if first < len(known) else 0]) * UNIT_SECONDS[unit]
     if repeated > TIME_LIMITS.max_repeated_share and not jitters:
         advances = np.flatnonzero(np.diff(known) > 0.0)
         whole = (known[advances[-1] + 1] - known[advances[0] + 1]) * UNIT_SECONDS[unit]
         # Between its first and its last advance a coarse clock shows whole steps.
         rate = float((advances[-1] - advances[0]) / whole) if whole > 0.0 else len(steps) / span if span > 0.0 else None
-        return FoundClock(
-            None,
-            "s",
-            rate,
+        why = (
             f'"{evidence.name}" stands still in {100 * repeated:.0f} % of the steps: it is coarser than the samples, '
-            "so that their mean rate takes its place",
-            False,
-            coarse_column=evidence.name,
-            others=others,
+            "so that their mean rate takes its place"
         )
+        return FoundClock(None, "s", rate, why, False, evidence.name, others)
     inner = positive[positive < 1.5 * np.median(positive)]
     step = usual if jitters or not len(inner) else float(np.mean(inner))
     return FoundClock(evidence.name, unit, 1.0 / (step * UNIT_SECONDS[unit]), why, certain, None, others, first)
@@ -227,16 +217,12 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
         is_possible = TIME_LIMITS.possible_rates_hz[0] / 50.0 <= rate <= 10.0 * TIME_LIMITS.possible_rates_hz[1]
         return evidence.unit, f"the header says {evidence.unit}; steps of {step:.4g} give {rate:.4g} Hz", is_possible
     for unit, seconds in UNIT_SECONDS.items():
-        is_wall_clock = TIME_LIMITS.epoch_range_s[0] <= middle * seconds <= TIME_LIMITS.epoch_range_s[
-            1
-        ] and unit not in ("min", "h")
+        is_wall_clock = unit not in ("min", "h") and _is_within(middle * seconds, TIME_LIMITS.epoch_range_s)
         if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
             return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
-    possible = [
-        u for u in ("s", "ms", "us", "ns")
-        if TIME_LIMITS.possible_rates_hz[0] <= 1.0 / (step * UNIT_SECONDS[u]) <= TIME_LIMITS.possible_rates_hz[1]
-    ]  # fmt: skip
+    rates = {u: 1.0 / (step * UNIT_SECONDS[u]) for u in ("s", "ms", "us", "ns")}
+    possible = [u for u, rate in rates.items() if _is_within(rate, TIME_LIMITS.possible_rates_hz)]
     unit = (usual or possible or ["s"])[0]
     rate = 1.0 / (step * UNIT_SECONDS[unit])
     why = f"steps of {step:.4g} are {rate:.4g} Hz in {unit}"
@@ -247,4 +233,8 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
 
 
 def _is_usual(rate: float) -> bool:
-    return TIME_LIMITS.usual_rates_hz[0] <= rate <= TIME_LIMITS.usual_rates_hz[1]
+    return _is_within(rate, TIME_LIMITS.usual_rates_hz)
+
+
+def _is_within(x: float, ends: tuple[float, ...]) -> bool:
+    return ends[0] <= x <= ends[1]

@@ -57,17 +57,12 @@ def is_raw_emg(values: np.ndarray, rate: float) -> bool:
     total = power[1:].sum()
     if total <= 0.0:
         return False
-    inside = (
-        power[(frequency >= SPECTRUM_LIMITS.emg_band_hz[0]) & (frequency <= SPECTRUM_LIMITS.emg_band_hz[1])].sum()
-        / total
-    )
+    low, high = SPECTRUM_LIMITS.emg_band_hz
+    inside = power[(frequency >= low) & (frequency <= high)].sum() / total
     peak = int(np.argmax(power[1:])) + 1
     line = power[max(peak - 1, 1) : peak + 2].sum() / total
-    return bool(
-        inside >= SPECTRUM_LIMITS.min_band_share
-        and line <= SPECTRUM_LIMITS.max_line_share
-        and _is_broad(frequency, power)
-    )
+    is_in_band = inside >= SPECTRUM_LIMITS.min_band_share and line <= SPECTRUM_LIMITS.max_line_share
+    return bool(is_in_band and _is_broad(frequency, power))
 
 
 def _is_broad(frequency: np.ndarray, power: np.ndarray) -> bool:
@@ -235,11 +230,8 @@ def find_flat_shape(values: np.ndarray, counts: tuple[int, ...] = ()) -> FlatSha
     known = np.nan_to_num(values)
     n = len(known)
     plain = float(np.median(np.abs(np.diff(known)))) if n > 1 else 0.0
-    tried = [
-        k
-        for k in (counts or range(2, SPECTRUM_LIMITS.max_flat_columns + 1))
-        if k > 1 and n % k == 0 and n // k >= SPECTRUM_LIMITS.min_flat_rows
-    ]
+    likely = counts or range(2, SPECTRUM_LIMITS.max_flat_columns + 1)
+    tried = [k for k in likely if k > 1 and n % k == 0 and n // k >= SPECTRUM_LIMITS.min_flat_rows]
     best: tuple[float, int] | None = None
     for k in tried:
         step = float(np.median(np.abs(np.diff(known.reshape(-1, k), axis=0))))
@@ -247,8 +239,8 @@ def find_flat_shape(values: np.ndarray, counts: tuple[int, ...] = ()) -> FlatSha
             best = (step, k)
     if best is not None:
         return FlatShape(best[1], "interleaved")
-    for k in tried:
-        if counts and _jumps_at_borders(known, k):
+    for k in tried if counts else ():
+        if _jumps_at_borders(known, k):
             return FlatShape(k, "stacked")
     return FlatShape(counts[0], "stacked") if counts and counts[0] in tried else FlatShape(1, "single")
 

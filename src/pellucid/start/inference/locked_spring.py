@@ -214,9 +214,8 @@ class HeldPostures:
     @property
     def is_static(self) -> bool:
         """Whether the recording is one of postures."""
-        return (
-            len(self.positions) >= SPRING_LIMITS.min_posture_count and self.still_share >= SPRING_LIMITS.min_still_share
-        )
+        is_still = self.still_share >= SPRING_LIMITS.min_still_share
+        return is_still and len(self.positions) >= SPRING_LIMITS.min_posture_count
 
 
 def find_postures(position: np.ndarray, rate: float) -> HeldPostures:
