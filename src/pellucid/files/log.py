@@ -289,10 +289,10 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     if rows is not None:
         text = f"{rows.where} of {longest} rows are garbage: {rows.cause}"
         found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL, 0, rows.head - 1))
-        kept = slice(rows.head, longest - rows.tail)
+        kept = rows.between(longest)
         table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
         channels |= table
-        longest -= rows.head + rows.tail
+        longest = kept.stop - kept.start
     found += _time_findings(log, channels)
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
     repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])
@@ -377,11 +377,9 @@ def _time_findings(log: Log, channels: Mapping[str, LogChannel]) -> Iterator[Log
         yield LogFinding("uneven", log.time, f"{many} of up to {long.max():.4g}{unit}, {usual:.4g}{unit} is usual")
     if jitter > MAX_EVEN_JITTER and not repeats:
         text = f"steps differ from {usual:.4g}{unit} by {100 * jitter:.3g} % in 1 of 100 rows: stamped on arrival"
-        often = (
-            float(np.mean(np.abs(positive / usual - 1.0) > LOG_LIMITS.max_steady_jitter))
-            > LOG_LIMITS.max_jittering_share
-        )
-        yield LogFinding("uneven", log.time, text, ALARM_LEVEL if often else NOTE_LEVEL, size=jitter)
+        out = float(np.mean(np.abs(positive / usual - 1.0) > LOG_LIMITS.max_steady_jitter))
+        level = ALARM_LEVEL if out > LOG_LIMITS.max_jittering_share else NOTE_LEVEL
+        yield LogFinding("uneven", log.time, text, level, size=jitter)
     for other in channels.values():
         if other.name != log.time and other.quantity.kind == "time" and len(other.samples) == len(time):
             yield from _second_clock(channel, other)
@@ -475,15 +473,9 @@ def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], fi
     noise, and never rests as long as anything moves.
     """
     contradicting = {"position": ("velocity",), "velocity": ("position",)}.get(channel.quantity.kind)
-    telling = [
-        c
-        for c in others.values()
-        if c is not channel
-        and len(c.samples) == len(channel.samples)
-        and c.quantity.role != "command"
-        and (not contradicting or c.quantity.kind in contradicting)
-        and c.levels is None
-    ]
+    beside = [c for c in others.values() if c is not channel and len(c.samples) == len(channel.samples)]
+    measured = [c for c in beside if c.quantity.role != "command" and c.levels is None]
+    telling = [c for c in measured if not contradicting or c.quantity.kind in contradicting]
     for other in telling[:: -(-len(telling) // LOG_LIMITS.max_compared_channels) or 1]:
         whole, inside = other.spread, _spread(other.samples[first : last + 1])
         if inside > 0.1 * whole and (not contradicting or _moves_with(channel, other, first, last)):
@@ -518,11 +510,11 @@ def _frozen_findings(channels: Mapping[str, LogChannel]) -> Iterator[LogFinding]
             continue
         asked = commands.get(position.joint)
         reference = asked.samples if asked and len(asked.samples) == len(position.samples) else None
-        rests = list(
-            frozen.frozen_rests(position.samples, own.samples, reference, constant.SILENCE_LIMITS.min_silent_samples)
-        )
-        if rests:
-            first, last, why = max(rests, key=lambda rest: rest[1] - rest[0])
+        least = constant.SILENCE_LIMITS.min_silent_samples
+        rests = frozen.frozen_rests(position.samples, own.samples, reference, least)
+        longest = max(rests, key=lambda rest: rest[1] - rest[0], default=None)
+        if longest is not None:
+            first, last, why = longest
             text = f"the one value {position.samples[first]:.6g}{position.unit} in rows {first} to {last} while {why}"
             yield LogFinding(constant.KIND, position.name, text, ALARM_LEVEL, first, last)
 
@@ -533,18 +525,16 @@ def _impossible(channel: LogChannel) -> Iterator[LogFinding]:
     finite = np.isfinite(x)
     if quantity.kind in ("stiffness", "damping") and np.any(x[finite] < 0.0):
         count, least = int(np.sum(x[finite] < 0.0)), float(x[finite].min())
-        text = (
-            f"a negative {quantity.kind} in {count} of {len(x)} rows, down to {least:.4g}{unit}, which drives the joint"
-        )
+        where = f"in {count} of {len(x)} rows, down to {least:.4g}{unit}"
+        text = f"a negative {quantity.kind} {where}, which drives the joint"
         yield LogFinding("impossible", name, text, size=least)
         return
     wrong = magnitude.find_implausible(Channel(quantity.kind or name, x, quantity.unit or "1", name))
     if quantity.kind == "emg" and quantity.unit == "V":
         wrong = magnitude.find_implausible(Channel(f"emg.{name}", x, "V", name))
     # A motor's position, and one that turns on and on, has no bound.
-    if wrong is not None and (
-        quantity.kind != "position" or wrong.largest > magnitude.MAGNITUDE_LIMITS.max_guessed_magnitude
-    ):
+    is_bounded = quantity.kind != "position"
+    if wrong is not None and (is_bounded or wrong.largest > magnitude.MAGNITUDE_LIMITS.max_guessed_magnitude):
         count = int(np.sum(np.abs(x[finite]) > wrong.limit))
         text = f"up to {wrong.largest:.4g}{unit} in {count} of {len(x)} rows, plausible are {wrong.limit:.4g}{unit}"
         if wrong.probable_unit and wrong.is_typical:

@@ -168,12 +168,12 @@ def read_recording(file: RecordedFile, window: tuple[float, float] | None = None
 
 def remove_garbage(recording: Recording, file: RecordedFile) -> Recording:
     """Return a recording without rows of garbage at either end, and with a cut that says so."""
-    time = recording.time
-    found = find_garbage(time, {name: c.samples for name, c in recording.channels.items() if name != "time"})
-    if found is None or len(time) - found.head - found.tail < 2:
+    n = len(recording)
+    found = find_garbage(recording.time, _samples_beside_time(recording))
+    if found is None or n - found.head - found.tail < 2:
         return recording
-    sane = _with_rows(recording, slice(found.head, len(time) - found.tail))
-    text = f"{found.where} of {len(time)} rows of garbage: {found.cause}"
+    sane = _with_rows(recording, found.between(n))
+    text = f"{found.where} of {n} rows of garbage: {found.cause}"
     start = float(sane.time[0 if found.head else -1])
     first = 0 if found.head else len(sane)
     return replace(sane, cuts=(Cut(GARBAGE_KIND, "time", start, start, first, first - 1, text),))
@@ -181,8 +181,7 @@ def remove_garbage(recording: Recording, file: RecordedFile) -> Recording:
 
 def remove_repeated_rows(recording: Recording, file: RecordedFile) -> Recording:
     """Return a recording without the rows of packets delivered twice, and with the number of those rows."""
-    samples = {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
-    first = first_deliveries(recording.time, samples)
+    first = first_deliveries(recording.time, _samples_beside_time(recording))
     repeats = int(np.sum(~first))
     return replace(_with_rows(recording, first), repeats=repeats) if repeats else recording
 
@@ -361,6 +360,10 @@ def _after(steps: tuple[Step, ...], recording: Recording, file: RecordedFile) ->
 def _stream_recording(file: RecordedFile, stream: str) -> Recording:
     other = file.beside(file.entry.streams[stream], f"the stream {stream}", stream)
     return _after(STREAM_STEPS, read_recording(other), other)
+
+
+def _samples_beside_time(recording: Recording) -> dict[str, np.ndarray]:
+    return {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
 
 
 def _with_rows(recording: Recording, rows: slice | np.ndarray) -> Recording:

@@ -39,6 +39,10 @@ class GarbageRows:
         ends = [f"the first {self.head}"] * bool(self.head) + [f"the last {self.tail}"] * bool(self.tail)
         return " and ".join(ends)
 
+    def between(self, n: int) -> slice:
+        """Return the rows of a table of `n` rows that are left."""
+        return slice(self.head, n - self.tail)
+
 
 def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) -> GarbageRows | None:
     """Return the rows of garbage at either end of a table; None without any.
