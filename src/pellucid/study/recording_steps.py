@@ -32,7 +32,7 @@ from .find_defects import find_cuts, regressed_joints
 
 if TYPE_CHECKING:
     from ..files.readers import Columns
-    from .study_file import ChannelSpec, Processing, RecordingEntry
+    from .study_file import ChannelSpec, Optical, Processing, RecordingEntry
     from .study_place import StudySource
 
 DISPLAYED_FILE_COUNT = 20
@@ -103,11 +103,11 @@ def prepared_recordings(
     ]
     contents: dict[Path, Columns] = {}
     found: list[Recording] = []
+    shortest = study.shortest_piece
     for i, (entry, name, path) in enumerate(chosen):
         on_progress(f"reading {name}", i / len(chosen))
         recording = prepare(RecordedFile(study, entry, name, path, contents))
-        whole = study.shortest_piece is None
-        found.extend((recording,) if whole else pieces_between_cuts(recording, study.shortest_piece))
+        found.extend((recording,) if shortest is None else pieces_between_cuts(recording, shortest))
     return tuple(found)
 
 
@@ -211,9 +211,10 @@ def integrate_velocities(recording: Recording, file: RecordedFile) -> Recording:
 
 def add_optical(recording: Recording, file: RecordedFile) -> Recording:
     """Return a recording with the motion capture of the trial."""
-    if file.entry.optical is None:
+    spec = file.study.config.optical
+    if file.entry.optical is None or spec is None:
         return recording
-    return replace(recording, optical=read_optical(file.beside(file.entry.optical, "optical")))
+    return replace(recording, optical=read_optical(file.beside(file.entry.optical, "optical"), spec))
 
 
 def add_streams(recording: Recording, file: RecordedFile) -> Recording:
@@ -379,11 +380,11 @@ def recording_files(study: StudySource, entry: RecordingEntry) -> list[tuple[str
         return [(entry.name, _require_file(study, entry, file, f"the stream {stream} of "))]
     if entry.file is not None:
         return [(entry.name, _require_file(study, entry, entry.file, ""))]
-    paths = _matching_files(study, entry)
+    paths = _matching_files(study, entry, entry.files or "")
     if not paths:
         raise RecordingError(
             f'{entry_text(study, entry)}: no file matches "{entry.files}"'
-            f"{_folder_contents((study.folder / entry.files).parent)}"
+            f"{_folder_contents((study.folder / str(entry.files)).parent)}"
         )
     if len(paths) == 1:
         return [(entry.name, paths[0])]
@@ -406,17 +407,17 @@ def entry_text(study: StudySource, entry: RecordingEntry) -> str:
     return f'{study.path}: [[recordings]] "{entry.name}"'
 
 
-def _matching_files(study: StudySource, entry: RecordingEntry) -> list[Path]:
-    where, pattern = entry_text(study, entry), Path(entry.files)
+def _matching_files(study: StudySource, entry: RecordingEntry, pattern: str) -> list[Path]:
+    where, parts = entry_text(study, entry), Path(pattern).parts
     # A pattern must not list files outside the folder either.
-    if ".." in pattern.parts or pattern.is_absolute():
-        study.inside(entry.files, where)
-    if any("**" in part and part != "**" for part in pattern.parts):  # Python 3.13 changes its meaning
-        raise RecordingError(f'{where}: found files = "{entry.files}", expected ** to stand alone')
+    if ".." in parts or Path(pattern).is_absolute():
+        study.inside(pattern, where)
+    if any("**" in part and part != "**" for part in parts):  # Python 3.13 changes its meaning
+        raise RecordingError(f'{where}: found files = "{pattern}", expected ** to stand alone')
     try:
-        paths = sorted(path for path in study.folder.glob(entry.files) if path.is_file())
+        paths = sorted(path for path in study.folder.glob(pattern) if path.is_file())
     except (ValueError, NotImplementedError) as error:
-        raise RecordingError(f'{where}: found files = "{entry.files}": {error}') from None
+        raise RecordingError(f'{where}: found files = "{pattern}": {error}') from None
     return [study.inside(path.relative_to(study.folder), where) for path in paths]
 
 
@@ -436,9 +437,9 @@ def _folder_contents(folder: Path) -> str:
     return f"; {folder.name} holds {', '.join(names[:DISPLAYED_FILE_COUNT]) or 'nothing'}"
 
 
-def read_optical(file: RecordedFile) -> OpticalRecording:
+def read_optical(file: RecordedFile, spec: Optical) -> OpticalRecording:
     """Return the markers in the file of a motion capture, as ``[optical]`` of study.toml says."""
-    columns, spec, rail = file.columns, file.study.config.optical, file.study.config.rail
+    columns, rail = file.columns, file.study.config.rail
     time = _to_si(columns.column(spec.time.column, "time"), spec.time)
     markers = {}
     for marker in spec.markers:

@@ -74,9 +74,8 @@ def find(watched: WatchedRecording) -> Iterator[Cut]:
                 continue
             if is_out_of_contact(watched, name, a, b):
                 continue
-            lost = _has_leaps(
-                x, a, b, DROPOUT_LIMITS.min_leap_ratio if i in much_longer else DROPOUT_LIMITS.min_high_leap_ratio
-            )
+            least = DROPOUT_LIMITS.min_leap_ratio if i in much_longer else DROPOUT_LIMITS.min_high_leap_ratio
+            lost = _has_leaps(x, a, b, least)
             if i in much_longer and not lost and not _is_motion(name):
                 # A drive at zero may be switched off for a while; one that is on has noise.
                 held = x[a] != 0.0 and a > 0 and b < len(x) - 1

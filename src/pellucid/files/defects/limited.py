@@ -64,10 +64,8 @@ def find_limits(x: np.ndarray) -> tuple[Limit, ...]:
         at = known & (sign * (extreme - x) <= 1e-9 * (high - low))
         first, length = find_runs(at)
         count = int(at.sum())
-        if (
-            count < max(SATURATION_LIMITS.min_limited_samples, SATURATION_LIMITS.min_limited_share * known.sum())
-            or length.max(initial=0) < SATURATION_LIMITS.min_run_samples
-        ):
+        least = max(SATURATION_LIMITS.min_limited_samples, SATURATION_LIMITS.min_limited_share * known.sum())
+        if count < least or length.max(initial=0) < SATURATION_LIMITS.min_run_samples:
             continue
         inside = x[known & ~at]
         resolution = _resolution(inside)
@@ -96,9 +94,8 @@ def _is_held_elsewhere(x: np.ndarray, longest: int) -> bool:
     """
     inside = (x[1:] != 0.0) & (x[1:] < np.nanmax(x)) & (x[1:] > np.nanmin(x))
     _, length = find_runs((x[1:] == x[:-1]) & inside)
-    return bool(length.size) and int(length.max()) + 1 >= max(
-        SATURATION_LIMITS.min_run_samples, SATURATION_LIMITS.max_elsewhere_share * longest
-    )
+    least = max(SATURATION_LIMITS.min_run_samples, SATURATION_LIMITS.max_elsewhere_share * longest)
+    return bool(length.size) and int(length.max()) + 1 >= least
 
 
 def _is_leapt_to(x: np.ndarray, first: np.ndarray, length: np.ndarray) -> bool:

@@ -106,15 +106,10 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     quantum = float(np.min(steps, where=steps > 1e-9 * large, initial=np.inf))
     if not np.isfinite(quantum):
         return []
-    leaps = np.flatnonzero(steps > max(SPIKE_LIMITS.min_resolution_ratio * quantum, 3.0 * usual))
-    if leaps.size > SPIKE_LIMITS.max_examined_step_count:
-        leaps = np.sort(
-            leaps[
-                np.argpartition(steps[leaps], -SPIKE_LIMITS.max_examined_step_count)[
-                    -SPIKE_LIMITS.max_examined_step_count :
-                ]
-            ]
-        )
+    resolved = SPIKE_LIMITS.min_resolution_ratio * quantum
+    leaps, most = np.flatnonzero(steps > max(resolved, 3.0 * usual)), SPIKE_LIMITS.max_examined_step_count
+    if leaps.size > most:
+        leaps = np.sort(leaps[np.argpartition(steps[leaps], -most)[-most:]])
     first, last, height = _excursions(x, leaps, widest)
     # The largest step outside every excursion shows how fast the channel itself changes.
     bounds = np.searchsorted(leaps, np.column_stack([first - 1, last + 1]))
@@ -125,11 +120,7 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     largest = max(float(steps[leaps[own]].max(initial=0.0)), usual)
     found, after = [], -1
     for a, b, h in zip(first.tolist(), last.tolist(), height.tolist(), strict=True):
-        if (
-            h > SPIKE_LIMITS.min_largest_step_ratio * largest
-            and h > SPIKE_LIMITS.min_resolution_ratio * quantum
-            and a > after
-        ):
+        if h > SPIKE_LIMITS.min_largest_step_ratio * largest and h > resolved and a > after:
             found.append((a, b, h))
             after = b
     return found
@@ -138,13 +129,8 @@ def find_spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
 def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return first sample, last sample and height of each excursion: at most `widest` samples between a leap and an
     equally sudden return."""
-    n = len(x)
-    around = np.concatenate(
-        [
-            np.arange(-SPIKE_LIMITS.neighbourhood_samples, 0),
-            np.arange(widest + 1, widest + 1 + SPIKE_LIMITS.neighbourhood_samples),
-        ]
-    )
+    n, near = len(x), SPIKE_LIMITS.neighbourhood_samples
+    around = np.concatenate([np.arange(-near, 0), np.arange(widest + 1, widest + 1 + near)])
     places = leaps[:, None] + around
     inside = (places >= 0) & (places + 1 < n)
     with np.errstate(invalid="ignore"):
@@ -163,14 +149,10 @@ def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarr
     peak = np.maximum.accumulate(np.abs(off), axis=1)[:, :-1]
     rise = np.abs(off[:, :1])
     fall = np.abs(np.diff(off, axis=1))
+    usual = SPIKE_LIMITS.min_local_step_ratio * local[:, None]
     with np.errstate(invalid="ignore"):
-        back = np.abs(off[:, 1:]) <= np.maximum(
-            SPIKE_LIMITS.return_tolerance * peak,
-            np.minimum(SPIKE_LIMITS.min_local_step_ratio * local[:, None], 0.5 * peak),
-        )
-        sharp = (np.minimum(rise, fall) >= SPIKE_LIMITS.min_step_share * peak) & (
-            peak > SPIKE_LIMITS.min_local_step_ratio * local[:, None]
-        )
+        back = np.abs(off[:, 1:]) <= np.maximum(SPIKE_LIMITS.return_tolerance * peak, np.minimum(usual, 0.5 * peak))
+        sharp = (np.minimum(rise, fall) >= SPIKE_LIMITS.min_step_share * peak) & (peak > usual)
     whole = back & sharp
     found = whole.any(axis=1)
     width = whole.argmax(axis=1) + 1

@@ -108,9 +108,7 @@ def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: floa
     """Return the power of an effort, and what the joint's motion leaves of it in some rows, shape (k,)."""
     target = running_mean(effort, motion.width)
     speed = motion.velocity / _usual(motion.velocity)
-    friction = [
-        running_mean(np.tanh(speed * sharpness), motion.width) for sharpness in EFFORT_LIMITS.friction_sharpness
-    ]
+    friction = [running_mean(np.tanh(speed * edge), motion.width) for edge in EFFORT_LIMITS.friction_sharpness]
     columns = [motion.acceleration, motion.velocity, *friction, np.ones(len(target))]
     if radians_per_unit is not None:
         # The mean of the sine, and not the sine of the mean: they differ where the joint turns fast.
@@ -147,10 +145,8 @@ class WeighedTurns:
     def beats(self, name: str, other: str) -> bool:
         """Whether a candidate is better than another one, in the whole and nearly everywhere."""
         won = int(np.sum(self.left[name] < self.left[other]))
-        return (
-            self.left_share(name) < EFFORT_LIMITS.max_left_ratio * self.left_share(other)
-            and won >= EFFORT_LIMITS.min_won_blocks
-        )
+        is_less = self.left_share(name) < EFFORT_LIMITS.max_left_ratio * self.left_share(other)
+        return is_less and won >= EFFORT_LIMITS.min_won_blocks
 
     def is_decided(self, others: Mapping[str, float] | None = None) -> bool:
         """Whether the best candidate is better than all `others`, and than none, and turns the joint far enough.
@@ -160,10 +156,8 @@ class WeighedTurns:
         compared = self.turns if others is None else others
         rivals = [other for other in compared if other != self.best]
         angle = 2.0 * math.pi * self.span / self.turns[self.best]
-        explains = (
-            self.left_share(self.best) <= 1.0 - EFFORT_LIMITS.min_effort_share
-            and angle >= EFFORT_LIMITS.min_weighed_angle
-        )
+        explains = self.left_share(self.best) <= 1.0 - EFFORT_LIMITS.min_effort_share
+        explains = explains and angle >= EFFORT_LIMITS.min_weighed_angle
         is_true_turn = self.best not in compared or self.left_share(self.best) < self.near
         return explains and is_true_turn and all(self.beats(self.best, other) for other in (*rivals, "none"))
 
