@@ -152,7 +152,6 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
     from .start.init_from_files import ProposedStudy, proposal_lines
     from .start.propose_study import Question
     from .start_study import init as run
-    from .study.procedures.registry import open_study
 
     out = make_console()
 
@@ -175,16 +174,15 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
     *lines, last = proposal_lines(made)
     print_lines(out, lines, MAX_PROPOSAL_LINES, "further line")
     print_line(out, last)
-    _print_check(open_study(folder), folder, made.faults, MAX_PROPOSAL_CHECK_LINES)
+    _print_check(_opened(folder, None, False), folder, made.faults, MAX_PROPOSAL_CHECK_LINES)
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
 def check(folder: Folder, json: Json = False, allow_outside: Outside = False) -> None:
     """Check recordings before identification; status 1 if unfit."""
-    from .study.procedures.registry import open_study
     from .study.procedures.run import check as run
 
-    study = open_study(folder, allow_outside=allow_outside)
+    study = _opened(folder, None, allow_outside)
     with show_progress() as tell:
         faults = run(study, on_progress=tell)
     if json:
@@ -221,9 +219,8 @@ def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines:
 def _print_faults(faults: Sequence[Fault]) -> None:
     """Print faults as JSON; exit with status 1 if one refuses a recording."""
     from dataclasses import asdict
-    from json import dumps
 
-    typer.echo(dumps({"faults": [asdict(fault) for fault in faults]}, indent=1, ensure_ascii=False))
+    _echo_json({"faults": [asdict(fault) for fault in faults]})
     if any(fault.severity == "refuse" for fault in faults):
         raise typer.Exit(1)
 
@@ -404,9 +401,8 @@ def live(
     out = make_console()
     if replay is not None:
         from .live.session.recorded_trial import replay_file
-        from .study.procedures.registry import open_study
 
-        answer = replay_file(open_study(folder), replay)
+        answer = replay_file(_opened(folder, None, False), replay)
         for line in answer.lines:
             print_line(out, line)
         if not answer.is_equal:
@@ -593,9 +589,7 @@ def incident(
     found = run(file)
     page = write_incident_page(found, file.with_name(f"{file.stem}-page") if out is None else out)
     if json:
-        from json import dumps
-
-        typer.echo(dumps(account_table(found), indent=1, ensure_ascii=False))
+        _echo_json(account_table(found))
         return
     console = make_console()
     print_items(console, found.sentences, 20)
@@ -622,9 +616,7 @@ def audit(
     found = run(files, rate=rate)
     page = write_audit_page(found, out)
     if json:
-        from json import dumps
-
-        typer.echo(dumps(found.table(), indent=1, ensure_ascii=False))
+        _echo_json(found.table())
     else:
         console = make_console()
         print_line(console, found.headline)
@@ -855,6 +847,12 @@ def _exit_with_message(text: str, status: int = 2) -> None:
 
     typer.echo(f"pellucid: {visible_text(text)}", err=True)
     raise SystemExit(status)
+
+
+def _echo_json(table: dict[str, Any]) -> None:
+    from json import dumps
+
+    typer.echo(dumps(table, indent=1, ensure_ascii=False))
 
 
 def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: bool = False) -> Study:

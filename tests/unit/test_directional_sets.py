@@ -10,6 +10,7 @@ from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 from pellucid_lab.papers.able.arm_identification import hold_joints
 from pellucid_lab.papers.able.directional_sets import compare_directional, draw_closed_paths, fit_directional
+from pellucid_lab.papers.able.held_joints import hold_joints
 
 NAMES = ("abduction", "flexion", "elbow")
 SHARE = 0.12  # of the load, lost as friction

@@ -40,6 +40,7 @@ from .running_task import (
     Sensed,
     TorqueEstimate,
     TorqueEstimator,
+    finite_number,
     first_angle,
     running_task,
 )
@@ -257,7 +258,7 @@ class LiveSession:
         allowed = OPERATOR_ACTIONS if role == "operator" else PARTICIPANT_ACTIONS
         if action not in allowed:
             return f"found the action {action!r} from the {role}'s page, expected one of {', '.join(allowed)}"
-        told = {"role": role, "action": action, "value": None if value is None else _finite(value)}
+        told = {"role": role, "action": action, "value": None if value is None else finite_number(value)}
         self.engine.mark("action", told)
         try:
             return getattr(self, f"_{action}")(value) or ""
@@ -837,12 +838,12 @@ class LiveSession:
             "engine": {
                 "state": self._state, "armed": self._armed, "condition": getattr(status, "condition", ""),
                 "fault": getattr(status, "fault", ""), "alive": self._alive,
-                "effort_limit": _finite(getattr(status, "effort_limit", math.nan)),
-                "velocity_limit": _finite(getattr(status, "velocity_limit", math.nan)),
-                "position_limits": [_finite(x) for x in getattr(status, "position_limits", ()) or ()],
+                "effort_limit": finite_number(getattr(status, "effort_limit", math.nan)),
+                "velocity_limit": finite_number(getattr(status, "velocity_limit", math.nan)),
+                "position_limits": [finite_number(x) for x in getattr(status, "position_limits", ()) or ()],
             },
-            "now": {"pointer": _finite(self._last.get(self.table.pointer, math.nan))} | {
-                name: _finite(self._last.get(name, math.nan))
+            "now": {"pointer": finite_number(self._last.get(self.table.pointer, math.nan))} | {
+                name: finite_number(self._last.get(name, math.nan))
                 for name in ("position", "velocity", "torque", "interaction", "muscle", "drive")
             },
             "slider": {"value": self.slider, "limit": self.table.limits.slider},
@@ -850,7 +851,7 @@ class LiveSession:
                 "torque": estimate.torque, "half_width": estimate.half_width, "error": self.estimator.error,
                 "error_of_mean": self.estimator.error_of_mean,
             },
-            "estimate_errors": [_finite(self.estimator.error), _finite(self.estimator.error_of_mean)],
+            "estimate_errors": [finite_number(self.estimator.error), finite_number(self.estimator.error_of_mean)],
             "levels": {} if self.levels is None else self.levels.levels,
             "faults": [asdict(fault) for fault in self.faults[-SHOWN_FAULTS:]],
             "indices": self.indices,
@@ -883,8 +884,3 @@ class LiveSession:
 
     def _general_instructions(self) -> tuple[str, ...]:
         return self.table.instructions if not self.shown_instructions else ()
-
-
-def _finite(value: float) -> float | None:
-    """Return a number as JSON has it: None for one that is not finite."""
-    return float(value) if math.isfinite(value) else None

@@ -141,7 +141,7 @@ class RunningPointing(RunningTask):
         held = 0.0 if self.entered is None else min((elapsed - self.entered) / self.task.hold, 1.0)
         return {
             "task": "pointing",
-            "pointer": _number(now.position),
+            "pointer": finite_number(now.position),
             "target": self.target,
             "tolerance": self.task.tolerance,
             "range": shown_range((self.task.start, *(self.task.start + a for a in self.task.amplitudes))),
@@ -182,7 +182,7 @@ class RunningTracking(RunningTask):
         elapsed = max(now.time - (self.begun or now.time) - self.lead_in, 0.0)
         return {
             "task": "tracking",
-            "pointer": _number(now.position),
+            "pointer": finite_number(now.position),
             "target": task.centre + task.amplitude * math.sin(2.0 * math.pi * task.frequency * elapsed),
             "range": shown_range((task.centre - task.amplitude, task.centre + task.amplitude)),
             "left": max(task.duration - elapsed, 0.0),
@@ -250,7 +250,7 @@ class RunningHolding(RunningTask):
         target = self.trial.targets[0]
         return {
             "task": "holding",
-            "pointer": _number(now.position),
+            "pointer": finite_number(now.position),
             "target": target,
             "tolerance": self.task.tolerance,
             "range": shown_range((*self.task.angles, target)),
@@ -345,9 +345,9 @@ def shown_range(angles: tuple[float, ...]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _number(value: float) -> float | None:
+def finite_number(value: float) -> float | None:
     """Return a number as JSON has it: None for one that is not finite."""
-    return value if math.isfinite(value) else None
+    return float(value) if math.isfinite(value) else None
 
 
 MIN_TRIALS = 2

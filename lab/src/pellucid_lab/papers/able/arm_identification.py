@@ -28,6 +28,7 @@ from ...arm.protocol import ArmTrial, followed
 from ...arm.rig import ArmRig
 from ...processes import ordered_results
 from .directional_sets import DirectionalRow, compare_directional
+from .held_joints import hold_joints
 
 LOAD_FRICTION_FAMILY = ("viscous", "coulomb", "offset", "load")
 """Friction terms of every joint of the model with load friction."""
