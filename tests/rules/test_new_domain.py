@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from copied_package import copied_package, run_copied
-from test_new_procedure import FOLDER, PROCEDURE, STUDY
+from test_new_procedure import ENTRY, PROCEDURE, STUDY
 
 EXPORTER = '''"""The largest torques as a file of JSON."""
 
@@ -30,9 +30,13 @@ class PeaksExporter(Exporter):
         path.write_text(json.dumps(peaks), encoding="utf-8")
         return path
 '''
-DOMAIN = '''"""The grip of a hand: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+DOMAIN = f'''"""The grip of a hand: what it offers to the rest of Pellucid, as `_domains.py` describes."""
 
-PROCEDURE_FOLDERS = ("peak",)
+from ..study.procedures.command import Command
+from ..study.procedures.procedure import ProcedureEntry
+
+PROCEDURE_ENTRIES = (
+{ENTRY})
 EXPORTER_CLASSES = ("peaks_file:PeaksExporter",)
 '''
 EXPORTED = """
@@ -78,7 +82,7 @@ def test_a_domain_is_one_folder(tmp_path, study):
     package = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*") if path.is_file()}
     own = {"__init__.py": '"""The grip of a hand."""\n', "domain.py": DOMAIN, "peaks_file.py": EXPORTER,
-           "peak/__init__.py": FOLDER, "peak/procedure.py": PROCEDURE}  # fmt: skip
+           "peak/__init__.py": "", "peak/peak.py": PROCEDURE}  # fmt: skip
     for name, text in own.items():
         path = package / "grip" / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,6 @@ from pellucid.arm.fit.tree_regression import collect_rows
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
-from pellucid_lab.papers.able.arm_identification import hold_joints
 from pellucid_lab.papers.able.directional_sets import compare_directional, draw_closed_paths, fit_directional
 from pellucid_lab.papers.able.held_joints import hold_joints
 

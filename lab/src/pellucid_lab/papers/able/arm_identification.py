@@ -7,20 +7,18 @@ no motion separates it from the masses. A payload of known mass does: its weight
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pellucid._errors import DatasetError, IdentificationError
+from pellucid._errors import DatasetError
 from pellucid.arm.fit.consistent_inertias import fit_consistent, least_eigenvalue
 from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, heldout_errors, make_tree_estimate
 from pellucid.arm.fit.payload import gains_from_payload, with_drive_gains
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_regression import collect_rows
 from pellucid.arm.tree_motion import TreeMotion
-from pellucid.models.kinematic_tree import Tree, TreeJoint
-from pellucid.models.robot import Robot
 
 from ...arm.card_law import card_of, motions_of
 from ...arm.human_motion import JOINTS, generated_motion, people, recorded_motion
@@ -144,44 +142,6 @@ def directional(rig: ArmRig, seed: int, joints: int, judges: int = TEST_PEOPLE_C
 
     fitted = only([t for t in rig.trials(seed) if t.use == "fit"], seed)
     return compare_directional(robot, fitted, only(draw_test_motions(rig, judges)[1], 1000 + seed))
-
-
-def hold_joints(robot: Robot, posture: Mapping[str, float]) -> Robot:
-    """The robot with the joints of `posture` welded there [rad; m]; motors that turned with them turn with the rest."""
-    unknown = sorted(set(posture) - set(robot.names))
-    if unknown:
-        raise IdentificationError(
-            f"{robot.tree.source}: found no joint {unknown[0]!r} that moves, expected some of {', '.join(robot.names)}"
-        )
-    kept = [i for i, name in enumerate(robot.names) if name not in posture]
-    if not kept:
-        raise IdentificationError(f"{robot.tree.source}: found every joint held, expected one that moves")
-    at = np.array([posture.get(name, 0.0) for name in robot.names])
-    places = robot.tree.core.placements(at)
-    number = {joint.child: i for i, joint in enumerate(robot.tree.order)}
-    base = np.hstack([np.eye(3), np.zeros((3, 1))])
-
-    def welded(joint: TreeJoint) -> TreeJoint:
-        if joint.name not in posture:
-            return joint
-        parent = places[number[joint.parent]] if joint.parent in number else base
-        child = places[number[joint.child]]
-        turn = parent[:, :3].T @ child[:, :3]
-        place = parent[:, :3].T @ (child[:, 3] - parent[:, 3])
-        x, y, z = map(float, place)
-        return replace(joint, kind="fixed", axis=None, place=(x, y, z), turned=_angles(turn), rotor_inertia=0.0)
-
-    tree = Tree(tuple(map(welded, robot.tree.joints)), robot.tree.links, robot.tree.gravity, robot.tree.source)
-    turns = robot.turns_array[np.ix_(kept, kept)]
-    return Robot(tree, tuple(map(tuple, turns)))
-
-
-def _angles(turn: np.ndarray) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation, (3, 3)."""
-    pitch = float(np.arctan2(-turn[2, 0], np.hypot(turn[0, 0], turn[1, 0])))
-    if np.hypot(turn[0, 0], turn[1, 0]) < 1e-9:  # Roll and yaw are one
-        return float(np.arctan2(-turn[1, 2], turn[1, 1])), pitch, 0.0
-    return float(np.arctan2(turn[2, 1], turn[2, 2])), pitch, float(np.arctan2(turn[1, 0], turn[0, 0]))
 
 
 def _hold_joints_still(reference: np.ndarray, held: dict[str, float]) -> np.ndarray:
