@@ -1,4 +1,7 @@
-"""A recording of all joints of a robot made ready for identification: filtered and decimated, both sides alike."""
+"""A recording of all joints of a robot made ready for identification: filtered and decimated, both sides alike.
+
+A robot some of whose joints are held: they become welds, at the place where they are.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""A control law of the core with its numbers: stepped here as it is worn in the lab and exported to a robot."""
+"""A control law of the core with its numbers: stepped here as it is worn in the lab and exported to a robot.
+
+What a controller may ask for.
+
+A law among nonsense, and how long a step of it takes.
+
+Faults of a drive that a supervisor does not find if the drive does not measure its own effort.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,11 @@ Every threshold follows from the law's own numbers (the card's body and the limi
 sensors. The constants below were chosen on robots and wearers that do not enter the fault table of docs/safety.md.
 Thresholds against false alarms are the smallest values at which all of these ran without an alarm, plus a fifth; the
 tolerance for the force sensor's gain has no such margin.
+
+Amplitude and window of the supervisor's probe, from the body, the encoder, the control period and the limit.
+
+The probe is a small wave of effort with three frequencies. The encoder's acceleration must answer it, so that a
+reversed, dead, late or wrongly scaled drive or encoder is found without a measurement of the drive.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 Arrays in, findings out. What a column holds is guessed from its name and its unit (`quantity.py`); a finding that needs
 more than that is not made.
+
+Mark files that Pellucid stores beside a study, so that a stranger's files are not mistaken for the user's own.
+
+The mark is a keyed hash. The key is drawn once, lies in the user's own folder of settings, and serves no other purpose.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""One recorded trial: named channels over one time axis, in SI, with their source."""
+"""One recorded trial: named channels over one time axis, in SI, with their source.
+
+Trim the ends of a recording at which channels that are needed have no samples.
+
+An amplifier is stopped before the motion capture, or started after it, and exports fill the rest with empty cells. What
+lies between the ends is whole, and is used.
+"""
 
 from __future__ import annotations
 

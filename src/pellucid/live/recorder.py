@@ -5,6 +5,8 @@ an XDF file a trial, between the events "record_begin" and "record_end", and eve
 file of the whole session, from which `replay` computes the commands again. Each round ends with a row of the stream
 "recorder" that says how far it came. A recorder that was killed is started again, removes what is behind the last such
 row, and goes on from there: no sample is lost, and none is written twice, as long as the rings still hold them.
+
+Seal the files that a session left unfinished when its computer lost power or its recorder was killed.
 """
 
 from __future__ import annotations

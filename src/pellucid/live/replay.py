@@ -1,5 +1,8 @@
 """Compute a recorded session's commands again: the law of the core's Python module is given every number that the
-engine's law was given, and what both asked of the drive is compared bit by bit."""
+engine's law was given, and what both asked of the drive is compared bit by bit.
+
+Columns of the streams "robot", for people, and "engine", with every number that the law was given.
+"""
 
 from __future__ import annotations
 

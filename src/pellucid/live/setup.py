@@ -1,4 +1,11 @@
-"""What an engine is started with: conditions with their laws, a device, and the file of numbers that C++ reads."""
+"""What an engine is started with: conditions with their laws, a device, and the file of numbers that C++ reads.
+
+Whether the process of a session still lives: its children end by themselves after its death, however it died.
+
+A child knows its session by the number of the process that started it. The system gives a child whose parent died
+another parent, so that a look is one call, and no pipe or signal has to be kept. After the session's death a child goes
+on for `ORPHAN_S`: the engine stops its law meanwhile, as after any silence, and the recorder writes what there is.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 A session's region and the rings of its streams are files in the system's folder for shared memory, which outlive their
 processes. Every Python process of a session therefore holds a shared lock on the region's file. The system releases the
 lock however the process dies, so that the next session finds the files of dead ones and removes them.
+
+The region of shared memory as Python sees it: records and events are read, commands and events are written.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The result of every fit: parameters by name with their covariance, as text, table, data frame and figure."""
+"""The result of every fit: parameters by name with their covariance, as text, table, data frame and figure.
+
+An identified parameter with its uncertainty, the whiteness of residuals, and verdicts in words.
+"""
 
 from __future__ import annotations
 

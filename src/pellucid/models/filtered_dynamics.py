@@ -1,7 +1,15 @@
-"""The core's inverse dynamics along a motion that passed a filter, its effort filtered as the measured effort was.
+r"""The core's inverse dynamics along a motion that passed a filter, its effort filtered as the measured effort was.
 
 Terms smooth in filtered states are filtered already; what jumps with the sign of velocity is not, and passes the
 motion's own low-pass. Where friction gives before it slips a motion has a `direction` that takes the sign's place.
+
+A linear recursion over many samples, without a loop in Python.
+
+.. math::
+   x_{k+1} = \Phi_k x_k + v_k
+
+is a lower triangular system of equations with a unit diagonal and a narrow band: forward substitution is the recursion
+itself, sample after sample, and BLAS does it.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ The physics is the core's (``include/pellucid/kinematic_tree.hpp``, ``mass_matri
    \tau = M(q)\ddot q + h(q, \dot q) = Y(q, \dot q, \ddot q)\,\theta
 
 with ten numbers of each link in theta. This file says what a tree is made of, and refuses what cannot be one.
+
+Trees without welds: what a fixed joint carries is one body with what it hangs on.
 """
 
 from __future__ import annotations

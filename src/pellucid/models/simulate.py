@@ -1,4 +1,16 @@
-"""A recording's motion, simulated by the core: the joint alone, or with the machine's own controller around it."""
+r"""A recording's motion, simulated by the core: the joint alone, or with the machine's own controller around it.
+
+Energy that a torque puts into a joint over a closed cycle: what tells a compensation that drives from one that
+does not.
+
+.. math::
+   W = \oint \tau\,\dot q\,dt
+
+A joint moved slowly through a closed cycle takes in W > 0: its friction, and nothing else [1]_. A compensation that
+puts in more than the joint's own W keeps the cycle going by itself; one that puts in less never does.
+
+.. [1] J. C. Willems, "Dissipative dynamical systems, part I", Archive for Rational Mechanics and Analysis 45, 1972.
+"""
 
 from __future__ import annotations
 

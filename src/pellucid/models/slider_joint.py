@@ -9,6 +9,19 @@ With the carriage's marker at x along the link, every term is affine or quadrati
 
 so that a torque is linear in (J_0, h, m, G_0, G_c) and the frictions, but for friction that depends on the load y. The
 direction of motion appears in the friction alone.
+
+The published model of an elbow with a carriage: one set of every parameter for each direction of motion.
+
+.. math::
+   \tau = g\,[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + (a_0 + a_1 x + a_2 x^2)\ddot q + sign(\dot q)\,\tau_{dry}
+
+with its own s, c, nu, a and tau_dry while the joint goes up and while it goes down [1]_, eqs. 3 and 4. Here q = 0 hangs
+(the paper's is horizontal: its cosine is our sine). Nothing ties the sets to each other or to a body that could exist.
+
+Model cards of a joint with a carriage: one method's model as a JSON file that can be read, reloaded and compared.
+
+.. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
+   exoskeleton", Robotica 39, 2021.
 """
 
 from __future__ import annotations

@@ -1,4 +1,20 @@
-"""A motion made ready for identification: filtered once, differentiated, effort beside it."""
+"""A motion made ready for identification: filtered once, differentiated, effort beside it.
+
+Hours of motion: filtered one piece after another, each with borders of its own, and thinned before decimation.
+
+Pieces follow each other without a gap: what is trimmed of one lies in its neighbours. The low-pass forgets a border to
+one part in 10^13 before that, so that pieces hold what one pass over everything would.
+
+Held-out data have types of their own, which no fit accepts.
+
+A recording with ``use = "validate"`` may reach reported errors and the verdict on the prediction, and nothing else.
+What is made of it derives from `JudgedData`, and every function that fits, scales or chooses asks `require_fitted`.
+
+Speed of a movement, and the samples from its onset to its end.
+
+Onset, peak and end of a movement are decided by its speed, the norm of its tangential velocity. A velocity along one
+direction is no substitute: an overshoot and its correction backwards would not count.
+"""
 
 from __future__ import annotations
 

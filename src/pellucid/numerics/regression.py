@@ -7,6 +7,10 @@ with F the same zero-phase filter and decimation on both sides. The regressor is
 inverse dynamics, so linear and nonlinear models share one procedure. For a model that is linear in its parameters one
 Gauss-Newton step is ordinary least squares (IDIM-LS [1]_).
 
+Euclidean norms of the columns of a regressor.
+
+Weights of robust least squares.
+
 .. [1] M. Gautier, "Dynamic identification of robots with power model", Proc. IEEE ICRA, 1997.
 """
 

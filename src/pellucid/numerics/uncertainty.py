@@ -22,6 +22,8 @@ the small number of blocks. Blocks never reach across two stretches. For white r
 Every function here accepts any input. A residual that is zero or not finite counts as white for the block length and
 gives no test of whiteness. Parameters that the rows cannot tell apart have infinite variances and intervals.
 
+How far a signal remembers itself: coloured misfit counts as fewer samples than it has.
+
 .. [1] M. S. Meketon, B. Schmeiser, "Overlapping batch means: something for nothing?", Proc. Winter Simulation
    Conference, 1984.
 .. [2] H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.

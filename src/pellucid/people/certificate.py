@@ -15,6 +15,12 @@ What is claimed is an *estimand*, stated before the data: the mean of people's c
 and with it that at least a declared share of people lies within the margin. No estimand is claimed to lie within where
 one person lies far beyond the margin: a mean that is small although somebody is slowed by half misleads its reader.
 
+A certificate of transparency from arrays of participants' values.
+
+Doubts on the change of an end point: order of conditions, movements that were still changing, lost values.
+
+What tests a study's recordings and what tests a table of values take their doubts from here.
+
 .. [1] R. L. Berger, J. C. Hsu, "Bioequivalence trials, intersection-union tests and equivalence confidence sets", Stat.
    Sci. 11, 1996.
 """

@@ -1,4 +1,7 @@
-"""The page of a proposal: what was read, every channel beside its role, what is asked, and what is left out."""
+"""The page of a proposal: what was read, every channel beside its role, what is asked, and what is left out.
+
+Figures of a proposal: every column beside its proposed role, and the spectrum that the processing comes from.
+"""
 
 from __future__ import annotations
 

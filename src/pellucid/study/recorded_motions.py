@@ -1,4 +1,7 @@
-"""Turn a study's recordings into motions: evenly sampled, cut where the drive was off, and filtered."""
+"""Turn a study's recordings into motions: evenly sampled, cut where the drive was off, and filtered.
+
+From what a drive reports (current, voltage, duty, torque) to the effort at the joint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A study: a folder with study.toml, the recordings that it names, and their results."""
+"""A study: a folder with study.toml, the recordings that it names, and their results.
+
+Where the files of a study lie, without reading study.toml or loading NumPy.
+"""
 
 from __future__ import annotations
 

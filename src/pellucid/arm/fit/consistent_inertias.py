@@ -11,8 +11,32 @@ is convex [1]_. If possible bodies reproduce the effort of least squares exactly
 In directions that the efforts do not determine, where N is flat, the solution is as close as possible to the `nearest`
 bodies.
 
+Whether a body can have its ten numbers: the pseudo-inertia of a rigid body [2]_.
+
+With mass m, first moments h and inertia I about one origin,
+
+.. math::
+   P = \begin{pmatrix} \tfrac12\mathrm{tr}(I)\,1 - I & h \\ h^\top & m \end{pmatrix}
+     = \int \begin{pmatrix} r \\ 1 \end{pmatrix}\begin{pmatrix} r \\ 1 \end{pmatrix}^{\!\top} \rho(r)\,dr
+
+so that some distribution of mass has these numbers exactly where P is positive semidefinite: the mass is not negative,
+moments about the centre of mass neither, and no moment is larger than the other two together. P is linear in the ten.
+
+Fit a robot with physically consistent links and dissipative joints.
+
+The model is that of `tree_regression`, in the ten inertial parameters of every link instead of base parameters. With
+base = K numbers, the normal matrix N becomes K'NK, and no sums are recomputed. Joints have the weights of the fit
+without bounds. Parameters that the efforts do not determine come from the maker's bodies or from the smallest ones, and
+each is marked accordingly.
+
+Active bounds invalidate the covariance of least squares. The intervals are the jackknife's over segments [3]_: each is
+left out in turn, and the rest is fitted again within the same bounds.
+
 .. [1] C. D. Sousa, R. Cortesao, "Physical feasibility of robot base inertial parameter identification: a linear matrix
    inequality approach", Int. J. Robotics Research 33, 2014.
+.. [2] P. M. Wensing, S. Kim, J.-J. E. Slotine, "Linear matrix inequalities for physically consistent inertial parameter
+   identification", IEEE Robot. Autom. Lett. 3, 2018.
+.. [3] B. Efron, C. Stein, "The jackknife estimate of variance", Ann. Statist. 9, 1981.
 """
 
 from __future__ import annotations

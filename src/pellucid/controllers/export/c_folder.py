@@ -1,4 +1,9 @@
-"""Write a controller as a folder of C and C++: headers, constants, interface, test vector and build files."""
+"""Write a controller as a folder of C and C++: headers, constants, interface, test vector and build files.
+
+Read the numbers of a controller back from the ``pellucid_constants.h`` that an export wrote.
+
+Mark the folder of an export with its contents, so that no other export replaces it by mistake.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Exporters of products in C, which run with a period."""
+"""Exporters of products in C, which run with a period.
+
+Exporters of the controllers of one joint, and of a robot of several joints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""The numbers of one exported controller, with the source of each."""
+"""The numbers of one exported controller, with the source of each.
+
+Combine the limits that a study states for its joint with default ones.
+
+Derive the numbers of a joint's compensation from its card.
+
+Derive the exported law of a robot with several joints from its card.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,11 @@
 
 The entry is added at the end of study.toml, so that nothing that a person wrote there is touched, and every command
 takes the recording.
+
+What `pellucid live DIR --replay FILE` answers: a session's commands bit for bit, or any log under the supervisor.
+
+The file of a session has every number that its law was given; each command is computed again and compared. Every other
+file is a log whose columns study.toml names: its torque passes gate and supervisor as if a law had asked for it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The command `live`: run the session that study.toml describes, with its pages, and evaluate it at the end."""
+"""The command `live`: run the session that study.toml describes, with its pages, and evaluate it at the end.
+
+A new study whose recordings a session will make: its study.toml, from a template.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,13 @@
 
 A task is told the time and what was measured, and answers what a screen shows. It knows neither engine nor page, so
 that tests run it on made-up motion. What it asks of the virtual wearer is an `Ask`; a real person sees the screen.
+
+The torque on the robot, estimated from EMG while a session runs, with the interval that left-out trials give.
+
+After each accepted trial a ridge regression is fitted again to the session's trials: from EMG levels, the angle's sine
+and cosine and the velocity to the interaction torque that the robot measures. The interval is 1.96 times the RMS error
+in trials that the fit did not see, one after another. It is a look while the person is there; `calibrate` fits and
+judges the estimator that a robot may use.
 """
 
 from __future__ import annotations

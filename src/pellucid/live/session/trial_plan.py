@@ -4,6 +4,10 @@ A balanced order is a Latin square of E. J. Williams [1]_: over as many particip
 many if their number is odd), each condition stands equally often at each place, and follows each other one equally
 often.
 
+Levels of EMG while a person contracts: envelopes of raw samples as they arrive, as shares of the largest ones.
+
+The stream of EMG of a session's engine, which may begin after the session.
+
 .. [1] E. J. Williams, "Experimental designs balanced for the estimation of residual effects of treatments", Australian
    Journal of Scientific Research A 2, 1949.
 """

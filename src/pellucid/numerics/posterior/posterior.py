@@ -1,4 +1,26 @@
-"""Posterior draws of a fit's parameters: credible intervals, pairs that trade off, and the sampler's convergence."""
+r"""Posterior draws of a fit's parameters: credible intervals, pairs that trade off, and the sampler's convergence.
+
+Posterior draws of a model linearised at its least-squares solution, reweighted where the model is not linear.
+
+Posterior density of parameters, given coloured residuals and effects that the model neglects.
+
+.. math::
+   y = f(\beta) + \sum_k c_k\varphi_k + e, \qquad c_k \sim N(0, a_k s^2 + t_k), \qquad
+   e \sim N(0, v), \qquad \nu\hat v / v \sim \chi^2_\nu
+
+:math:`v` is the variance of a row, enlarged to allow for the residuals' autocorrelation. :math:`\hat v` is its estimate
+from blocks of scores and :math:`\nu` the number of blocks (``numerics/uncertainty.py``). Every row counts for less, but
+all frequencies keep the weights of least squares. Whitening by an autoregression would change these weights: it would
+favour the frequencies that filters removed, where derivatives carry the most noise. The :math:`c_k` are integrated out:
+
+.. math::
+   \log p = -\frac{\nu + q}{2}\log v - \frac{\nu\hat v}{2v} - \frac{r^T r - R}{2v} + \frac{1}{2} u^T A^{-1} u
+   - \frac{1}{2}\log|A|, \qquad A = I + D^{1/2}\Phi^T\Phi D^{1/2}/v, \quad u = D^{1/2}\Phi^T r/v
+
+with r the residual of the parameters, R the smallest residual sum of squares over all parameters and c, q the number of
+parameters and c together, and D the diagonal matrix of the variances of c. The posterior is close to least squares
+where the data determine the parameters, and respects their bounds where the data do not.
+"""
 
 from __future__ import annotations
 

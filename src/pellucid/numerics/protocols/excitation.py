@@ -4,9 +4,43 @@ Multisines follow the finite Fourier series that is standard in robot identifica
 bounded acceleration between random targets, so that inertia shows while the velocity changes and friction while it does
 not [2]_.
 
+A swept sine of constant amplitude, with its exact velocity and acceleration.
+
+The pulsation is to grow as :math:`\omega(t) = \omega_0 + c\,t/T`. Two signals go by that description:
+
+.. math::
+   \text{integrated:}\quad \phi &= \int_0^t \omega = \omega_0 t + \tfrac{c}{2T} t^2, & \dot\phi &= \omega(t) \\
+   \text{literal:}\quad \phi &= \omega(t)\,t = \omega_0 t + \tfrac{c}{T} t^2, & \dot\phi &= \omega_0 + 2 c\,t/T
+
+The literal one sweeps twice as far as the law says. It is here because papers print it [3]_ and some labs ran it; a
+protocol of one's own wants the integrated one.
+
+Sums of sines with random phases, which separate linear response, noise and non-linear distortion [4]_.
+
+.. math::  r_m(t) = c + \sum_{k \in L} A_k \cos(2\pi k t / T + \phi_{mk}), \qquad \phi_{mk} \sim U[0, 2\pi)
+
+Every realisation m has the same lines L and amplitudes, and phases of its own. Over periods only noise changes; over
+realisations what is not linear changes too. Lines that are left out show what a non-linearity puts there: at even ones
+what even powers make, at odd ones what odd powers make.
+
+Small slow reversals of growing size: the motion that shows presliding friction.
+
+Contacts that give before they slip look like springs in strokes shorter than their travel, and like friction in longer
+ones. A ladder of strokes from the one to the other, around several angles, shows both and where one becomes the other
+[5]_. It needs an encoder some ten times finer than the travel, strokes slow enough that inertia is small beside
+friction, and the largest stroke several travels wide. Under a position controller without integral action the joint
+follows only once the controller's effort exceeds friction, so that references grow until it does: from a hundredth of a
+degree in stiff loops up to a few degrees in soft ones. Of an effort instead of a position, the same ladder goes from a
+tenth of the friction's level to one and a half times of it.
+
 .. [1] J. Swevers, C. Ganseman, D. B. Tukel, J. De Schutter, H. Van Brussel, "Optimal robot excitation and
    identification", IEEE Trans. Robot. Autom. 13, 1997.
 .. [2] M. Gautier, "Dynamic identification of robots with power model", Proc. IEEE ICRA, 1997.
+.. [3] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
+   exoskeleton", Robotica, 2021, eq. 5: T = 25 s, start 1 rad/s, growth 3 rad/s.
+.. [4] R. Pintelon, J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley, 2012, ch. 4.
+.. [5] V. Lampaert, J. Swevers, F. Al-Bender, "Modification of the Leuven integrated friction model structure", IEEE
+   Trans. Automatic Control 47(4), 2002.
 """
 
 from __future__ import annotations

@@ -1,4 +1,14 @@
-"""Find every movement of a study and compute its indices, from which the statistics are made."""
+"""Find every movement of a study and compute its indices, from which the statistics are made.
+
+Bring all instruments of a recording onto one clock: drifting EMG, and markers without an encoder.
+
+EMG's clock is compared with the motion's through the muscle activity before a limb moves (`signals.emg_timing`). A
+significant drift is corrected from the start of the recording, which both are assumed to share. An offset cannot be
+told from a muscle's own delay, and is refused if no muscle has such a delay.
+
+The delay between markers and an encoder is estimated if there is an encoder. The control condition has none. Its
+markers are assumed to be as late as those of the participant's other recordings; their span bounds the error.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Write what a paper needs of a study: figures, LaTeX tables, a methods paragraph, checksums and references."""
+"""Write what a paper needs of a study: figures, LaTeX tables, a methods paragraph, checksums and references.
+
+Write an assessment's tables as CSV for a spreadsheet or R, and as LaTeX for a paper.
+"""
 
 from __future__ import annotations
 

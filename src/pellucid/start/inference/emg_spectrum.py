@@ -1,4 +1,9 @@
-"""Tell raw EMG and its envelopes from other channels by their spectrum and their distribution."""
+"""Tell raw EMG and its envelopes from other channels by their spectrum and their distribution.
+
+Find accelerometers, gyroscopes and quaternions among columns by what their axes must fulfil together.
+
+Find how a flat list of numbers, one a line, holds several columns: in turn, or one after another.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Two angles show it where one of them hardly moves and the effort follows their difference. One angle shows it where the
 effort follows it and no weight can be the cause: its inertia would be larger, or it would be too heavy.
+
+Find recordings that hold postures: they weigh the joint by gravity alone, without friction's sign or inertia.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Read public recordings of how people move: joint angles without torques, which virtual rigs follow."""
+"""Read public recordings of how people move: joint angles without torques, which virtual rigs follow.
+
+Read the motion of a knee in walking from a public recording on a treadmill, which virtual wearers follow.
+"""
 
 from __future__ import annotations
 

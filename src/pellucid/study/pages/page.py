@@ -1,4 +1,7 @@
-"""Write a page in the report's style, as one self-contained file: the answer first, then the evidence, then notes."""
+"""Write a page in the report's style, as one self-contained file: the answer first, then the evidence, then notes.
+
+Fill in the templates that all pages of a report share.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Write the page of an audit: one verdict for each channel, the unsound ones drawn, the files."""
+"""Write the page of an audit: one verdict for each channel, the unsound ones drawn, the files.
+
+Draw the channels of a log that an audit found unsound, each over the file in which it is worst.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Common form of the result of any procedure, which can be printed, saved, kept and drawn."""
+"""Common form of the result of any procedure, which can be printed, saved, kept and drawn.
+
+Results of several procedures of one study as one result.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Recordings of a joint with a carriage, made ready for fits as study.toml says."""
+"""Recordings of a joint with a carriage, made ready for fits as study.toml says.
+
+Are recordings of a joint with a carriage fit to identify from? What the markers show, then what the motion lacks.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The report of a joint with a carriage: two directions against one body, errors trial by trial, geometry, methods."""
+"""The report of a joint with a carriage: two directions against one body, errors trial by trial, geometry, methods.
+
+The figure of a joint with a carriage that moves as it was recorded, beside its current, measured and predicted.
+"""
 
 from __future__ import annotations
 

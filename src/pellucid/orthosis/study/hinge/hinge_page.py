@@ -1,4 +1,7 @@
-"""The report of a hinge between two IMUs: its angle and how far it is off, axis and centre, what was done."""
+"""The report of a hinge between two IMUs: its angle and how far it is off, axis and centre, what was done.
+
+Figures of a hinge between two IMUs: its angle beside the reference, the error over time, where the axis is.
+"""
 
 from __future__ import annotations
 
