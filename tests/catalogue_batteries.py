@@ -121,7 +121,7 @@ OTHER_SEARCHERS = {
     "another_clock": "pellucid.files.log",
     "dead": "pellucid.study.procedures.dead_effort",
     "echoed": "pellucid.joint.study.joint_case",
-    "garbage": "pellucid.study.study",
+    "garbage": "pellucid.study.recording_steps",
     "saturated": "pellucid.files.log",
     "worn": "pellucid.joint.study.joint_case",
 }

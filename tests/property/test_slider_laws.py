@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nonlinear_solver import least_squares_from_afar, nonlinearly
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -158,12 +159,14 @@ def zero(m):
 
 @pytest.mark.parametrize("solver", ["linear", "nonlinear"])
 @pytest.mark.parametrize("method", [three_steps, all_at_once])
-def test_the_published_steps_recover_every_parameter(method, solver):
+def test_the_published_steps_recover_every_parameter(method, solver, monkeypatch):
+    if solver == "nonlinear":
+        monkeypatch.setattr("pellucid.joint.slider.slider_fit.least_squares_within", least_squares_from_afar)
     make = without_inertia_while_steady if method is three_steps else made_up
-    pooled = method(make(pooled_effort), dissociated=False, solver=solver)
+    pooled = method(make(pooled_effort), dissociated=False)
     assert pooled.values == pytest.approx(UP, rel=1e-6, abs=1e-7)
     assert pooled.residual_sd < 1e-7
-    both = method(make(dissociated_effort), dissociated=True, solver=solver)
+    both = method(make(dissociated_effort), dissociated=True)
     assert both.values == pytest.approx(np.concatenate([UP, DOWN]), rel=1e-6, abs=1e-7)
     assert both.model.up == pytest.approx(UP, rel=1e-6, abs=1e-7)
     assert both.model.down == pytest.approx(DOWN, rel=1e-6, abs=1e-7)
@@ -172,10 +175,11 @@ def test_the_published_steps_recover_every_parameter(method, solver):
 
 @pytest.mark.parametrize("dissociated", [False, True])
 @pytest.mark.parametrize("method", [three_steps, all_at_once])
-def test_both_solvers_find_the_same_under_noise(method, dissociated):
+def test_both_solvers_find_the_same_under_noise(method, dissociated, monkeypatch):
     noise = np.random.default_rng(5)
     motions = made_up(lambda m: dissociated_effort(m) + 0.05 * m.smooth(noise.standard_normal(len(m.position))))
-    one, other = (method(motions, dissociated=dissociated, solver=solver) for solver in ("linear", "nonlinear"))
+    one = method(motions, dissociated=dissociated)
+    other = nonlinearly(monkeypatch, method, motions, dissociated=dissociated)
     assert other.values == pytest.approx(one.values, rel=1e-6, abs=1e-7)
 
 

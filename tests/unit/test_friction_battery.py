@@ -35,7 +35,7 @@ HALF_ADDED = {
         "stribeck: the limits do not count it",
     ),
     "advice that no finding gives": (
-        "joint/study/joint_findings.py",
+        "joint/study/joint_case.py",
         "term.advice for term in TERMS}",
         'term.advice for term in TERMS if term.name != "square_root"}',
         "square_root: its advice cannot be reached",

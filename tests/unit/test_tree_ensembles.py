@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pellucid._core import SortedRows, drawn_rows, tree_answers
 from sklearn.base import clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
 from sklearn.tree import DecisionTreeRegressor
 
+from pellucid._core import SortedRows, drawn_rows, tree_answers
 from pellucid.emg.estimators.families import ESTIMATOR_FAMILIES
 from pellucid.emg.estimators.tree_ensembles import BaggedTrees, BoostedTrees
 

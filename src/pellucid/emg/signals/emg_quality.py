@@ -39,6 +39,7 @@ class QualityThresholds:
     min_envelope_peak: float = 0.02
     # Share of the way from rest to a maximal contraction that a relaxed muscle stays below
     max_relaxed_share: float = 0.05
+    rate_tolerance: float = 0.01  # Share by which rates of files, or durations of a trial's files, may differ
 
 
 EMG_LIMITS = QualityThresholds()

@@ -106,7 +106,7 @@ def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     steep = (slope > 0.1 * scale.typical) & (slope / k * lengths / 4 > 2 * unclipped)
     steep &= ~_are_round_peaks(x, starts, lengths)
     starts, lengths = starts[steep], lengths[steep]
-    min_samples = CLIP_LIMITS.min_clipped_samples
+    min_samples: float = CLIP_LIMITS.min_clipped_samples
     if starts.size <= 1:
         min_samples = max(min_samples, CLIP_LIMITS.min_single_run_share * len(x))
     return (starts, lengths) if lengths.sum() >= min_samples else none
