@@ -82,10 +82,10 @@ def test_the_lab_requires_the_version_it_was_built_with(sources, tmp_path):
     assert str(required.specifier) == f"=={version.public}"
 
 
-def test_numpy_is_not_capped_for_one_faulty_build():
+def test_numpy_is_not_capped_for_faulty_builds():
     with open(ROOT / "pyproject.toml", "rb") as file:
         required = [Requirement(line) for line in tomllib.load(file)["project"]["dependencies"]]
     (numpy,) = [one for one in required if one.name == "numpy"]
-    assert not numpy.specifier.contains("2.5.2")
-    assert numpy.specifier.contains("2.5.3")
+    assert not any(numpy.specifier.contains(f"2.5.{patch}") for patch in (2, 3, 4, 5))
+    assert numpy.specifier.contains("2.5.1")
     assert numpy.specifier.contains("3.0")
