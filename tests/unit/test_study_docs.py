@@ -8,7 +8,6 @@ import pytest
 
 from pellucid.controllers.study.rig_instruments import rig_instruments
 from pellucid.study import instruments_table, study_file
-from pellucid.study import instruments_table as session_table
 from pellucid.study.procedures.registry import ALL_PROCEDURES, open_study
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
@@ -35,12 +34,12 @@ TABLES = [
     study_file.Model,
     study_file.PayloadSpec,
     study_file.RecordingEntry,
-    session_table.SessionTable,
-    session_table.SessionLimits,
-    session_table.PointingTask,
-    session_table.TrackingTask,
-    session_table.HoldingTask,
-    session_table.ContractionTask,
+    instruments_table.SessionTable,
+    instruments_table.SessionLimits,
+    instruments_table.PointingTask,
+    instruments_table.TrackingTask,
+    instruments_table.HoldingTask,
+    instruments_table.ContractionTask,
 ]
 
 

@@ -1,7 +1,7 @@
 r"""Solve normal equations for physically consistent inertial parameters.
 
 Least squares finds base parameters. Bodies with these base parameters may or may not be physically possible. With P_i,
-linear in theta, the pseudo-inertia of link i (`arm/pseudo_inertia.py`),
+linear in theta, the pseudo-inertia of link i (`pseudo_inertia`),
 
 .. math::
    \min_\theta\ \tfrac12\theta^\top N\theta - b^\top\theta

@@ -127,7 +127,7 @@ class Audit:
         files = "1 file" if len(self.files) == 1 else f"{len(self.files)} files"
         text = f"No alarm in {count} channels of {files}."
         if self.alarms:
-            are = "channel is" if len(self.alarms) == 1 else "channels are"
+            are = "channel is" if count == 1 else "channels is" if len(self.alarms) == 1 else "channels are"
             names = ", ".join(f"{v.channel} ({v.verdict})" for v in self.alarms)
             text = f"{len(self.alarms)} of {count} {are} unsound in {files}: {names}."
         if self.unread:
