@@ -12,12 +12,6 @@ ROOT = Path(__file__).parents[2]
 CHECKED_ROOMS = ("numerics", "files", "joint", "controllers")
 """Rooms without errors."""
 
-ALLOWED: dict[str, int] = {}
-"""Errors that are left in a room until they are corrected, with NumPy's own types."""
-
-ALLOWED_WITHOUT_ARRAYS: dict[str, int] = {}
-"""Errors that are left in a room, without NumPy's and SciPy's own types."""
-
 WITHOUT_ARRAYS = """
 [mypy]
 python_version = 3.11
@@ -42,27 +36,26 @@ def errors_by_room(printed: str) -> dict[str, list[str]]:
     return found
 
 
-def assert_no_errors(folder: Path, allowed: dict[str, int], *options: str) -> None:
-    """Let mypy read the package, and fail with the errors of a checked room that has more than `allowed`."""
+def assert_no_errors(folder: Path, *options: str) -> None:
+    """Let mypy read the package, and fail with the errors of each checked room."""
     command = [sys.executable, "-m", "mypy", "--cache-dir", str(folder / "cache"), *options, "src/pellucid"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=900)
     assert done.returncode in (0, 1), done.stdout + done.stderr
     assert "checked" in done.stdout.splitlines()[-1], done.stdout[-2000:]
     for room, lines in errors_by_room(done.stdout).items():
-        most = allowed.get(room, 0)
-        assert len(lines) <= most, f"{room}: {len(lines)} errors, allowed {most}:\n" + "\n".join(lines)
+        assert not lines, f"{room}: {len(lines)} errors:\n" + "\n".join(lines)
 
 
 @pytest.mark.slow
 def test_checked_rooms_have_no_errors_of_types(tmp_path):
     settings = tmp_path / "mypy.ini"
     settings.write_text(WITHOUT_ARRAYS, encoding="utf-8")
-    assert_no_errors(tmp_path, ALLOWED_WITHOUT_ARRAYS, "--config-file", str(settings))
+    assert_no_errors(tmp_path, "--config-file", str(settings))
 
 
 @pytest.mark.nightly
 def test_checked_rooms_have_no_errors_of_types_and_arrays(tmp_path):
-    assert_no_errors(tmp_path, ALLOWED)
+    assert_no_errors(tmp_path)
 
 
 def test_errors_are_counted_by_room():
