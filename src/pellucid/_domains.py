@@ -12,10 +12,10 @@ A `domain.py` holds references and imports nothing of its domain, so that none o
     The function that draws the parameters of any fit, whatever domain it is of.
 ``TORQUE_EVALUATIONS``
     Evaluations of `calibrate` for studies whose torque comes from another domain's procedure: objects of
-    `emg.study.emg_torque.worn_reference.TorqueEvaluation`.
+    `emg.study.emg_torque.trial_sources.TorqueEvaluation`.
 ``WORN_BODIES``
     Functions that make the body against which a wearer's torque is computed of cards, as
-    `emg.study.emg_torque.worn_reference.WornBody`.
+    `emg.study.emg_torque.trial_sources.WornBody`.
 
 References are relative to the domain: ``"fit.fit_joint:fit_joint"``.
 """
@@ -86,8 +86,13 @@ def array_function(command: str) -> Any:
     raise PellucidError(f"pellucid.{command}: found no such function in the domains {names}, expected one")
 
 
-def _load(domain: ModuleType, reference: str) -> Any:
-    """Return the module or attribute that a reference of a domain names."""
+def load_reference(package: str, reference: str) -> Any:
+    """Return what a reference names, imported now: ``"module:attribute"``, or a module, relative to `package`."""
     module, _, attribute = reference.partition(":")
-    found = import_module(f"{domain.__name__.rpartition('.')[0]}.{module}")
+    found = import_module(f".{module}", package)
     return getattr(found, attribute) if attribute else found
+
+
+def _load(domain: ModuleType, reference: str) -> Any:
+    """Return what a reference of a domain names."""
+    return load_reference(domain.__name__.rpartition(".")[0], reference)

@@ -1,10 +1,10 @@
 r"""Posterior of an isolated muscle's length offset, while the constants of the muscle model may be wrong.
 
 The force along a recording is computed on a grid of length offsets, with its derivative with respect to the logarithm
-of each constant. The effect of a wrong constant enters as neglected physics (``marginal_likelihood``). A muscle has the
+of each constant. The effect of a wrong constant enters as neglected physics (``numerics.posterior``). A muscle has the
 same force on both sides of its optimal length, so walkers start at every offset that the grid finds probable.
 
-Information that a recording contains on calibrated muscles: covariance, cost profiles and verdicts.
+Information that a recording contains on calibrated muscles: covariance and verdicts.
 
 With J the Jacobian of the errors in the cost, S the long-run covariance of the scores (errors are coloured) and
 :math:`\lambda` the weight of anatomy, the covariance of an estimate is the sum of the effects of noise and of the
@@ -31,7 +31,7 @@ the quantile of the bounded normal distribution that corresponds to u:
    z = \Phi^{-1}\left(\Phi(a) + (\Phi(b) - \Phi(a))\,\Phi(u)\right)
 
 The prior of each u is then a standard normal distribution without bounds, and the posterior is nearly normal around its
-mode. The number :math:`q` of ``marginal_likelihood`` counts only the parameters that the recording determines: those
+mode. The number :math:`q` of ``numerics.posterior`` counts only the parameters that the recording determines: those
 that anatomy determines use up no degrees of freedom.
 """
 

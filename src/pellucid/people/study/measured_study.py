@@ -2,7 +2,7 @@
 
 Bring all instruments of a recording onto one clock: drifting EMG, and markers without an encoder.
 
-EMG's clock is compared with the motion's through the muscle activity before a limb moves (`signals.emg_timing`). A
+EMG's clock is compared with the motion's through the muscle activity before a limb moves (`people.emg_index`). A
 significant drift is corrected from the start of the recording, which both are assumed to share. An offset cannot be
 told from a muscle's own delay, and is refused if no muscle has such a delay.
 

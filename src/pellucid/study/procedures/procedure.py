@@ -9,12 +9,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from ..._domains import find_domains
+from ..._domains import find_domains, load_reference
 from ..._errors import RecordingError
 from ..._plugins import load_plugins, require_attributes
 
@@ -184,8 +183,7 @@ class ProcedureEntry(Procedure[Any, Any]):
 
     def _load(self, reference: str) -> Any:
         """Return what a reference names, imported now."""
-        module, _, attribute = reference.partition(":")
-        return getattr(import_module(f".{module}", self.package), attribute)
+        return load_reference(self.package, reference)
 
 
 def described_procedures() -> tuple[ProcedureEntry | ModuleType, ...]:
