@@ -127,6 +127,9 @@ OTHER_QUANTITY_WORDS = {
 }
 """Words of quantities that only muscles have."""
 
+_AMBIGUOUS_MUSCLE_WORDS = frozenset({"ma", "arm"})
+"""Words of a moment arm only beside a muscle: robots have arms, too."""
+
 
 @dataclass(frozen=True)
 class NameEvidence:
@@ -171,7 +174,10 @@ def read_name(name: str) -> NameEvidence:
     joined = re.sub(r"[\W_]+", "", own.casefold())
     is_command = bool(COMMAND_WORDS & {*words, joined})
     muscle = _muscle(bare)
-    quantity = _quantity_of_words(words, joined)
+    quantity = _quantity_of_words(words, joined, has_muscle=muscle is not None)
+    if quantity is None and muscle is None and own != bare:
+        # "effort.arm_1_joint": the part before names the quantity, the last one the joint.
+        quantity = _quantity_of_path(bare.rpartition(".")[0])
     if muscle is not None and quantity in (None, "position", "force") and not ({"force", "angle"} & set(words)):
         quantity = "emg"
     if unit is not None and (by_unit := quantity_of_unit(unit)) is not None:
@@ -192,6 +198,15 @@ def read_name(name: str) -> NameEvidence:
         bool(MEASURED_WORDS & set(words)),
         _unknown_unit(name) if unit is None else None,
     )
+
+
+def _quantity_of_path(path: str) -> str | None:
+    """Return the quantity that the last part of a path which says one says by a word of its own."""
+    for part in reversed(path.split(".")):
+        words = words_of(part)
+        if len(words) <= 2 and (found := _quantity_of_words(words, "".join(words), has_muscle=False)) is not None:
+            return found
+    return None
 
 
 def with_stated_unit(evidence: NameEvidence, text: str | None) -> NameEvidence:
@@ -256,13 +271,14 @@ def _unknown_unit(name: str) -> str | None:
     return None if is_remark else text
 
 
-def _quantity_of_words(words: list[str], joined: str) -> str | None:
+def _quantity_of_words(words: list[str], joined: str, *, has_muscle: bool) -> str | None:
     for first, second in pairwise(words):
         derived = _derived(first, second)
         if derived is not None:
             return derived
     for quantity, known in OTHER_QUANTITY_WORDS.items():
-        if words and words[0] in known and len(words) > 1:
+        is_clear = has_muscle or not words or words[0] not in _AMBIGUOUS_MUSCLE_WORDS
+        if words and words[0] in known and len(words) > 1 and is_clear:
             return quantity
     if "moment" in words and "arm" in words:
         return "moment_arm"

@@ -110,6 +110,10 @@ def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
                 "gearboxratio",
         ):  # fmt: skip
             found["gear_ratio"] = FileFact(_ratio(text, number), "1", label)
+        elif words[:1] in (["rated"], ["nominal"]) or {"rated", "nominal"} & set(words):
+            kind = next((k for k in ("torque", "current") if k in words or split_unit(label)[1] == k), None)
+            if kind is not None:
+                _add(found, f"rated_{kind}", number, unit, label, ("N*m",) if kind == "torque" else ("A",))
         elif joined in ("resistance", "windingresistance", "terminalresistance", "motorresistance"):
             _add(found, "resistance", number, unit, label, ("ohm",))
         elif joined in ("supply", "supplyvoltage", "busvoltage", "batteryvoltage", "vin", "vbus"):
@@ -146,7 +150,25 @@ def _value(text: str) -> tuple[float, str | None] | None:
     if match is None:
         return None
     number, rest = _number(match[1]), (match[2] or "").strip()
-    return None if number is None else (number, unit_from_text(rest) if rest else None)
+    return None if number is None else (number, _unit_before_remark(rest) if rest else None)
+
+
+def _unit_before_remark(text: str) -> str | None:
+    """Return the unit with which a text begins, as in "Nm/A at the motor"; None if it begins with none."""
+    whole = unit_from_text(text)
+    if whole is not None:
+        return whole
+    words = text.split()
+    is_remark = re.search(r"[(,;]|\b(?:at|of|on|per|for|measured|nominal|rated|typical)\b", text)
+    if is_remark is None or len(words) < 2:
+        return None
+    return unit_from_text(text[: is_remark.start()].strip()) if is_remark.start() > 0 else None
+
+
+def is_behind_gear(fact: FileFact, facts: Mapping[str, str]) -> bool:
+    """Whether a file says that a constant holds at the joint, behind the gear, and not at the motor."""
+    said = set(words_of(f"{fact.label} {facts.get(fact.label, '')}"))
+    return bool(said & {"joint", "output", "load"}) and not said & {"motor", "rotor"}
 
 
 def _number(text: str) -> float | None:

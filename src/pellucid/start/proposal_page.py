@@ -19,7 +19,6 @@ from ..study.pages.forest import Row, Table
 from ..study.pages.page import Answer, Page, Section, Tile, without_drawing
 from .given_files import GivenTable
 from .inference.assign_roles import ColumnRole
-from .inference.clocks import UNIT_SECONDS
 from .inference.processing_choice import ProcessingChoice
 from .propose_study import Layout, Proposal
 from .study_text import channel_mark, channel_name
@@ -100,7 +99,7 @@ def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing
 def _times(layout: Layout, table: GivenTable) -> tuple[np.ndarray, str]:
     clock, rate = layout.roles.clock, layout.roles.rate
     if clock.column is not None and clock.column in table.columns:
-        times = table.columns[clock.column] * UNIT_SECONDS[clock.unit]
+        times = clock.seconds(table.columns[clock.column])
         return times - np.nanmin(times), "Time (s)"
     rows = np.arange(table.rows)
     return (rows / rate, "Time (s)") if rate else (rows, "Row")

@@ -26,8 +26,8 @@ from .file_facts import FileFact, find_drive_facts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS
 from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
-from .inference.clocks import UNIT_SECONDS
 from .inference.emg_spectrum import swings_fast
+from .inference.encodings import decode_counts
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import (
     DERIVATIVE_LIMITS,
@@ -184,7 +184,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     answers = dict(answers or {})
     remarks: list[str] = []
     tables, paired = _pair_columns_with_sheets(given.tables)
-    layouts = [_layout(group) for group in _grouped(tables)]
+    shows_people = _shows_people(tables)
+    layouts = [_layout(group, shows_people=shows_people) for group in _grouped(tables)]
     main = max(layouts, key=_merit)
     person = _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
@@ -357,7 +358,7 @@ def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
     return made
 
 
-def _layout(group: Sequence[GivenTable]) -> Layout:
+def _layout(group: Sequence[GivenTable], *, shows_people: bool) -> Layout:
     fewest = min(len(table.columns) for table in group)
     alike = [table for table in group if len(table.columns) == fewest]
     first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[: PROPOSAL_LIMITS.max_representatives]
@@ -367,7 +368,8 @@ def _layout(group: Sequence[GivenTable]) -> Layout:
         angle_unit=first.angle_unit,
         rate=rate_fact.value if rate_fact else None,
         quantity=first.quantity,
-        is_person=_names_people(first),
+        is_person=_names_people(first, shows_people=shows_people),
+        shows_people=shows_people,
         joint=read_name(first.path.stem).joint,
     )
     if len(alike) >= PROPOSAL_LIMITS.min_pooled_tables and first.key:
@@ -429,11 +431,36 @@ def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
     return dict(zip(named.columns, table.columns.values(), strict=True))
 
 
-def _names_people(table: GivenTable) -> bool:
+PERSON_ENDINGS = (".sto", ".mot", ".c3d", ".trc", ".osim")
+"""Endings of files of motion capture and of musculoskeletal models."""
+
+PERSON_WORDS = frozenset({
+    "flexion", "extension", "abduction", "adduction", "dorsiflexion", "plantarflexion", "pronation", "supination",
+    "moment", "moments", "grf", "pelvis", "lumbar", "tilt", "subtalar", "mtp",
+})  # fmt: skip
+"""Words of names that only people's joints have."""
+
+
+def _shows_people(tables: Sequence[GivenTable]) -> bool:
+    """Whether the files hold EMG, markers or a person: robots have hips, knees and arms, too."""
+    for table in tables:
+        if table.path.suffix.lower() in PERSON_ENDINGS or table.personal or table.quantity in ("emg", "moment_arm"):
+            return True
+        found = [read_name(name) for name in table.columns]
+        if any(e.muscle is not None or e.quantity == "emg" for e in found):
+            return True
+        if any(PERSON_WORDS & set(words_of(e.bare)) for e in found):
+            return True
+    return False
+
+
+def _names_people(table: GivenTable, *, shows_people: bool) -> bool:
     """Whether most columns are named after joints or muscles of people, as motion capture names them."""
     found = [read_name(name) for name in table.columns]
     named = [e for e in found if e.joint is not None or e.muscle is not None]
-    return len(named) >= 0.4 * len(found) and not any(e.quantity in ("current", "voltage", "duty") for e in found)
+    if any(e.quantity in ("current", "voltage", "duty") or e.is_command for e in found):
+        return False
+    return shows_people and len(named) >= 0.4 * len(found)
 
 
 def _completed(roles: TableRoles, other: TableRoles) -> TableRoles:
@@ -596,8 +623,8 @@ def _duration(layout: Layout) -> float:
     """Return the duration of a layout's first table by its own clock [s], 0 if nothing tells it."""
     clock, rate, table = layout.roles.clock, layout.roles.rate, layout.tables[0]
     if clock.column is not None and clock.column in table.columns:
-        time = table.columns[clock.column]
-        return float(np.nanmax(time) - np.nanmin(time)) * UNIT_SECONDS[clock.unit]
+        time = clock.seconds(table.columns[clock.column])
+        return float(np.nanmax(time) - np.nanmin(time))
     return table.rows / rate if rate else 0.0
 
 
@@ -695,7 +722,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     if n < 200 or rate is None:
         return [recording]
     if clock.column is not None:
-        values = _own_names(recording.table, main.tables[0])[clock.column] * UNIT_SECONDS[clock.unit]
+        values = clock.seconds(_own_names(recording.table, main.tables[0])[clock.column])
         known = values[np.isfinite(values)]
         begin, end = float(known[min(clock.first_sound, len(known) - 1)]), float(known[-1])
     else:
@@ -760,7 +787,7 @@ def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
         return "rotary", False, _gravity(main, drive)
     measured = [r for r in positions if r.quantity == "position"]
     gravity = _gravity(main, drive)
-    span = max((float(np.ptp(main.tables[0].columns[r.column])) for r in measured), default=1.0)
+    span = max((float(np.ptp(_decoded(main.tables[0], r))) for r in measured), default=1.0)
     # Little travel without weight is a slide more often than a joint in a horizontal plane; it is asked.
     if gravity == "none" and len(measured) == 1 and 0.005 < span < 1.0:
         return "prismatic", False, None
@@ -780,7 +807,7 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
     n = min(table.rows, ROLE_LIMITS.max_analysed_rows)
-    motion = motion_samples(table.columns[role.column][:n], np.arange(n) / main.roles.rate)
+    motion = motion_samples(_decoded(table, role)[:n], np.arange(n) / main.roles.rate)
     effort = _decoded(table, found[1])[:n]
     turn = FULL_TURNS.get(role.unit)
     weighed = weigh_turns(effort, motion, {role.unit: turn}) if turn is not None else None
@@ -795,9 +822,7 @@ def _measures_angle(main: Layout) -> bool:
 
 
 def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
-    values = np.asarray(table.columns[role.column], float)
-    bits = role.keys.get("signed_bits")
-    return np.where(values >= 2.0 ** (bits - 1), values - 2.0**bits, values) if isinstance(bits, int) else values
+    return decode_counts(table.columns[role.column], role.keys)
 
 
 def _in_metres(main: Layout) -> Layout:
@@ -1155,7 +1180,7 @@ def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: 
     unknown = clock.column is None or main.roles.rate is None
     if unknown or any(name not in table.columns for name in (clock.column, position.column)):
         return None
-    time = np.asarray(table.columns[clock.column], float)[first:] * UNIT_SECONDS[clock.unit]
+    time = clock.seconds(table.columns[clock.column])[first:]
     return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)
 
 

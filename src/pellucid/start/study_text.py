@@ -17,7 +17,8 @@ from .file_facts import FileFact
 from .given_files import GivenTable
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
-from .inference.clocks import UNIT_SECONDS, find_clock
+from .inference.clocks import find_clock
+from .inference.encodings import decode_counts
 from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
@@ -230,10 +231,8 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
 def _decoded_values(values: np.ndarray, role: ColumnRole) -> np.ndarray:
     """Return numbers without the jumps of a count that rolls over, as the study reads them."""
     x = np.asarray(values, float)
-    bits, wrap = role.keys.get("signed_bits"), role.keys.get("wrap_bits")
-    if isinstance(bits, int):
-        x = np.where(x >= 2.0 ** (bits - 1), x - 2.0**bits, x)
-    return np.unwrap(x[np.isfinite(x)], period=2.0**wrap) if isinstance(wrap, int) else x
+    x = decode_counts(x, role.keys)
+    return x[np.isfinite(x)] if "wrap_bits" in role.keys else x
 
 
 def _participants(proposal: Proposal) -> list[str]:
@@ -256,7 +255,8 @@ def _time(layout: Layout, proposal: Proposal) -> str:
     if clock.column is not None:
         mark = "" if clock.is_certain else f"{MARK_GUESS}: "
         column = _column(clock.column, layout.tables[0])
-        return _line(f'time = {{ column = {column}, unit = "{clock.unit}" }}', f"{mark}{clock.why}")
+        wrap = f', wrap = "{clock.period:.12g} {clock.unit}"' if clock.period is not None else ""
+        return _line(f'time = {{ column = {column}, unit = "{clock.unit}"{wrap} }}', f"{mark}{clock.why}")
     rate = _rate(proposal, layout)
     if layout.roles.rate is None:
         said = f"{MARK_ASKED}: no column is a time, and no file states the rate"
@@ -310,7 +310,7 @@ def _entry(role: ColumnRole, table: GivenTable) -> str:
     if unit in ("counts", "counts/s") and role.quantity in ("position", "reference", "angle", "velocity"):
         per = int(str(keys.pop("counts_per_turn", ANGLE_LIMITS.usual_counts)))
         unit = unit.replace("counts", "rad")
-        keys["scale"] = 2.0 * 3.141592653589793 / per
+        keys["scale"] = float(str(keys.get("scale", 1.0))) * 2.0 * 3.141592653589793 / per
     parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
     if role.column in table.flat:
         order, i, count = table.flat[role.column]
@@ -453,10 +453,9 @@ def _sound_window(recording: ProposedRecording, proposal: Proposal) -> tuple[flo
     first = find_clock({clock.column: values}, [read_name(clock.column)]).first_sound
     if not first:
         return None
-    seconds = UNIT_SECONDS[clock.unit]
-    tail = values[first:]
+    tail = clock.seconds(values)[first:]
     # Stale rows may have times inside the window; only those outside are left out by it.
-    begin, end = float(np.nanmin(tail)) * seconds, float(np.nanmax(tail)) * seconds
+    begin, end = float(np.nanmin(tail)), float(np.nanmax(tail))
     return begin, end + 1.0 / _rate(proposal, proposal.main)
 
 

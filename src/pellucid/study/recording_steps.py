@@ -587,6 +587,8 @@ def _decode_counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
         values[values == spec.missing] = np.nan
     if spec.signed_bits is not None:
         values = np.where(values >= 2.0 ** (spec.signed_bits - 1), values - 2.0**spec.signed_bits, values)
+    if spec.sign_bit is not None:
+        values = np.where(values >= 2.0**spec.sign_bit, 2.0**spec.sign_bit - values, values)
     if spec.wrap_bits is not None:
         _unwrap(values, 2.0**spec.wrap_bits)
     return values

@@ -547,6 +547,8 @@ class ChannelSpec(StudyTable):
         Period after which the value rolls over [SI].
     signed_bits : int or None
         Number of bits of a signed count that was stored as an unsigned one.
+    sign_bit : int or None
+        Bit that states a minus sign, from 0; the bits below it hold the magnitude.
     missing : str, float or None
         ``"NaN"``, or the number that marks a missing sample.
     rate : float or None
@@ -576,6 +578,7 @@ class ChannelSpec(StudyTable):
     wrap_bits: int | None = Field(None, ge=6, le=64)
     wrap: Annotated[float | None, Field(gt=0, json_schema_extra={"type": "string"})] = None
     signed_bits: int | None = Field(None, ge=2, le=64)
+    sign_bit: int | None = Field(None, ge=1, le=62)
     missing: Literal["NaN"] | float | None = None
     rate: quantity("Hz", gt=0) | None = None
     clip: Literal["refuse", "accept"] = "refuse"
@@ -603,6 +606,12 @@ class ChannelSpec(StudyTable):
         place = self.interleaved or self.stacked
         if place is not None and not 0 <= place[0] < place[1]:
             raise ValueError(f"found the place {list(place)}, expected a number from 0 and how many columns there are")
+        return self
+
+    @model_validator(mode="after")
+    def _one_encoding(self) -> ChannelSpec:
+        if self.signed_bits is not None and self.sign_bit is not None:
+            raise ValueError("found signed_bits and sign_bit, expected one of them: a count has one kind of sign")
         return self
 
     @model_validator(mode="after")

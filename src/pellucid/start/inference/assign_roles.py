@@ -23,11 +23,11 @@ from .angle_units import (
     MAX_RADIAN_RANGE,
     AngleUnit,
     find_angle_unit,
-    find_rolling_bits,
-    find_unsigned_bits,
 )
-from .clocks import UNIT_SECONDS, FoundClock, find_clock
+from .clocks import FoundClock, find_clock
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
+from .encodings import find_encoding
+from .joint_keys import JointKey, joint_keys, matching_joint, side_of
 from .motion_efforts import (
     EFFORT_LIMITS,
     FULL_TURNS,
@@ -140,6 +140,7 @@ class TableHints:
     rate: float | None = None  # sampling rate that the file states [Hz]
     quantity: str | None = None  # quantity that the file's name or folder says of all its columns
     is_person: bool = False  # whether the recording is of a person's joints, without a drive
+    shows_people: bool = False  # whether the files hold EMG, markers or a person
     joint: str | None = None  # joint that the file's name says of all its columns
 
 
@@ -164,7 +165,7 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
 
 def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | None, n: int) -> np.ndarray:
     if clock.column is not None and np.isfinite(columns[clock.column]).all():
-        times = columns[clock.column] * UNIT_SECONDS[clock.unit]
+        times = clock.seconds(columns[clock.column])
         return np.maximum.accumulate(times) - times[0]
     return np.arange(n) / (rate or 1.0)
 
@@ -178,11 +179,13 @@ class _Assignment:
         self.first = clock.first_sound
         rows = slice(self.first, self.first + ROLE_LIMITS.max_analysed_rows)
         self.time = time[rows]
-        self.values = {name: x[rows] for name, x in columns.items()}
+        self.stored = {name: x[rows] for name, x in columns.items()}
+        self.values = dict(self.stored)
         self.roles: dict[str, ColumnRole] = {}
         self._compared = 0  # pairs of columns of which one may be the other's command
-        self._angles: dict[tuple[str, int], AngleUnit] = {}
+        self._angles: dict[str, AngleUnit] = {}
         self._weights: dict[str, tuple[str, str, bool] | None] = {}
+        self._shares: dict[str, float] = {}
         self._counts: dict[str, tuple[int, bool]] = {}  # counts of a turn by gravity, and whether it decides them
         self.pairs: list[DerivativePair] = []
         self.commands: list[FollowedCommand] = []
@@ -190,7 +193,7 @@ class _Assignment:
 
     def run(self) -> TableRoles:
         self._leave_out_clocks_and_constants()
-        self._decode_counts()
+        self._decode_numbers()
         self._take_file_quantity()
         self._find_muscles()
         self._find_inertial_sensors()
@@ -217,10 +220,10 @@ class _Assignment:
 
     def _angle(self, name: str) -> AngleUnit:
         """Return what a column's numbers tell of its unit as an angle, computed once."""
-        key = name, id(self.values[name])
-        if key not in self._angles:
-            self._angles[key] = find_angle_unit(self.values[name])
-        return self._angles[key]
+        if name not in self._angles:
+            has_rollover = "wrap" in self.keys.get(name, {})
+            self._angles[name] = find_angle_unit(self.stored[name] if has_rollover else self.values[name])
+        return self._angles[name]
 
     def _free(self) -> list[str]:
         return [name for name in self.columns if name not in self.roles and name != self.clock.column]
@@ -247,21 +250,14 @@ class _Assignment:
             elif np.all(np.diff(known) == 1.0):
                 self._leave_out(name, "it counts rows")
 
-    def _decode_counts(self) -> None:
+    def _decode_numbers(self) -> None:
+        """Decode signs and rollovers, before columns are compared: an encoded number has jumps that no motion has."""
         self.keys: dict[str, dict[str, object]] = {}
         for name in self._free():
-            if self._stated(name) not in (None, "counts", "1"):
-                continue
-            x = self.values[name]
-            bits = find_unsigned_bits(x)
-            if bits is not None:
-                self.values[name] = np.where(x >= 2.0 ** (bits - 1), x - 2.0**bits, x)
-                self.keys[name] = {"signed_bits": bits}
-                continue
-            rolling = find_rolling_bits(x)
-            if rolling is not None:
-                self.values[name] = np.unwrap(x, period=2.0**rolling)
-                self.keys[name] = {"wrap_bits": rolling}
+            found = find_encoding(self.values[name], self._stated(name))
+            if found is not None:
+                self.values[name] = found.values
+                self.keys[name] = dict(found.keys)
 
     def _take_file_quantity(self) -> None:
         """Take the quantity that the file's name says, for columns whose own names say a joint or a muscle alone."""
@@ -555,6 +551,7 @@ class _Assignment:
                 continue
             self.roles[name] = self._with_unit(name, role, common)
         self._share_emg_unit()
+        self._turn_velocities()
         for name, role in list(self.roles.items()):
             derived = role.quantity in ("velocity", "acceleration", "desired_velocity", "reference")
             if derived and not role.unit_is_certain:
@@ -564,6 +561,14 @@ class _Assignment:
             if role.quantity is not None and unknown is not None:
                 why = f'the file states "{unknown}", which is no unit that is known'
                 self.roles[name] = replace(role, unknown_unit=unknown, unit_is_certain=False, unit_why=why)
+
+    def _turn_velocities(self) -> None:
+        """Give a velocity that counts the other way than its position the opposite sign."""
+        for pair in self.pairs:
+            role = self.roles.get(pair.by)
+            if role is not None and role.quantity == "velocity" and pair.ratio < 0.0:
+                why = f'{role.why}; it counts the other way than "{pair.of}"'
+                self.roles[pair.by] = replace(role, keys={**role.keys, "sign": -1}, why=why)
 
     def _unstated_angles(self) -> list[str]:
         return [
@@ -692,7 +697,12 @@ class _Assignment:
                     unit = f"{of.unit}^2" if role.quantity == "acceleration" else b
                     why = f'it is {pair.ratio:.4g} times the derivative of "{pair.of}"'
                     return role.in_unit(unit, why, of.unit_is_certain)
-            return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
+            if role.quantity == "acceleration":
+                return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
+            # A register of its own unit: the position tells how much one of its numbers is.
+            why = f'one number is {1.0 / abs(pair.ratio):.4g} {of.unit}/s, as the derivative of "{pair.of}" tells'
+            scaled = replace(role, keys={**role.keys, "scale": 1.0 / abs(pair.ratio)})
+            return scaled.in_unit(f"{of.unit}/s", why, of.unit_is_certain)
         positions = [r for r in self.roles.values() if r.quantity == "position"]
         suffix = "/s^2" if role.quantity == "acceleration" else "/s"
         if positions and positions[0].unit in ("rad", "deg", "turn", "m", "mm"):
@@ -701,10 +711,7 @@ class _Assignment:
 
     def _group_joints(self) -> None:
         """Give each channel of several joints the name of its joint, and choose the main channel of a single one."""
-        person = self.hints.is_person or (
-            not any(r.quantity in DRIVE_QUANTITIES and r.quantity != "torque" for r in self.roles.values())
-            and any(r.quantity == "emg" for r in self.roles.values())
-        )
+        person = self.hints.is_person or self._are_persons_joints()
         by_quantity: dict[str, list[str]] = {}
         for name in self.columns:
             role = self.roles.get(name)
@@ -712,6 +719,10 @@ class _Assignment:
                 by_quantity.setdefault(role.quantity, []).append(name)
         if person:
             self._name_persons_joints(by_quantity)
+            return
+        named = self._joints_by_name(by_quantity)
+        if named:
+            self._label_joints(by_quantity, named)
             return
         motion = self._family(by_quantity.get("position", []) or by_quantity.get("motor_position", []))
         efforts = max((self._family(by_quantity.get(q, [])) for q in DRIVE_QUANTITIES), key=len)
@@ -736,6 +747,56 @@ class _Assignment:
                 else:
                     self._make_extra(name)
 
+    def _are_persons_joints(self) -> bool:
+        """Whether motions and moments beside EMG are a person's: their names say so, or no drive turns the joint."""
+        efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES]
+        if not any(r.quantity == "emg" for r in self.roles.values()):
+            return False
+        if any(self.roles[n].quantity != "torque" for n in efforts):
+            return False
+        named = [n for n in efforts if self.names[n].joint is not None or "moment" in words_of(self.names[n].bare)]
+        return not efforts or bool(named)
+
+    def _joints_by_name(self, by_quantity: Mapping[str, list[str]]) -> dict[str, JointKey]:
+        """Return the keys of several joints by their names; empty for a single joint, or if names do not tell them.
+
+        Each joint has a motion and an effort whose names share the words that tell the joints apart.
+        """
+        efforts = [n for q in DRIVE_QUANTITIES for n in by_quantity.get(q, [])]
+        for base in ("position", "motor_position", "velocity"):
+            names = by_quantity.get(base, [])
+            outputs = [n for n in names if side_of(n) != "motor"]
+            for chosen in (names, outputs):
+                keys = joint_keys(chosen) if len(chosen) > 1 else {}
+                found = {matching_joint(effort, keys) for effort in efforts} - {None}
+                if len(found) < 2:
+                    continue
+                made: dict[str, JointKey] = {}
+                for i, column in enumerate(n for n in chosen if n in found):
+                    name = _plain_label(keys[column].text) if keys[column].text else f"joint_{i + 1}"
+                    made[name if name not in made else f"joint_{i + 1}"] = keys[column]
+                return made
+        return {}
+
+    def _label_joints(self, by_quantity: Mapping[str, list[str]], keys: Mapping[str, JointKey]) -> None:
+        """Give each column the name of its joint, and each joint one column of a quantity."""
+        self.joints = tuple(keys)
+        for quantity, names in by_quantity.items():
+            of_joint: dict[str, list[str]] = {}
+            for i, name in enumerate(names):
+                joint = matching_joint(name, keys)
+                if joint is None and len(names) == len(keys):
+                    joint = self.joints[i]
+                if joint is None:
+                    self._leave_out(name, f"a {quantity} of none of the joints {', '.join(keys)}")
+                    continue
+                of_joint.setdefault(joint, []).append(name)
+            for joint, own in of_joint.items():
+                self._choose_main(own)
+                for name in own:
+                    if self.roles[name].quantity is not None:
+                        self.roles[name] = replace(self.roles[name], label=joint)
+
     def _family(self, names: Sequence[str]) -> list[str]:
         """Return the columns whose names differ by numbers or joints alone, or that have numbers for names."""
         families: dict[str, list[str]] = {}
@@ -753,19 +814,34 @@ class _Assignment:
         if len(names) < 2:
             return
 
-        def merit(name: str) -> tuple[bool, bool, bool, bool, bool, int]:
-            role, evidence = self.roles[name], self.names[name]
-            paired = any(name in (pair.of, pair.by) for pair in self.pairs)
-            physical = role.unit != "counts"
-            measured = evidence.is_measured or bool({"real", "total", "motor"} & set(words_of(evidence.bare)))
-            return (
-                role.is_certain, paired, not evidence.is_computed, measured, physical, -self.roughly_still(name),
-            )  # fmt: skip
-
-        best = max(names, key=merit)
+        best = max(names, key=self._merit)
         for name in names:
             if name != best:
                 self._make_extra(name)
+
+    def _merit(self, name: str) -> tuple[float, int]:
+        """Return how much speaks for a column as the one of its quantity: its name, its side of a gear, the physics."""
+        role, evidence = self.roles[name], self.names[name]
+        words = set(words_of(evidence.bare))
+        side = side_of(name)
+        merit = 4.0 * role.is_certain
+        merit += 2.0 * any(name in (pair.of, pair.by) for pair in self.pairs)
+        merit -= 3.0 * evidence.is_computed + 6.0 * evidence.is_command
+        merit += 1.0 * (evidence.is_measured or bool({"real", "total"} & words))
+        merit += 0.5 * (role.unit != "counts")
+        # What is identified is the joint, behind its gear; a motor's own torque and current stand before it.
+        merit += 2.5 * (side == "output") - 2.5 * (side == "motor" and role.quantity in ("position", "velocity"))
+        if role.quantity in DRIVE_QUANTITIES:
+            merit += 3.0 * self._explained(name)
+        return merit, -self.roughly_still(name)
+
+    def _explained(self, name: str) -> float:
+        """Return the largest share of an effort that the motion of a column explains."""
+        if name not in self._shares:
+            motions = self._motions()
+            shares = [effort_share(self.values[name], m, self._radians(other)) for other, m in motions.items()]
+            self._shares[name] = max(shares, default=0.0)
+        return self._shares[name]
 
     def roughly_still(self, name: str) -> int:
         """Return the share of rows in which a column does not change [%]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class TimeLimits:
     max_off_step_share: float = 0.02
     # The usual step of stamps that jitter is the median advance over this many rows.
     lag_rows: int = 50
+    # A clock that rolls over advances at the jump by at most this many usual steps.
+    max_rollover_steps: float = 50.0
+    # A clock that rolls over falls by at least this share of its range.
+    min_rollover_fall_share: float = 0.5
     # Score of a column that only its name tells as time: any evener one comes first.
     named_score: float = 0.05
     # A column whose name says no time has to advance so evenly: a slow movement also rises throughout.
@@ -62,6 +66,15 @@ class FoundClock:
     coarse_column: str | None = None  # column that is a clock, but stands still for several samples
     others: tuple[str, ...] = ()  # further columns that advance like a clock
     first_sound: int = 0  # index of the first row after which the clock advances without falling back
+    period: float | None = None  # number after which the column starts again at 0, in its unit; None if it does not
+
+    def seconds(self, values: np.ndarray) -> np.ndarray:
+        """Return the clock's column, shape (n,), in seconds, without the jumps of a clock that starts again."""
+        times = np.array(values, float)
+        if self.period is not None:
+            known = np.isfinite(times)
+            times[known] = np.unwrap(times[known], period=self.period)
+        return times * UNIT_SECONDS[self.unit]
 
 
 def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence]) -> FoundClock:
@@ -71,8 +84,16 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     from the years since 1970, or from the sampling rate, which is usually 5 to 5000 Hz.
     """
     candidates = []
+    periods: dict[str, float] = {}
+    columns = dict(columns)
     for evidence in names:
         values = columns[evidence.name]
+        period = find_clock_period(values) if evidence.quantity in (None, "time", "counter") else None
+        if period is not None:
+            known = np.isfinite(values)
+            values = columns[evidence.name] = np.array(values, float)
+            values[known] = np.unwrap(values[known], period=period)
+            periods[evidence.name] = period
         score = _clock_score(values)
         by_name = evidence.quantity == "time"
         if score is None and by_name and _advances_overall(values):
@@ -90,7 +111,44 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     others = tuple(c[3].name for c in candidates if c[3] is not best)
     clocks = {best.name, *others}
     beside = [x for name, x in columns.items() if name not in clocks and len(x) == len(columns[best.name])]
-    return _clock_of(columns[best.name], best, others, beside)
+    found = _clock_of(columns[best.name], best, others, beside)
+    period = periods.get(best.name)
+    if period is None:
+        return found
+    return replace(found, period=period, why=f"{found.why}; it starts again at 0 after {period:.12g}")
+
+
+CLOCK_PERIODS = (
+    *(float(2**bits) for bits in (8, 10, 12, 15, 16, 24, 31, 32)),
+    *(1e3, 1e4, 1e5, 1e6, 1e9, 60.0, 3600.0, 86400.0, 86_400_000.0),
+)
+"""Numbers after which clocks start again: counters of some bits, a second, a minute, an hour and a day."""
+
+
+def find_clock_period(values: np.ndarray) -> float | None:
+    """Return the number after which a clock, shape (n,), starts again at 0; None if it does not.
+
+    Everywhere else it advances. At the jump it advances by a usual step, if the period is added. One jump is enough
+    where the period is one that clocks have.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) < 20 or known.min() < 0.0:
+        return None
+    steps = np.diff(known)
+    falls = np.flatnonzero(steps < -TIME_LIMITS.min_rollover_fall_share * float(np.ptp(known)))
+    rest = np.delete(steps, falls)
+    positive = rest[rest > 0.0]
+    if not len(falls) or len(positive) < 10 or np.mean(rest >= 0.0) < TIME_LIMITS.min_rising_share:
+        return None
+    usual = float(np.median(positive))
+    largest = TIME_LIMITS.max_rollover_steps * usual
+    fallen = -steps[falls]
+    for period in CLOCK_PERIODS:
+        if known.max() <= period and np.all(period - fallen > -1e-9 * period) and np.all(period - fallen <= largest):
+            return period
+    # An unknown period shows itself by equal jumps, of which each ends near 0.
+    is_alike = len(falls) >= 3 and float(np.ptp(fallen)) <= 3.0 * usual and np.all(known[falls + 1] <= largest)
+    return float(np.mean(fallen)) + usual if is_alike else None
 
 
 def _clock_of(
