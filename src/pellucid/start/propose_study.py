@@ -36,6 +36,7 @@ from .inference.motion_efforts import (
     RepeatedMotion,
     find_repeated_motion,
     find_resting_limit,
+    is_reversed,
     motion_samples,
     weigh_turns,
 )
@@ -204,6 +205,10 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
     main = _with_torque(main) if motion == "rotary" else main
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
+    supply = next((f for layout in (main, *streams) if (f := _steady_supply(layout)) is not None), None)
+    if supply is not None:
+        facts.setdefault("supply", supply)
+    main = _with_effort_signs(main, drive, remarks)
     main, limit = _with_limit(_with_full_duty(main), drive)
     if limit is not None:
         facts["limit"] = limit
@@ -371,6 +376,7 @@ def _layout(group: Sequence[GivenTable], *, shows_people: bool) -> Layout:
         is_person=_names_people(first, shows_people=shows_people),
         shows_people=shows_people,
         joint=read_name(first.path.stem).joint,
+        facts=first.facts,
     )
     if len(alike) >= PROPOSAL_LIMITS.min_pooled_tables and first.key:
         # Short cells of one file show quanta and ranges only together.
@@ -398,7 +404,7 @@ def accepted_units(role: ColumnRole) -> tuple[str, ...]:
 def has_accepted_unit(role: ColumnRole) -> bool:
     """Whether a role's unit can be converted to one that `check` accepts for its channel."""
     units = accepted_units(role)
-    if not units or role.unit == "counts":
+    if not units or role.unit in ("counts", "counts/s"):
         return True
     try:
         to_si_factor(role.unit, units)
@@ -853,6 +859,58 @@ def _with_full_duty(main: Layout) -> Layout:
     return main.with_each(guessed)
 
 
+def _steady_supply(layout: Layout) -> FileFact | None:
+    """Return the supply voltage that a column without any change holds; None if there is none."""
+    for role in layout.roles.steady:
+        if role.quantity == "supply":
+            value = float(np.nanmean(layout.tables[0].columns[role.column])) * float(str(role.keys.get("scale", 1.0)))
+            volts = value * to_si_factor(role.unit, "V")[0]
+            if volts > 0.0:
+                return FileFact(float(f"{volts:.6g}"), "V", f'"{role.column}"')
+    return None
+
+
+def _with_effort_signs(main: Layout, drive: str | None, remarks: list[str]) -> Layout:
+    """Return a layout in which an effort that counts against its joint's motion has the opposite sign.
+
+    Inertia and friction are positive: an effort that shows both of them as negative was wired the other way round.
+    """
+    names, rate = DRIVE_CHANNELS.get(drive or "", ()), main.roles.rate
+    if rate is None:
+        return main
+    table = main.tables[0]
+    first = main.roles.clock.first_sound
+    rows = slice(first, first + ROLE_LIMITS.max_analysed_rows)
+    positions = {r.label: r for r in main.channels if r.quantity in ("position", "motor_position")}
+
+    def turned(role: ColumnRole) -> ColumnRole:
+        position = positions.get(role.label)
+        if role.quantity not in names or role.is_command or position is None or "sign" in role.keys:
+            return role
+        values = _unwrapped(table, position)[rows]
+        effort = _decoded(table, role)[rows]
+        if len(values) < 200 or not np.isfinite(values).any() or not np.isfinite(effort).any():
+            return role
+        motion = motion_samples(values, np.arange(len(values)) / rate)
+        if not is_reversed(effort, motion):
+            return role
+        why = f'it counts against "{position.column}": inertia and friction would be negative'
+        remarks.append(f'"{role.column}" {why[3:]}; its sign is reversed')
+        return replace(role, keys={**role.keys, "sign": -1}, why=f"{role.why}; {why}")
+
+    return main.with_each(turned)
+
+
+def _unwrapped(table: GivenTable, role: ColumnRole) -> np.ndarray:
+    """Return the numbers of a position without the jumps of its counts and of its rollover."""
+    values = _decoded(table, role)
+    if "wrap" not in role.keys:
+        return values
+    known = np.isfinite(values)
+    values[known] = np.unwrap(values[known], period=float(str(role.keys["wrap"]).split()[0]))
+    return values
+
+
 def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
     """Return the layout and the drive's limit, if its channel rests at one; of a duty the limit is 100 %."""
     found = _main_effort([main], drive)
@@ -972,7 +1030,8 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "inertia, gravity and friction, and whether efforts are torques or forces",
             ("deg", "rad", "turn", "counts", "m", "mm"),
         )
-    if any(r.quantity == "motor_position" for r in main.channels):
+    has_joint_angle = any(r.quantity == "position" for r in main.channels)
+    if not has_joint_angle and any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
             "The positions turn too often for joints: they are motors'. How often does a motor turn for a turn of its "
@@ -980,7 +1039,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "1",
             "every angle, inertia and torque of the joints",
         )
-    if any(r.quantity == "duty" and "scale" in r.keys for r in main.channels):
+    if any(r.quantity == "duty" and "scale" in r.keys and not r.unit_is_certain for r in main.channels):
         yield Question(
             "full_duty",
             "Which number of the duty's column is 100 %?",
@@ -1141,8 +1200,11 @@ def _with_speeds_of(layout: Layout, unit: str) -> Layout:
     def timed(role: ColumnRole) -> ColumnRole:
         if role.quantity not in ("velocity", "desired_velocity") or role.unit_is_certain:
             return role
-        own = units.get(role.column, f"{unit}/s")
-        return replace(role, unit=own, unit_why="as the position, per second", unit_is_certain=True)
+        if role.column not in units:
+            return replace(role, unit=f"{unit}/s", unit_why="as the position, per second", unit_is_certain=True)
+        keys = {key: value for key, value in role.keys.items() if key != "scale"}
+        why = "by its ratio to the position's derivative"
+        return replace(role, unit=units[role.column], keys=keys, unit_why=why, unit_is_certain=True)
 
     return layout.with_each(timed)
 

@@ -12,6 +12,7 @@ from ...files.name_evidence import (
     JOINT_WORDS,
     QUANTITY_WORDS,
     NameEvidence,
+    quantity_of_unit,
     read_name,
     with_stated_unit,
     words_of,
@@ -26,9 +27,11 @@ from .angle_units import (
 )
 from .clocks import FoundClock, find_clock
 from .emg_spectrum import InertialColumns, find_inertial, is_envelope, is_raw_emg, swings_fast
-from .encodings import find_encoding
+from .encodings import Encoding, decode_counts, find_encoding
+from .fingerprints import FingerprintColumn, MatchedFingerprint, find_fingerprint
 from .joint_keys import JointKey, joint_keys, matching_joint, side_of
 from .motion_efforts import (
+    DERIVATIVE_LIMITS,
     EFFORT_LIMITS,
     FULL_TURNS,
     DerivativePair,
@@ -125,6 +128,7 @@ class TableRoles:
     joints: tuple[str, ...]  # names of the joints, empty for a single one without a name
     pairs: tuple[DerivativePair, ...] = ()
     commands: tuple[FollowedCommand, ...] = ()
+    steady: tuple[ColumnRole, ...] = ()  # what the columns are that never change; they are left out as channels
 
     def of(self, quantity: str) -> list[ColumnRole]:
         """Return the measured roles of a quantity, in the file's order."""
@@ -142,6 +146,7 @@ class TableHints:
     is_person: bool = False  # whether the recording is of a person's joints, without a drive
     shows_people: bool = False  # whether the files hold EMG, markers or a person
     joint: str | None = None  # joint that the file's name says of all its columns
+    facts: Mapping[str, str] = field(default_factory=dict)  # settings that the file states
 
 
 def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
@@ -157,10 +162,31 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
     n = max(map(len, columns.values()), default=0)
     names = {name: read_name(name) for name in columns}
     names = {name: with_stated_unit(evidence, hints.units.get(name)) for name, evidence in names.items()}
+    printed = find_fingerprint(list(columns), hints.facts)
+    if printed is not None:
+        names = {name: _with_documented(evidence, printed.columns.get(name)) for name, evidence in names.items()}
     clock = find_clock(columns, list(names.values()))
     rate = clock.rate or hints.rate
     time = _times(columns, clock, rate, n)
-    return _Assignment(columns, names, hints, clock, rate, time).run()
+    return _Assignment(columns, names, hints, clock, rate, time, printed).run()
+
+
+_QUANTITIES_ASKED_FOR = {
+    "reference": "position", "desired_velocity": "velocity", "desired_torque": "torque", "desired_current": "current",
+}  # fmt: skip
+"""Quantities of commands, by the quantity that is asked for."""
+
+
+def _with_documented(evidence: NameEvidence, documented: FingerprintColumn | None) -> NameEvidence:
+    """Return what a name says, with the quantity that its logger's documentation gives it."""
+    if documented is None:
+        return evidence
+    quantity = _QUANTITIES_ASKED_FOR.get(documented.quantity, documented.quantity)
+    quantity = "state" if quantity == "ignore" else quantity
+    stated = quantity_of_unit(evidence.unit) if evidence.unit is not None else None
+    if stated is not None and quantity in ("position", "velocity", "torque", "force", "current") and stated != quantity:
+        return evidence
+    return replace(evidence, quantity=quantity, is_command=documented.is_command)
 
 
 def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | None, n: int) -> np.ndarray:
@@ -173,7 +199,9 @@ def _times(columns: Mapping[str, np.ndarray], clock: FoundClock, rate: float | N
 class _Assignment:
     """Roles of one table while they are found."""
 
-    def __init__(self, columns, names, hints: TableHints, clock: FoundClock, rate, time):
+    def __init__(self, columns, names, hints: TableHints, clock: FoundClock, rate, time, printed):
+        self.printed: MatchedFingerprint | None = printed
+        self._refuted: set[str] = set()  # columns whose documented unit the motion contradicts
         self.columns, self.hints, self.clock, self.rate = columns, hints, clock, rate
         self.names = names
         self.first = clock.first_sound
@@ -188,6 +216,8 @@ class _Assignment:
         self._shares: dict[str, float] = {}
         self._counts: dict[str, tuple[int, bool]] = {}  # counts of a turn by gravity, and whether it decides them
         self.pairs: list[DerivativePair] = []
+        self.steady: list[ColumnRole] = []
+        self.keys: dict[str, dict[str, object]] = {}
         self.commands: list[FollowedCommand] = []
         self.joints: tuple[str, ...] = ()
 
@@ -199,6 +229,7 @@ class _Assignment:
         self._find_inertial_sensors()
         if not self.hints.is_person:
             self._find_derivatives()
+            self._refute_units()
         self._take_names()
         if any(role.quantity == "motor_position" for role in self.roles.values()):
             for name, role in self.roles.items():
@@ -216,7 +247,9 @@ class _Assignment:
                 self._leave_out(name, role.unit_why)
         self._group_joints()
         roles = tuple(self.roles[name] for name in self.columns if name in self.roles)
-        return TableRoles(self.clock, self.rate, roles, self.joints, tuple(self.pairs), tuple(self.commands))
+        return TableRoles(
+            self.clock, self.rate, roles, self.joints, tuple(self.pairs), tuple(self.commands), tuple(self.steady)
+        )
 
     def _angle(self, name: str) -> AngleUnit:
         """Return what a column's numbers tell of its unit as an angle, computed once."""
@@ -224,6 +257,27 @@ class _Assignment:
             has_rollover = "wrap" in self.keys.get(name, {})
             self._angles[name] = find_angle_unit(self.stored[name] if has_rollover else self.values[name])
         return self._angles[name]
+
+    def _documented(self, name: str) -> FingerprintColumn | None:
+        """Return what the logger documents of a column; None if it says nothing, or if the motion refutes it."""
+        if self.printed is None or name in self._refuted:
+            return None
+        return self.printed.columns.get(name)
+
+    def _refute_units(self) -> None:
+        """Drop documented units of velocities whose ratio to the position's derivative is another one."""
+        for pair in self.pairs:
+            of, by = self._documented(pair.of), self._documented(pair.by)
+            if by is None or by.unit is None or by.unit.startswith("counts"):
+                continue
+            unit, turn = (of.unit, of.counts_per_turn) if of is not None else (self._stated(pair.of), None)
+            if unit is None or (unit == "counts" and turn is None):
+                continue
+            per_unit = 2.0 * np.pi / turn if turn is not None else to_si_factor(unit, None)[0]
+            scale = of.scale or 1.0 if of is not None else 1.0
+            expected = per_unit * scale / (to_si_factor(by.unit, None)[0] * (by.scale or 1.0))
+            if abs(abs(pair.ratio) / expected - 1.0) > DERIVATIVE_LIMITS.ratio_tolerance:
+                self._refuted.add(pair.by)
 
     def _free(self) -> list[str]:
         return [name for name in self.columns if name not in self.roles and name != self.clock.column]
@@ -244,6 +298,9 @@ class _Assignment:
             if len(known) == 0:
                 self._leave_out(name, "no number at all")
             elif np.ptp(known) == 0.0:
+                if self.names[name].quantity is not None:
+                    role = ColumnRole(name, self.names[name].quantity, "1", "it never changes")
+                    self.steady.append(self._with_unit(name, role, None))
                 self._leave_out(name, f"constant at {known[0]:.6g}: nobody's measurement")
             elif self.names[name].quantity in ("counter", "state"):
                 self._leave_out(name, "its name says a counter or a state")
@@ -252,12 +309,24 @@ class _Assignment:
 
     def _decode_numbers(self) -> None:
         """Decode signs and rollovers, before columns are compared: an encoded number has jumps that no motion has."""
-        self.keys: dict[str, dict[str, object]] = {}
         for name in self._free():
-            found = find_encoding(self.values[name], self._stated(name))
+            found = find_encoding(self.values[name], self._stated(name)) or self._documented_encoding(name)
             if found is not None:
                 self.values[name] = found.values
                 self.keys[name] = dict(found.keys)
+
+    def _documented_encoding(self, name: str) -> Encoding | None:
+        """Return the encoding that the logger documents, if the numbers need it."""
+        documented = self._documented(name)
+        if documented is None or documented.encoding is None:
+            return None
+        kind, _, bits = documented.encoding.partition(" ")
+        keys = {"sign_bit": int(bits)} if kind == "sign_bit" else {"signed_bits": int(bits)}
+        half = 2.0 ** (int(bits) - (kind != "sign_bit"))
+        largest = float(np.nanmax(self.values[name]))
+        if not half <= largest < 2.0 * half or float(np.nanmin(self.values[name])) < 0.0:
+            return None
+        return Encoding(decode_counts(self.values[name], keys), keys, "the logger documents it")
 
     def _take_file_quantity(self) -> None:
         """Take the quantity that the file's name says, for columns whose own names say a joint or a muscle alone."""
@@ -336,7 +405,7 @@ class _Assignment:
         free = [n for n in self._free() if not _is_stepped_name(self.names[n], self.values[n])]
         if len(self.time) < 50 or self.rate is None:
             return
-        found = find_derivatives({name: self.values[name] for name in free}, self.time)
+        found = find_derivatives({name: self.values[name] for name in free}, self.time, self._kinship)
         taken_by: set[str] = set()
         for pair in found:
             by, of = self.names[pair.by], self.names[pair.of]
@@ -356,6 +425,16 @@ class _Assignment:
                 why = f'"{pair.by}" is its derivative'
                 self._set(pair.of, "position", why, self.names[pair.of], True)
 
+    def _kinship(self, of: str, by: str) -> float:
+        """Return how much two columns' names say that one is the derivative of the other: by joint, side and kind."""
+        first, second = self.names[of], self.names[by]
+        sides = side_of(of), side_of(by)
+        kin = 1.0 * (first.quantity == "position") + 1.0 * (second.quantity == "velocity")
+        kin += 2.0 * (sides[0] == sides[1]) - 2.0 * (None not in sides and sides[0] != sides[1])
+        kin -= 1.0 * (first.is_command != second.is_command)
+        shared = set(words_of(self._alias(of))) & set(words_of(self._alias(by)))
+        return kin + 0.5 * len(shared)
+
     def _take_names(self) -> None:
         for name in self._free():
             evidence = self.names[name]
@@ -365,8 +444,11 @@ class _Assignment:
             if quantity == "position" and self._is_motor_side(name):
                 quantity = "motor_position"
             said = "its name" if evidence.quantity else "the file's name"
+            documented = self._documented(name)
+            said = f"{self.printed.name}: the documentation" if documented is not None and self.printed else said
             sure = _is_long_name(evidence) or evidence.unit is not None or quantity == self.hints.quantity
-            if quantity in ("torque", "force") and self._is_register(name):
+            sure = sure or documented is not None
+            if quantity in ("torque", "force") and documented is None and self._is_register(name):
                 why = (
                     f"{said} says {quantity}, but it holds whole numbers without a unit: a servo's register of its duty"
                 )
@@ -598,6 +680,9 @@ class _Assignment:
             return stated, "the file states it", True, None
         if self.hints.angle_unit is not None:
             return self.hints.angle_unit, "the file's header states it", True, None
+        documented = self._documented(name)
+        if documented is not None and documented.unit is not None and self.printed is not None:
+            return documented.unit, f"{self.printed.name} documents it", True, None
         found = self._angle(name)
         for pair in self.pairs:
             unit = self._stated(pair.by) if pair.of == name else None
@@ -627,11 +712,23 @@ class _Assignment:
                 unit, why, sure = common, "as the other angles of the table", True
             if found is not None and found.wrap is not None:
                 keys["wrap"] = found.wrap
-            if unit == "counts" and name in self._counts:
+            documented = self._documented(name)
+            if unit == "counts" and documented is not None and documented.counts_per_turn is not None:
+                keys["counts_per_turn"] = documented.counts_per_turn
+                sure = quantity not in ("position", "motor_position") or documented.side == "output"
+            elif unit == "counts" and name in self._counts:
                 keys["counts_per_turn"], sure = self._counts[name]
+            if documented is not None and documented.unit == unit and documented.scale is not None:
+                keys["scale"] = documented.scale
             return role.in_unit(unit, why, sure)
         if stated is not None:
             return role.in_unit(stated, "the file states it", True)
+        documented = self._documented(name)
+        if documented is not None and documented.unit is not None and self.printed is not None:
+            if documented.scale is not None:
+                keys["scale"] = documented.scale
+            is_open = bool(documented.other_scales)
+            return role.in_unit(documented.unit, f"{self.printed.name} documents it", not is_open)
         if quantity == "emg":
             return role.in_unit(*_emg_unit(self.values[name], self.rate))
         if quantity in ("velocity", "acceleration", "desired_velocity"):
@@ -767,16 +864,22 @@ class _Assignment:
             names = by_quantity.get(base, [])
             outputs = [n for n in names if side_of(n) != "motor"]
             for chosen in (names, outputs):
-                keys = joint_keys(chosen) if len(chosen) > 1 else {}
-                found = {matching_joint(effort, keys) for effort in efforts} - {None}
+                aliases = {self._alias(n): n for n in chosen}
+                keys = joint_keys(list(aliases)) if len(aliases) == len(chosen) > 1 else {}
+                found = {matching_joint(self._alias(effort), keys) for effort in efforts} - {None}
                 if len(found) < 2:
                     continue
                 made: dict[str, JointKey] = {}
-                for i, column in enumerate(n for n in chosen if n in found):
-                    name = _plain_label(keys[column].text) if keys[column].text else f"joint_{i + 1}"
-                    made[name if name not in made else f"joint_{i + 1}"] = keys[column]
+                for i, alias in enumerate(n for n in aliases if n in found):
+                    name = _plain_label(keys[alias].text) if keys[alias].text else f"joint_{i + 1}"
+                    made[name if name not in made else f"joint_{i + 1}"] = keys[alias]
                 return made
         return {}
+
+    def _alias(self, name: str) -> str:
+        """Return the part of a name that tells its joint, by the logger's documentation; else the whole name."""
+        documented = self._documented(name)
+        return documented.joint if documented is not None and documented.joint else name
 
     def _label_joints(self, by_quantity: Mapping[str, list[str]], keys: Mapping[str, JointKey]) -> None:
         """Give each column the name of its joint, and each joint one column of a quantity."""
@@ -784,7 +887,7 @@ class _Assignment:
         for quantity, names in by_quantity.items():
             of_joint: dict[str, list[str]] = {}
             for i, name in enumerate(names):
-                joint = matching_joint(name, keys)
+                joint = matching_joint(self._alias(name), keys)
                 if joint is None and len(names) == len(keys):
                     joint = self.joints[i]
                 if joint is None:

@@ -6,7 +6,7 @@ Gravity's weight also decides the unit of an angle, and repeated motions with an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,11 @@ class EffortLimits:
     # A turn is decided only if one that is longer or shorter by this factor fits worse: else the true one is none
     # of the candidates, as after a gear. Without it, a third of simulated angles behind gears got a wrong unit.
     near_turn: float = 1.1
+    # The sign of an effort is looked for in this many blocks. In at least this share of them inertia and friction are
+    # negative, each with an effect of at least this share of the effort's spread.
+    sign_blocks: int = 8
+    min_reversed_share: float = 0.85
+    min_sign_share: float = 0.03
     # Fits take at most this many rows, evenly spread.
     max_rows: int = 4_000
     # Two columns are a command and its measurement if they correlate at least so, at the best shift.
@@ -102,6 +107,31 @@ def effort_share(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
     """
     power, residuals = _residuals(effort, motion, radians_per_unit)
     return 1.0 - float(residuals @ residuals) / power if power > 0.0 else 0.0
+
+
+def is_reversed(effort: np.ndarray, motion: MotionSamples) -> bool:
+    """Whether an effort, shape (n,), shows a joint's inertia and friction as negative, nearly throughout.
+
+    Each block of the recording is fitted by itself with inertia, friction, a constant and what is linear in the
+    position.
+    """
+    limits = EFFORT_LIMITS
+    target = running_mean(effort, motion.width)
+    end = min(3 * motion.width + 2, len(target) // 10) if motion.width > 1 else 0
+    n = len(target)
+    signs = []
+    for rows in np.array_split(np.arange(end, n - end), limits.sign_blocks):
+        rows = rows[:: max(1, len(rows) // limits.max_rows)]
+        columns = [motion.acceleration[rows], motion.velocity[rows], motion.position[rows]]
+        scales = [float(np.std(x)) for x in columns]
+        if len(rows) < 20 or min(scales) <= 0.0:
+            return False
+        parts = [(x - x.mean()) / scale for x, scale in zip(columns, scales, strict=True)]
+        matrix, seen = np.column_stack(parts), target[rows] - target[rows].mean()
+        answer = np.linalg.lstsq(matrix, seen, rcond=None)[0]
+        spread = float(np.std(seen))
+        signs.append(answer[:2] < -limits.min_sign_share * spread)
+    return bool(np.mean(np.all(signs, axis=1)) >= limits.min_reversed_share)
 
 
 def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> tuple[float, np.ndarray]:
@@ -296,6 +326,8 @@ class DerivativeLimits:
     min_correlation: float = 0.9
     # A pair with a ratio that no two units have, such as counts and rad/s, needs at least this correlation.
     min_correlation_without_units: float = 0.998
+    # Correlations tie if they differ by at most this.
+    max_tied_difference: float = 0.004
     # A ratio is one of `UNIT_RATIOS` if it is within this share of it: filters and delays lower the ratio by some
     # percent.
     ratio_tolerance: float = 0.08
@@ -338,7 +370,9 @@ class DerivativePair:
         )
 
 
-def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> list[DerivativePair]:
+def find_derivatives(
+    columns: Mapping[str, np.ndarray], time: np.ndarray, kinship: Callable[[str, str], float] | None = None
+) -> list[DerivativePair]:
     """Return the pairs of columns of which one is the other's derivative, best first; each column is one's derivative
     once.
 
@@ -352,6 +386,9 @@ def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> lis
         Columns, each shape (n,), without counters and clocks.
     time : ndarray, shape (n,)
         Times [s]; rows whose time falls back are not used.
+    kinship : callable, optional
+        How closely the names of a position and of its derivative are related. It decides between positions that
+        correlate alike, such as both sides of a gear.
     """
     names = [name for name, x in columns.items() if np.isfinite(x).mean() > 0.98 and np.ptp(x[np.isfinite(x)]) > 0.0]
     if len(names) < 2 or len(time) < 50:
@@ -374,6 +411,9 @@ def find_derivatives(columns: Mapping[str, np.ndarray], time: np.ndarray) -> lis
         strengths = np.abs(correlation[:, j]).copy()
         strengths[j] = 0.0
         i = int(np.argmax(strengths))
+        if kinship is not None:
+            alike = np.flatnonzero(strengths >= strengths[i] - DERIVATIVE_LIMITS.max_tied_difference)
+            i = max(alike, key=lambda k: (kinship(names[k], by), strengths[k]))
         if strengths[i] < DERIVATIVE_LIMITS.min_correlation or own[i, j] > 0.6:
             continue
         centred = slope[:, i] - slope[:, i].mean()
