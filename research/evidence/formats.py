@@ -23,4 +23,4 @@ PARTS = sized(
 def rows() -> Iterator[ResultRow]:
     """The rows of every part."""
     for part in PARTS:
-        yield from import_module(f"evidence.{part}").rows()
+        yield from import_module(f"research.evidence.{part}").rows()

@@ -143,7 +143,7 @@ def tell(text: str) -> None:
 
 def _run_part(name: str, max_s: float, folder: Path) -> bool:
     """Run one part in a process of its own; return whether it came to its end in time."""
-    process = subprocess.Popen([sys.executable, "-m", "evidence.live", name, str(folder)], start_new_session=True)
+    process = subprocess.Popen([sys.executable, "-m", "research.evidence.live", name, str(folder)], start_new_session=True)
     try:
         return process.wait(max_s) == 0
     except subprocess.TimeoutExpired:
@@ -449,7 +449,7 @@ class KilledSession:
     """A session whose own process is a child, so that it can be killed; it records a trial."""
 
     def __init__(self, folder: Path, cards: Path, trial: Path) -> None:
-        words = [sys.executable, "-m", "evidence._live_session", str(folder), str(cards), str(trial)]
+        words = [sys.executable, "-m", "research.evidence._live_session", str(folder), str(cards), str(trial)]
         self.process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         line = self.process.stdout.readline()

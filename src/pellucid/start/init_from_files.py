@@ -26,7 +26,6 @@ from .propose_study import (
     Proposal,
     Question,
     accepted_units,
-    duty_without_supply,
     has_accepted_unit,
     propose_study,
     require_agreeing_units,
@@ -71,12 +70,6 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
         yield (
             f"found {len(joints)} joints ({', '.join(joints)}) and {found}, expected a URDF file with these joints: "
             "name it with --urdf FILE, or give files with the columns of one joint"
-        )
-    duty = duty_without_supply((proposal.main, *proposal.streams), proposal.drive, proposal.drive_facts)
-    if duty is not None:
-        yield (
-            f'the effort "{duty.column}" is a duty cycle and no file states the supply voltage, expected it: '
-            '--answer "supply_voltage=12 V", with the voltage of your supply'
         )
 
 

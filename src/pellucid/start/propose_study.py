@@ -104,6 +104,9 @@ PROPOSAL_LIMITS = ProposalLimits()
 SAID_BY_LAB = "said by the lab"
 """Source of a value that an answer gives."""
 
+UNKNOWN_SUPPLY = FileFact(1.0, "V", "the supply voltage is unknown: efforts are shares of the full duty")
+"""Supply of a duty cycle whose supply voltage nothing states."""
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
@@ -223,6 +226,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    if duty_without_supply([main, *streams], drive, facts) is not None:
+        facts["supply"] = UNKNOWN_SUPPLY
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
     recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
@@ -1052,7 +1057,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "supply_voltage",
             f'Which supply voltage does the drive have, of which "{duty.column}" is a share, such as 12 V?',
             "unknown",
-            "the drive's voltage, and with it the effort; without it no study can be made",
+            "the scale of all efforts; without it, they are shares of the full duty, as if the supply had 1 V",
         )
     emg = [r for layout in layouts for r in layout.channels if r.quantity == "emg"]
     if any(not r.unit_is_certain for r in emg):

@@ -19,7 +19,7 @@ from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
 from .inference.clocks import find_clock
 from .inference.encodings import decode_counts
-from .propose_study import SAID_BY_LAB, Layout, Proposal, ProposedRecording, has_open_counts
+from .propose_study import SAID_BY_LAB, UNKNOWN_SUPPLY, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
 """Word that begins the comment of a line that evidence does not decide."""
@@ -197,6 +197,8 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
 
 
 def _origin(fact: FileFact) -> str:
+    if fact is UNKNOWN_SUPPLY:
+        return f"{MARK_ASKED}: {fact.label}"
     return fact.label if fact.label == SAID_BY_LAB else f"{fact.label}, in the files"
 
 
