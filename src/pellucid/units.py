@@ -34,6 +34,7 @@ minute = 60 * second = min
 hour = 3600 * second = h
 hertz = 1 / second = Hz
 degree = 0.017453292519943295 * radian = deg = degrees = °
+gon = 0.015707963267948967 * radian
 turn = 6.283185307179586 * radian = _ = rev = turns
 rpm = turn / minute
 newton = kilogram * meter / second ** 2 = N
@@ -54,6 +55,7 @@ standard_gravity = 9.80665 * meter / second ** 2 = g0
 degree_Celsius = kelvin; offset: 273.15 = degC = °C = celsius
 degree_Fahrenheit = 0.5555555555555556 * kelvin; offset: 255.3722222222222 = degF = °F
 percent = 0.01 = %
+permille = 0.001
 maximal_contraction = [effort] = MVC
 percent_MVC = 0.01 * maximal_contraction
 """

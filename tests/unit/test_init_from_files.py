@@ -249,14 +249,13 @@ def table(path, **columns):
     return path
 
 
+DUTY = {"time__s": T, "q__rad": Q, "pwm": np.round(300.0 * TAU)}
+
 UNFIT = {
     "no effort": ({"time__s": T, "q__rad": Q}, "no effort was recorded"),
     "goal alone": ({"time__s": T, "goal position__rad": Q, "present position__rad": Q}, "no effort was recorded"),
-    "percent": ({"time__s": T, "q__rad": Q, "torque__%": 10.0 * TAU}, r'"torque \[%\]".*expected N\*m'),
-    "current in percent": ({"time__s": T, "q__rad": Q, "current__%": 10.0 * TAU}, r'"current \[%\]".*expected A'),
     "two joints": ({"t__s": T, "q1__rad": Q, "q2__rad": DQ, "tau1__N*m": TAU, "tau2__N*m": Q}, "2 joints .* URDF file"),
     "no position": ({"time__s": T, "torque__N*m": TAU}, "expected a channel position"),
-    "duty": ({"time__s": T, "q__rad": Q, "pwm": np.round(300.0 * TAU)}, "pwm.*supply voltage"),
     "accelerations": ({"time__s": T, "acc_x__g": Q, "acc_y__g": DQ, "acc_z__g": TAU}, "no effort was recorded"),
 }
 
@@ -290,14 +289,14 @@ def test_what_init_makes_check_accepts(tmp_path, columns):
 
 
 def test_the_supply_voltage_of_a_duty_is_asked(tmp_path):
-    path = table(tmp_path / "log.csv", **UNFIT["duty"][0])
+    path = table(tmp_path / "log.csv", **DUTY)
     proposal = propose_study(read_given([path]), "made")
     assert {q.key: q.default for q in (*proposal.asked, *proposal.marked)}["supply_voltage"] == "unknown"
     made = pl.init(tmp_path / "study", files=[path], answers={"supply_voltage": "12 V"})
     assert 'supply = "12 V"  # said by the lab\n' in made.study_file.read_text()
     assert not [fault for fault in pl.check(pl.open(made.folder)) if fault.severity == "refuse"]
     # A column with the voltage answers it.
-    supplied = table(tmp_path / "supplied.csv", **UNFIT["duty"][0], battery__V=12.0 + 0.01 * Q)
+    supplied = table(tmp_path / "supplied.csv", **DUTY, battery__V=12.0 + 0.01 * Q)
     proposal = propose_study(read_given([supplied]), "made")
     assert "supply_voltage" not in {q.key for q in (*proposal.asked, *proposal.marked)}
 

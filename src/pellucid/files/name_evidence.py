@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..units import to_si_factor
-from .stated_units import split_unit, stated_unit_text, unit_from_text
+from .stated_units import scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
     "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime",
@@ -148,6 +148,7 @@ class NameEvidence:
     is_computed: bool = False  # whether a word says that a program computed it
     is_measured: bool = False  # whether a word says that it was measured
     unknown_unit: str | None = None  # text that is stated as the unit, and is none that is known
+    scale: float = 1.0  # how many of the unit one stored number is, as stated
 
 
 def words_of(name: str) -> list[str]:
@@ -167,6 +168,10 @@ def read_name(name: str) -> NameEvidence:
     ('current', 'mA', False)
     """
     bare, unit = split_unit(name)
+    scale = 1.0
+    if unit is None and (found := scaled_unit_from_text(stated_unit_text(name) or "")) is not None:
+        scale, unit = found
+        bare = bare.partition("[")[0].partition("(")[0].strip() or bare
     # The last part of a dotted path names the quantity: "entries.position".
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
@@ -197,6 +202,7 @@ def read_name(name: str) -> NameEvidence:
         bool(COMPUTED_WORDS & set(words)),
         bool(MEASURED_WORDS & set(words)),
         _unknown_unit(name) if unit is None else None,
+        scale,
     )
 
 
@@ -216,14 +222,16 @@ def with_stated_unit(evidence: NameEvidence, text: str | None) -> NameEvidence:
     """
     if text is None or not text.strip() or evidence.unit is not None:
         return evidence
-    unit = unit_from_text(text)
+    unit, scale = unit_from_text(text), 1.0
+    if unit is None and (found := scaled_unit_from_text(text)) is not None:
+        scale, unit = found
     if unit is None:
         return replace(evidence, unknown_unit=_unknown_unit(f"[{text.strip()}]"))
     by_unit = quantity_of_unit(unit)
     quantity = evidence.quantity
     if by_unit is not None and (quantity is None or not _agrees(quantity, by_unit)):
         quantity = by_unit
-    return replace(evidence, unit=unit, quantity=quantity, unknown_unit=None)
+    return replace(evidence, unit=unit, quantity=quantity, unknown_unit=None, scale=scale)
 
 
 def quantity_of_unit(unit: str) -> str | None:

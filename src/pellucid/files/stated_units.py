@@ -36,6 +36,10 @@ _UNITS_BY_TEXT = {
     "in": "inch", "inch": "inch", "inches": "inch", "ft": "foot", "feet": "foot", "foot": "foot",
     "mps": "m/s", "mps2": "m/s^2", "g": "g0", "g0": "g0", "mg": "mg0", "t": "T", "ut": "uT", "mt": "mT",
     "hz": "Hz", "khz": "kHz", "%": "%", "percent": "%", "pct": "%", "%mvc": "%MVC", "% mvc": "%MVC", "mvc": "MVC",
+    "‰": "permille", "permille": "permille", "per mille": "permille", "per thousand": "permille",
+    "per mil": "permille", "gon": "gon", "r/min": "rpm", "1/min": "rpm", "min-1": "rpm", "pulse": "counts",
+    "pulses": "counts", "puls": "counts", "pls": "counts", "increments": "counts", "steps": "counts", "bit": "counts",
+    "arms": "A", "a rms": "A", "a_rms": "A", "a (rms)": "A", "ma rms": "mA", "apk": "A", "a pk": "A", "a peak": "A",
     "%mvic": "%MVC", "percent mvc": "%MVC", "counts": "counts", "count": "counts", "cts": "counts", "qc": "counts",
     "inc": "counts", "ticks": "counts", "tick": "counts", "lsb": "counts", "adc": "counts", "dots": "counts",
     "px": "counts", "pixels": "counts", "degc": "degC", "°c": "degC", "celsius": "degC", "degf": "degF", "°f": "degF",
@@ -163,6 +167,26 @@ def unit_from_text(text: str) -> str | None:
     except ValueError:
         return None
     return found
+
+
+_SCALED_UNIT = re.compile(r"\s*(?:x\s*)?(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?|10\^-?\d)\s*[x*·]?\s*(\D.*)", re.IGNORECASE)
+
+
+def scaled_unit_from_text(text: str) -> tuple[float, str] | None:
+    """Return how many of a unit one stored number is, and that unit, as in "0.1 %"; None if the text says neither.
+
+    Examples
+    --------
+    >>> scaled_unit_from_text("0.1 deg"), scaled_unit_from_text("deg")
+    ((0.1, 'deg'), None)
+    """
+    match = _SCALED_UNIT.fullmatch(text.translate(_PLAIN_SIGNS).strip("[](){} "))
+    unit = unit_from_text(match[2]) if match is not None else None
+    if match is None or unit is None:
+        return None
+    number = match[1].replace(",", ".")
+    scale = 10.0 ** int(number[3:]) if number.startswith("10^") else float(number)
+    return (scale, unit) if 0.0 < scale < 1e9 else None
 
 
 def _single_unit(text: str) -> str | None:

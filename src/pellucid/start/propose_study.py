@@ -46,7 +46,7 @@ MAX_QUESTION_COUNT = 5
 """At most so many questions are asked; what else is uncertain is marked in study.toml."""
 
 QUESTION_ORDER = (
-    "rate", "effort", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
     "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
 """Questions by how much hangs on their answer."""
@@ -197,6 +197,9 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if paired:
         recordings = _with_paired_columns(recordings, main, paired)
         main = _with_paired_roles(main, paired)
+    facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
+    main = _with_rated_efforts(main, facts)
+    streams = [_with_rated_efforts(stream, facts) for stream in streams]
     drive = _drive_kind(main, streams) if not person else None
     spring = _locked_spring(main, drive)
     if spring is not None:
@@ -207,7 +210,6 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         motion, gravity = ("rotary", "none") if _is_torque(main, drive) else (motion, "none")
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
     main = _with_torque(main) if motion == "rotary" else main
-    facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
     supply = next((f for layout in (main, *streams) if (f := _steady_supply(layout)) is not None), None)
     if supply is not None:
         facts.setdefault("supply", supply)
@@ -798,7 +800,7 @@ def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
         return "rotary", False, _gravity(main, drive)
     measured = [r for r in positions if r.quantity == "position"]
     gravity = _gravity(main, drive)
-    span = max((float(np.ptp(_decoded(main.tables[0], r))) for r in measured), default=1.0)
+    span = max((float(np.ptp(_in_unit(main.tables[0], r))) for r in measured), default=1.0)
     # Little travel without weight is a slide more often than a joint in a horizontal plane; it is asked.
     if gravity == "none" and len(measured) == 1 and 0.005 < span < 1.0:
         return "prismatic", False, None
@@ -818,9 +820,11 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
     n = min(table.rows, ROLE_LIMITS.max_analysed_rows)
-    motion = motion_samples(_decoded(table, role)[:n], np.arange(n) / main.roles.rate)
+    motion = motion_samples(_in_unit(table, role)[:n], np.arange(n) / main.roles.rate)
     effort = _decoded(table, found[1])[:n]
     turn = FULL_TURNS.get(role.unit)
+    if role.unit == "counts" and "counts_per_turn" in role.keys:
+        turn = float(str(role.keys["counts_per_turn"]))
     weighed = weigh_turns(effort, motion, {role.unit: turn}) if turn is not None else None
     if weighed is None:
         return "sine+cosine"
@@ -834,6 +838,16 @@ def _measures_angle(main: Layout) -> bool:
 
 def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
     return decode_counts(table.columns[role.column], role.keys)
+
+
+def _in_unit(table: GivenTable, role: ColumnRole) -> np.ndarray:
+    """Return a position's numbers in the unit of its role, without jumps."""
+    scale = 1.0 if role.unit == "counts" else float(str(role.keys.get("scale", 1.0)))
+    values = scale * decode_counts(table.columns[role.column], role.keys)
+    if "wrap" in role.keys:
+        known = np.isfinite(values)
+        values[known] = np.unwrap(values[known], period=float(str(role.keys["wrap"]).split()[0]))
+    return values
 
 
 def _in_metres(main: Layout) -> Layout:
@@ -864,6 +878,35 @@ def _with_full_duty(main: Layout) -> Layout:
     return main.with_each(guessed)
 
 
+SHARES_OF_RATED = {"%": 0.01, "permille": 0.001}
+"""Units of efforts that drives state as a share of their rated one."""
+
+
+def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout:
+    """Return a layout in which torques and currents that are shares of the drive's rated one have its unit.
+
+    Without a rated value, the effort keeps a scale of its own: one ampere stands for the rated effort.
+    """
+
+    def rated(role: ColumnRole) -> ColumnRole:
+        quantity = (role.quantity or "").removeprefix("desired_")
+        if quantity not in ("torque", "current") or role.unit not in SHARES_OF_RATED:
+            return role
+        share = SHARES_OF_RATED[role.unit] * float(str(role.keys.get("scale", 1.0)))
+        fact = facts.get(f"rated_{quantity}")
+        if fact is not None:
+            keys = {**role.keys, "scale": share * fact.value}
+            return replace(role, unit=fact.unit, keys=keys, unit_why=f'a share of "{fact.label}", {fact.text}')
+        kind = "current" if quantity == role.quantity else "desired_current"
+        why = f"a share of the rated {quantity}, which no file states: 1 A stands for 100 %"
+        return replace(
+            role, quantity=kind, unit="A", keys={**role.keys, "scale": share, "rated": quantity}, unit_why=why,
+            unit_is_certain=False,
+        )  # fmt: skip
+
+    return layout.with_each(rated)
+
+
 def _steady_supply(layout: Layout) -> FileFact | None:
     """Return the supply voltage that a column without any change holds; None if there is none."""
     for role in layout.roles.steady:
@@ -892,7 +935,7 @@ def _with_effort_signs(main: Layout, drive: str | None, remarks: list[str]) -> L
         position = positions.get(role.label)
         if role.quantity not in names or role.is_command or position is None or "sign" in role.keys:
             return role
-        values = _unwrapped(table, position)[rows]
+        values = _in_unit(table, position)[rows]
         effort = _decoded(table, role)[rows]
         if len(values) < 200 or not np.isfinite(values).any() or not np.isfinite(effort).any():
             return role
@@ -904,16 +947,6 @@ def _with_effort_signs(main: Layout, drive: str | None, remarks: list[str]) -> L
         return replace(role, keys={**role.keys, "sign": -1}, why=f"{role.why}; {why}")
 
     return main.with_each(turned)
-
-
-def _unwrapped(table: GivenTable, role: ColumnRole) -> np.ndarray:
-    """Return the numbers of a position without the jumps of its counts and of its rollover."""
-    values = _decoded(table, role)
-    if "wrap" not in role.keys:
-        return values
-    known = np.isfinite(values)
-    values[known] = np.unwrap(values[known], period=float(str(role.keys["wrap"]).split()[0]))
-    return values
 
 
 def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
@@ -1006,7 +1039,16 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
         )
     if drive is not None:
         found = _main_effort(layouts, drive)
-        if found is not None and not (found[1].is_certain and found[1].unit_is_certain):
+        kind = found[1].keys.get("rated") if found is not None else None
+        if found is not None and kind is not None:
+            yield Question(
+                "rated",
+                f'What is the rated {kind} of the drive, of which "{found[1].column}" is a share, such as '
+                f"{'2.4 N*m' if kind == 'torque' else '3.5 A'}?",
+                "unknown",
+                "whether results are in N*m: without it, they are shares of the rated effort",
+            )
+        elif found is not None and not (found[1].is_certain and found[1].unit_is_certain):
             role = found[1]
             yield Question(
                 "effort",
@@ -1139,6 +1181,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if "rate" in answers:
         rate = parse_quantity(answers["rate"], "Hz", "rate")
         main, *streams = (replace(s, roles=replace(s.roles, rate=s.roles.rate or rate)) for s in (main, *streams))
+    if answers.get("rated", "unknown") != "unknown":
+        main, *streams = (_with_rated_answer(layout, answers["rated"]) for layout in (main, *streams))
+        drive = _drive_kind(main, streams)
     if "effort" in answers:
         quantity, _, unit = answers["effort"].partition(" in ")
         if quantity not in DRIVE_QUANTITIES or not unit:
@@ -1183,6 +1228,23 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts
+
+
+def _with_rated_answer(layout: Layout, answer: str) -> Layout:
+    """Return a layout in which shares of a rated effort have the unit of the rated effort that the lab said."""
+
+    def rated(role: ColumnRole) -> ColumnRole:
+        kind = role.keys.get("rated")
+        if not isinstance(kind, str):
+            return role
+        unit = {"torque": "N*m", "current": "A"}[kind]
+        value = parse_quantity(answer, unit, "rated")
+        keys = {k: v for k, v in role.keys.items() if k != "rated"}
+        keys["scale"] = float(str(role.keys["scale"])) * value
+        quantity = kind if role.quantity == "current" else f"desired_{kind}"
+        return replace(role, quantity=quantity, keys=keys, **_said_unit(unit))
+
+    return layout.with_each(rated)
 
 
 def _position_answer(answer: str) -> str:

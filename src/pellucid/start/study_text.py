@@ -308,7 +308,7 @@ def _key(name: str) -> str:
 
 
 def _entry(role: ColumnRole, table: GivenTable) -> str:
-    unit, keys = role.unit, dict(role.keys)
+    unit, keys = role.unit, {key: value for key, value in role.keys.items() if key != "rated"}
     if unit in ("counts", "counts/s") and role.quantity in ("position", "reference", "angle", "velocity"):
         per = int(str(keys.pop("counts_per_turn", ANGLE_LIMITS.usual_counts)))
         unit = unit.replace("counts", "rad")

@@ -60,6 +60,10 @@ INERTIAL_QUANTITIES = {
 }
 """Quantities of inertial sensors, by the kind that numbers show."""
 
+_INERTIAL_CHANNELS = frozenset({"acceleration", "angular_velocity", "orientation", "magnetic_field",
+    "linear_acceleration"})  # fmt: skip
+"""Quantities of inertial sensors, behind the name of the sensor, whose units are found with them."""
+
 DEFAULT_UNITS = {
     "torque": "N*m", "force": "N", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "temperature": "degC",
     "enabled": "1", "orientation": "1", "magnetic_field": "uT", "linear_acceleration": "m/s^2",
@@ -85,6 +89,8 @@ class RoleLimits:
     max_weighing_efforts: int = 8
     # Commands are looked for in at most this many pairs of columns, those of 60 columns; each takes a millisecond.
     max_compared_commands: int = 2000
+    # Counts of a turn that a speed tells are those of a usual encoder within this share.
+    counts_tolerance: float = 0.02
     # Fits of efforts to motions are made for at most this many columns.
     max_effort_candidates: int = 40
 
@@ -566,7 +572,7 @@ class _Assignment:
 
     def _radians(self, name: str) -> float | None:
         unit = self._position_unit(name)[0]
-        return 2.0 * np.pi / FULL_TURNS[unit] if unit in FULL_TURNS else None
+        return self.names[name].scale * 2.0 * np.pi / FULL_TURNS[unit] if unit in FULL_TURNS else None
 
     def _kind_of_effort(self, name: str) -> tuple[str, str]:
         x = self.values[name]
@@ -629,7 +635,7 @@ class _Assignment:
             spread = max(float(np.ptp(x)) for x in known if len(x))
             common = "deg" if spread > ROLE_LIMITS.max_joints_range else None
         for name, role in list(self.roles.items()):
-            if role.quantity is None or role.quantity.startswith("imu"):
+            if role.quantity is None or role.quantity.partition(".")[2] in _INERTIAL_CHANNELS:
                 continue
             self.roles[name] = self._with_unit(name, role, common)
         self._share_emg_unit()
@@ -698,6 +704,8 @@ class _Assignment:
         stated = self._stated(name)
         quantity = role.quantity or ""
         keys = dict(role.keys) | self.keys.get(name, {})
+        if self.names[name].scale != 1.0:
+            keys["scale"] = self.names[name].scale
         role = replace(role, keys=keys)
         if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
             unit, why, sure, found = self._position_unit(name)
@@ -716,6 +724,8 @@ class _Assignment:
             if unit == "counts" and documented is not None and documented.counts_per_turn is not None:
                 keys["counts_per_turn"] = documented.counts_per_turn
                 sure = quantity not in ("position", "motor_position") or documented.side == "output"
+            elif unit == "counts" and (by_speed := self._counts_by_speed(name)) is not None:
+                keys["counts_per_turn"], sure = by_speed, True
             elif unit == "counts" and name in self._counts:
                 keys["counts_per_turn"], sure = self._counts[name]
             if documented is not None and documented.unit == unit and documented.scale is not None:
@@ -734,6 +744,18 @@ class _Assignment:
         if quantity in ("velocity", "acceleration", "desired_velocity"):
             return role.in_unit("rad/s" if quantity != "acceleration" else "rad/s^2", role.unit_why, False)
         return role.in_unit(*_unit_by_size(quantity.removeprefix("desired_"), self.values[name]))
+
+    def _counts_by_speed(self, name: str) -> int | None:
+        """Return the counts of a turn by a speed of which the unit is stated; None if there is none."""
+        for pair in self.pairs:
+            unit = self._stated(pair.by) if pair.of == name else None
+            if unit is None or not is_known_unit(unit, "rad/s"):
+                continue
+            per_count = to_si_factor(unit, "rad/s")[0] * self.names[pair.by].scale * abs(pair.ratio)
+            counts = 2.0 * np.pi / per_count
+            usual = min(ENCODER_COUNTS, key=lambda known: abs(np.log(known / counts)))
+            return usual if abs(usual / counts - 1.0) < ROLE_LIMITS.counts_tolerance else round(counts)
+        return None
 
     def _weighed(self, name: str) -> tuple[str, str, bool] | None:
         """Return a position's unit by the weight of what it moves, with the reason and True; None if weight does not
@@ -929,7 +951,8 @@ class _Assignment:
         side = side_of(name)
         merit = 4.0 * role.is_certain
         merit += 2.0 * any(name in (pair.of, pair.by) for pair in self.pairs)
-        merit -= 3.0 * evidence.is_computed + 6.0 * evidence.is_command
+        # A part of what was asked for tells less than the whole.
+        merit -= 3.0 * evidence.is_computed + 2.0 * evidence.is_command
         merit += 1.0 * (evidence.is_measured or bool({"real", "total"} & words))
         merit += 0.5 * (role.unit != "counts")
         # What is identified is the joint, behind its gear; a motor's own torque and current stand before it.
