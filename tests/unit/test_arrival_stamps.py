@@ -44,11 +44,19 @@ def test_a_named_clock_with_jitter_of_two_samples_is_the_clock(stamps, name, fac
     assert clock.rate == pytest.approx(RATE, rel=1e-3)
 
 
-def test_jitter_of_stamps_that_increase_leaves_the_column_and_its_rate():
+def test_stamps_at_which_the_samples_were_taken_are_kept_although_they_jitter():
     t, q, _ = samples()
-    clock = found_in(t + np.random.default_rng(9).uniform(0.0, 0.9 / RATE, t.size), q)
+    taken = t + np.random.default_rng(9).uniform(0.0, 0.9 / RATE, t.size)
+    clock = found_in(taken, np.interp(taken, t, q))
     assert clock.column == "time [s]"
     assert clock.rate == pytest.approx(RATE, rel=1e-2)
+
+
+def test_even_steps_replace_stamps_of_arrival_that_increase():
+    t, q, _ = samples()
+    clock = found_in(t + np.random.default_rng(9).uniform(0.0, 0.9 / RATE, t.size), q)
+    assert (clock.column, clock.coarse_column) == (None, "time [s]")
+    assert clock.rate == pytest.approx(RATE, rel=1e-3)
 
 
 def test_packets_that_came_twice_leave_the_column():

@@ -45,6 +45,11 @@ class TimeLimits:
     max_rollover_steps: float = 50.0
     # A clock that rolls over falls by at least this share of its range.
     min_rollover_fall_share: float = 0.5
+    # Even steps replace stamps that jitter if a column is predicted with this share of the error, in most of so many
+    # columns whose error is below this share of their spread.
+    max_smoother_ratio: float = 0.7
+    max_smooth_columns: int = 12
+    max_unpredicted_share: float = 0.2
     # Score of a column that only its name tells as time: any evener one comes first.
     named_score: float = 0.05
     # A column whose name says no time has to advance so evenly: a slow movement also rises throughout.
@@ -166,7 +171,15 @@ def _clock_of(
         usual = _usual_advance(known[first:]) or usual
     unit, why, certain = _unit(known[len(known) // 2], usual, evidence)
     stopped = _stops_between_samples(values, first, beside)
-    slope = _line_step(known[first:], usual) if stopped else None
+    slope = _line_step(known[first:], usual) if stopped or jitters else None
+    if slope is not None and not stopped and jitters and np.isfinite(values).all():
+        if is_smoother_evenly([x[first:] for x in beside], known[first:]):
+            why = (
+                f'"{evidence.name}" is the clock, stamped on arrival: the recorded motion is smoother at its mean rate '
+                "than at its stamps"
+            )
+            return FoundClock(None, "s", 1.0 / (slope * UNIT_SECONDS[unit]), why, certain, evidence.name, others)
+        slope = None
     if slope is not None and (repeated <= TIME_LIMITS.max_repeated_share or jitters):
         why = (
             f'"{evidence.name}" is the clock, stamped on arrival: in {stopped} rows its stamps stand still or fall '
@@ -254,6 +267,47 @@ def _line_step(values: np.ndarray, usual: float) -> float | None:
     off = values - values[0] - start - slope * rows
     low, high = np.quantile(off, (0.01, 0.99))
     return float(slope) if slope > 0.0 and high - low <= 2.0 * TIME_LIMITS.max_line_deviation_steps * usual else None
+
+
+def is_smoother_evenly(columns: Sequence[np.ndarray], stamps: np.ndarray) -> bool:
+    """Whether columns, shape (n,) each, are smoother in even steps than at their stamps, shape (n,).
+
+    Each sample is predicted from the two before and the two after it, by the cubic through them, on both axes of time.
+    Samples of a device with an even clock, stamped on arrival, are predicted better in even steps.
+    """
+    n = len(stamps)
+    if n < 50:
+        return False
+    even = np.arange(n, dtype=float)
+    wins = losses = 0
+    for x in columns[: TIME_LIMITS.max_smooth_columns]:
+        if len(x) != n or not np.isfinite(x).all() or np.ptp(x) == 0.0:
+            continue
+        spread = float(np.std(x))
+        by_even, by_stamp = (_prediction_error(x, axis) for axis in (even, stamps))
+        # A column that neither axis predicts shows noise, and not the clock.
+        if min(by_even, by_stamp) > TIME_LIMITS.max_unpredicted_share * spread:
+            continue
+        wins += by_even < TIME_LIMITS.max_smoother_ratio * by_stamp
+        losses += by_stamp < TIME_LIMITS.max_smoother_ratio * by_even
+    return wins > losses
+
+
+def _prediction_error(x: np.ndarray, axis: np.ndarray) -> float:
+    """Return the median error with which the cubic through four neighbours predicts the sample between them."""
+    at, around = axis[2:-2], (axis[:-4], axis[1:-3], axis[3:-1], axis[4:])
+    near = (x[:-4], x[1:-3], x[3:-1], x[4:])
+    predicted = np.zeros(len(at))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for i, own in enumerate(around):
+            weight = np.ones(len(at))
+            for j, other in enumerate(around):
+                if i != j:
+                    weight *= (at - other) / (own - other)
+            predicted += weight * near[i]
+    errors = np.abs(predicted - x[2:-2])
+    errors = errors[np.isfinite(errors)]
+    return float(np.median(errors)) if errors.size else float("inf")
 
 
 def _counts_rows(values: np.ndarray) -> bool:
