@@ -1,1 +1,1 @@
-"""What columns of numbers are, by evidence: arrays and names in, findings with their reasons out. It reads no file."""
+"""What columns of numbers are, by evidence: arrays and names in, findings and reasons out. It reads no recording."""

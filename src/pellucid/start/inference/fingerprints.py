@@ -24,8 +24,9 @@ FINGERPRINTS_FOLDER = Path(__file__).parent.parent / "fingerprints"
 COMMAND_QUANTITIES = frozenset({"reference", "desired_velocity", "desired_torque", "desired_current"})
 """Quantities that a controller asks for."""
 
-FINGERPRINT_QUANTITIES = frozenset(QUANTITY_WORDS) | COMMAND_QUANTITIES | {"ignore"}
-"""Quantities that a column of a fingerprint may have: those of names, what a controller asks for, and ``ignore``."""
+FINGERPRINT_QUANTITIES = frozenset(QUANTITY_WORDS) | COMMAND_QUANTITIES | {"marker", "ignore"}
+"""Quantities that a column of a fingerprint may have: those of names, what a controller asks for, markers, and
+``ignore``."""
 
 ENCODINGS = frozenset({"twos_complement 16", "twos_complement 32", "sign_bit 10", "sign_bit 11", "sign_bit 15"})
 """Ways in which registers write negative numbers."""
@@ -165,7 +166,9 @@ def find_fingerprint(names: Sequence[str], facts: Mapping[str, str] | None = Non
     True
     """
     folded = {name: fold_name(name) for name in names[:MAX_COLUMNS] if len(name) <= MAX_NAME_LENGTH}
-    found = [_match(fingerprint, folded, facts or {}) for fingerprint in load_fingerprints()]
+    texts = set(folded.values())
+    possible = [path for path, requires in _requirements() if _has_each(requires, texts)]
+    found = [_match(_read_once(path), folded, facts or {}) for path in possible]
     return max(
         (each for each in found if each is not None),
         key=lambda each: (len(each.columns), each.matched_entries / each.entries),
@@ -184,14 +187,7 @@ def fold_name(name: str) -> str:
     return " ".join(words_of(split_unit(name)[0]))
 
 
-def _match(
-    fingerprint: Fingerprint, folded: Mapping[str, str], facts: Mapping[str, str]
-) -> MatchedFingerprint | None:
-    texts = set(folded.values())
-    for pattern in fingerprint.requires:
-        regex = _compiled(pattern)
-        if not any(regex.fullmatch(text) for text in texts):
-            return None
+def _match(fingerprint: Fingerprint, folded: Mapping[str, str], facts: Mapping[str, str]) -> MatchedFingerprint | None:
     columns: dict[str, FingerprintColumn] = {}
     matched: set[object] = set()
     for name, text in folded.items():
@@ -199,9 +195,8 @@ def _match(
             match = _compiled(entry.pattern).fullmatch(text)
             if match is None:
                 continue
-            groups = match.groups()[entry.joint_group - 1 :] if entry.joint_group else ()
-            joint = next((group for group in groups if group), None)
-            columns[name] = replace(entry, joint=_as_written(joint, name)) if joint else entry
+            joint = _joint(match, entry.joint_group, name) if entry.joint_group else None
+            columns[name] = replace(entry, joint=joint) if joint else entry
             matched.add(entry.pattern)
             break
     for label, pattern in fingerprint.facts.items():
@@ -210,22 +205,47 @@ def _match(
             for key, text in facts.items()
         ):
             matched.add((label, pattern))
-    if not columns or len(matched) < fingerprint.min_matched:
+    if len(matched) < fingerprint.min_matched:
         return None
     entries = len(fingerprint.columns) + len(fingerprint.facts)
     return MatchedFingerprint(fingerprint.name, fingerprint.source, columns, len(matched), entries)
 
 
-def _as_written(folded: str, name: str) -> str:
-    """Return the part of a name that was folded to `folded`, as the name writes it."""
-    found = re.search(r"[\W_]*".join(map(re.escape, folded.split())), name, re.IGNORECASE)
-    return found[0] if found else folded
+def _joint(match: re.Match[str], first: int, name: str) -> str | None:
+    """Return the first group from `first` on that is not empty, as the name writes it; None if all are empty."""
+    group = next((k for k in range(first, match.re.groups + 1) if match[k]), None)
+    if group is None:
+        return None
+    # Folding keeps letters and digits in their order, so that their number tells the place in the name.
+    start, end = (len(match.string[:place].replace(" ", "")) for place in match.span(group))
+    places = [place.start() for place in re.finditer(r"[^\W_]", name)]
+    written = name[places[start] : places[end - 1] + 1] if end <= len(places) else ""
+    return written if words_of(written) == match[group].split() else match[group]
+
+
+def _has_each(requires: Sequence[str], texts: set[str]) -> bool:
+    """Whether each pattern matches a folded name."""
+    return all(any(map(_compiled(pattern).fullmatch, texts)) for pattern in requires)
 
 
 @lru_cache(maxsize=1)
+def _requirements() -> tuple[tuple[Path, tuple[str, ...]], ...]:
+    """Return what each file requires. The columns of most files are never read, which takes most of the time."""
+    found = []
+    for path in sorted(FINGERPRINTS_FOLDER.glob("*.toml")):
+        head, _, _ = read_given(path).decode("utf-8").partition("\n[[columns]]")
+        found.append((path, tuple(parse_toml(head, path.name).get("requires", ()))))
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def _read_once(path: Path) -> Fingerprint:
+    return read_fingerprint(path)
+
+
 def load_fingerprints() -> tuple[Fingerprint, ...]:
     """Return all fingerprints that ship with the package, by the names of their files."""
-    return tuple(read_fingerprint(path) for path in sorted(FINGERPRINTS_FOLDER.glob("*.toml")))
+    return tuple(_read_once(path) for path, _ in _requirements())
 
 
 def read_fingerprint(path: Path) -> Fingerprint:
