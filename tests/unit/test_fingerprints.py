@@ -180,7 +180,11 @@ TABLES = [
     ("lab_streaming_layer", ["lsl_timestamp", "a", "b"], {"lsl_timestamp": ("time", "s", None)}),
     ("biopac_acqknowledge", ["min", "CH1", "CH2"], {"min": ("time", "min", None)}),
     ("labview_measurement", ["X_Value", "Untitled", "Comment"], {"X_Value": ("time", "s", None)}),
-    ("dspace_controldesk", ["Model Root/plant/theta/Out1"], {}),
+    (
+        "dspace_controldesk",
+        ["HostService", "Model Root/plant/theta/Out1"],
+        {"HostService": ("time", "s", None)},
+    ),
     ("simulink", ["tout", "simout.signals.values_1"], {"tout": ("time", "s", None)}),
     (
         "kinova_gen3",
@@ -311,7 +315,8 @@ def test_units_scales_and_requirements_of_every_file(fingerprint):
         if column.unit is not None and column.quantity != "ignore":
             assert any(_is_unit_of(column.unit, unit) for unit in si[column.quantity]), column
         if column.scale is not None:
-            assert column.scale > 0.0 and column.unit is not None, column
+            assert column.scale > 0.0, column
+            assert column.unit is not None, column
         if column.counts_per_turn is not None:
             assert column.unit == "counts", column
 
@@ -379,9 +384,7 @@ def test_a_file_that_is_not_valid_is_refused_by_name(tmp_path, old, new, message
 
 def test_a_file_may_set_each_field_but_the_joint(tmp_path):
     path = tmp_path / "own.toml"
-    more = (
-        'scale = 0.1\nother_scales = [1.0]\nencoding = "sign_bit 15"\nwrap = 360\nside = "motor"\nis_command = true\n'
-    )
+    more = 'scale = 0.1\nother_scales = [1.0]\nencoding = "sign_bit 15"\nwrap = 9\nside = "motor"\nis_command = true\n'
     text = VALID.replace('"winkelgeber"\nq', '"winkelgeber(.*)"\nq')
     path.write_text(text.replace('unit = "deg"\n', f'unit = "deg"\njoint_group = 1\n{more}'), encoding="utf-8")
     column = read_fingerprint(path).columns[0]
