@@ -57,7 +57,9 @@ def read_apart(reader: str, path: Path) -> Columns:
             raise
     if "error" in answer:
         raise RecordingError(answer["error"])
-    return Columns(path, values, answer["angle_unit"], answer["units"])
+    return Columns(
+        path, values, answer["angle_unit"], answer["units"], answer["facts"], recordings=tuple(answer["recordings"])
+    )
 
 
 def start_reading_process() -> None:
@@ -189,7 +191,13 @@ def _answer_request(module: ModuleType, request: dict[str, Any]) -> tuple[dict[s
     finally:
         _limit_resources(None, None)
     lengths = {name: x if isinstance(x, str) else len(x) for name, x in samples.items()}
-    return {"lengths": lengths, "angle_unit": columns.angle_unit, "units": dict(columns.units)}, arrays
+    stated = {
+        "angle_unit": columns.angle_unit,
+        "units": dict(columns.units),
+        "facts": dict(columns.facts),
+        "recordings": columns.recordings,
+    }
+    return {"lengths": lengths, **stated}, arrays
 
 
 def _import_libraries(libraries: tuple[str, ...]) -> None:

@@ -40,6 +40,9 @@ class Columns:
         Values of labelled lines above a text table, such as a sampling rate, without personal ones.
     personal : tuple of PersonalField
         Fields that tell who was recorded; their values are left out.
+    recordings : tuple of str
+        Of a file with several recordings, such as demonstrations or episodes, the beginning that the names of each
+        one's columns share, without the dot behind it; () for a file with one.
     lost : str
         What the file lacks at its end because its writer was stopped, such as an incomplete last row; ``""`` for a
         whole file. `values` hold everything before it.
@@ -51,6 +54,7 @@ class Columns:
     units: Mapping[str | int, str] = field(default_factory=dict)
     facts: Mapping[str, str] = field(default_factory=dict)
     personal: tuple[PersonalField, ...] = ()
+    recordings: tuple[str, ...] = ()
     lost: str = ""
 
     @property

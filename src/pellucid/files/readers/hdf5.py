@@ -1,7 +1,8 @@
 """Read HDF5 files: every numeric dataset, named by its path, ``emg.biceps`` for ``/emg/biceps``.
 
-A dataset of several columns is numbered, ``emg.0``, ``emg.1``, ...; a field of a compound dataset, as tables of pandas
-have them, is named. An attribute ``unit`` or ``units`` of a dataset is the unit of its columns.
+A dataset of several columns is numbered, ``emg.0``, ``emg.1``, ..., or named where an attribute or a list beside it has
+a name for each column; so is a field of a compound dataset. Attributes may state the unit and the sampling rate. Groups
+that differ in a number alone, such as demonstrations of a robot, are recordings. Pictures are left out.
 """
 
 from __future__ import annotations
@@ -19,4 +20,4 @@ def read(path: Path) -> Columns:
     """Return columns by dotted path, in the file's own units, each shape (n,) float64.
 
     A matrix's samples run along its longer side."""
-    return read_datasets(path, kind="HDF5", columns_first=False)
+    return read_datasets(path)

@@ -1,22 +1,23 @@
-"""Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py, and those with tables with mat-io.
+"""Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py, and those with objects with mat-io.
 
-A table's variables are named by their dotted path, as a struct's fields are: ``log.q`` for the variable q of the table
-log. The times of a timetable are ``log.Time``, in seconds.
+A struct's fields are named by their dotted path, ``log.q``, and so are a table's variables; the times of a timetable
+are ``log.Time``, in seconds. `_signals` reads logs of Simulink, captures of dSPACE ControlDesk and matrices beside
+which their columns' names stand.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..._errors import RecordingError, install_command
-from ._caps import require_unpacked_size
+from ..._errors import RecordingError, install_command, missing_package
 from ._columns import Columns
-from ._flatten import flatten
-from ._hdf5 import is_matlab_object, read_datasets
+from ._hdf5 import is_matlab_object
+from ._signals import MAX_DEPTH, Signals
 
 ENDINGS = (".mat",)
 APART = ("scipy.io", "h5py")
@@ -28,29 +29,22 @@ HDF5_OFFSET = 512
 """Bytes of MATLAB's own header in a file of version 7.3."""
 
 OBJECTS_COLUMN = "MATLAB objects"
-"""Name of the column that says that a file holds tables or other objects, which only mat-io reads."""
+"""Name of the column that says that a file holds tables, timeseries or other objects, which only mat-io reads."""
 
 
 def extra_libraries(path: Path) -> tuple[str, ...]:
     """Return the libraries that this file needs beside those in `APART`: mat-io brings pandas, which loads slowly."""
-    if _is_hdf5(path):
-        return ("matio",) if _has_objects_in_hdf5(path) else ()
-    from scipy.io import whosmat
-
-    try:
-        whosmat(path)
-    except TypeError:  # the library's answer to an object, which has no shape
-        return ("matio",)
-    return ()
+    has_objects = _has_objects_in_hdf5(path) if _is_hdf5(path) else _has_subsystem(path)
+    return ("matio",) if has_objects else ()
 
 
 def read(path: Path) -> Columns:
     """Return numeric variables and struct fields by dotted path, each shape (n,) float64; cells are numbered."""
     if _is_hdf5(path):
-        if _has_objects_in_hdf5(path) and (columns := _read_objects(path)) is not None:
+        has_objects = _has_objects_in_hdf5(path)
+        if has_objects and (columns := _read_objects(path)) is not None:
             return columns
-        # MATLAB stores columns first, HDF5 rows first.
-        return _with_remark(read_datasets(path, kind="a MAT file", columns_first=True), _has_objects_in_hdf5(path))
+        return _with_remark(_columns(path, _read_hdf5(path)), has_objects)
     from scipy.io import loadmat
     from scipy.io.matlab import MatlabOpaque
 
@@ -63,16 +57,21 @@ def read(path: Path) -> Columns:
         raise
     except Exception as error:  # SciPy raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
-    has_objects = any(isinstance(value, MatlabOpaque) for value in content.values())
+    has_objects = _holds(content, MatlabOpaque)
     if has_objects and (columns := _read_objects(path)) is not None:
         return columns
-    into: dict[str, np.ndarray] = {}
-    for name, value in content.items():
-        if isinstance(value, MatlabOpaque):
-            continue
-        if isinstance(name, str) and not name.startswith("__"):
-            _flatten_cells(_with_plain_structs(value), name, into, path)
-    return _with_remark(Columns(path, into), has_objects)
+    return _with_remark(_columns(path, content), has_objects)
+
+
+def _columns(path: Path, content: Mapping[Any, Any]) -> Columns:
+    """Return the columns of a file's variables."""
+    signals = Signals(path)
+    signals.add_file({
+        name: _with_plain_structs(value)
+        for name, value in content.items()
+        if isinstance(name, str) and not name.startswith("__")
+    })  # fmt: skip
+    return signals.columns()
 
 
 def _is_hdf5(path: Path) -> bool:
@@ -82,6 +81,24 @@ def _is_hdf5(path: Path) -> bool:
     return b"MATLAB 7.3" in head[:128] or head.startswith(HDF5_SIGNATURE) or head.endswith(HDF5_SIGNATURE)
 
 
+def _has_subsystem(path: Path) -> bool:
+    """Whether the header of a file of version 5 says where the contents of objects and functions are."""
+    with path.open("rb") as file:
+        head = file.read(124)
+    return head.startswith(b"MATLAB 5") and head[116:124] not in (bytes(8), b" " * 8)
+
+
+def _holds(value: Any, kind: type, depth: int = 0) -> bool:
+    """Whether a value is of a class, or holds one that is."""
+    if isinstance(value, kind):
+        return True
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        value = value.ravel().tolist()
+    return isinstance(value, list) and depth < MAX_DEPTH and any(_holds(item, kind, depth + 1) for item in value)
+
+
 def _with_remark(columns: Columns, has_objects: bool) -> Columns:
     """Return the columns, with one that says what a file's tables need if mat-io is not installed.
 
@@ -89,10 +106,14 @@ def _with_remark(columns: Columns, has_objects: bool) -> Columns:
     """
     if not has_objects:
         return columns
-    said = f"a table or another object of MATLAB needs mat-io: in the clone of Pellucid, {install_command('matlab')}"
+    said = (
+        "a table or another object of MATLAB, such as a timeseries, needs mat-io: in the clone of Pellucid, "
+        f"{install_command('matlab')}"
+    )
     if not columns.values:
         raise RecordingError(
-            f"{columns.path.name}: {said}; or save it in MATLAB as a struct of vectors: table2struct(T, ToScalar=true)"
+            f"{columns.path.name}: {said}; or save it in MATLAB as a struct of vectors: "
+            "table2struct(T, ToScalar=true), or struct(time=ts.Time, q=ts.Data) of a timeseries"
         )
     return Columns(columns.path, {**columns.values, OBJECTS_COLUMN: said}, units=columns.units)
 
@@ -124,60 +145,74 @@ def _read_objects(path: Path) -> Columns | None:
         raise
     except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
-    into: dict[str, np.ndarray] = {}
-    for name, value in content.items():
-        if isinstance(name, str) and not name.startswith("__"):
-            _flatten_cells(_without_objects(value), name, into, path)
-    require_unpacked_size(path, sum(map(len, into.values())))
-    return Columns(path, into)
+    return _columns(path, {name: _without_objects(value, 0) for name, value in content.items()})
 
 
-def _without_objects(value: Any) -> Any:
-    """Return a value of mat-io's as mappings, lists and arrays: tables by their variables, times in seconds."""
+def _read_hdf5(path: Path) -> dict[str, Any]:
+    """Return the variables of a file of version 7.3, without objects."""
+    try:
+        import h5py  # noqa: F401
+    except ImportError:
+        raise RecordingError(str(missing_package(f"{path.name}: a file in HDF5", "h5py", "files"))) from None
+    from ._matlab_hdf5 import read_variables
+
+    try:
+        return read_variables(path)
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # the library raises a dozen types for damaged files
+        raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
+
+
+def _without_objects(value: Any, depth: int) -> Any:
+    """Return a value of mat-io's as mappings, lists and arrays: tables by their variables, times in seconds, other
+    objects by their properties."""
+    if depth > MAX_DEPTH:
+        return None  # an object that refers to its owner
     if hasattr(value, "columns") and hasattr(value, "index"):
         table = {str(name): value[name].to_numpy() for name in value.columns}
         if value.index.dtype.kind in "mM":
             table = {str(value.index.name or "Time"): value.index.to_numpy(), **table}
-        return {name: _without_objects(column) for name, column in table.items()}
-    if isinstance(value, dict):
-        return {key: _without_objects(item) for key, item in value.items()}
+        return {name: _without_objects(column, depth + 1) for name, column in table.items()}
+    properties = getattr(value, "properties", None)
+    if isinstance(properties, dict):
+        value = properties
+    if isinstance(value, Mapping):
+        return {key: _without_objects(item, depth + 1) for key, item in value.items()}
     if not isinstance(value, np.ndarray):
         return value
     if value.dtype.kind in "mM":
         missing = np.isnat(value)
         since = value - np.datetime64(0, "s") if value.dtype.kind == "M" else value
         return np.where(missing, np.nan, since / np.timedelta64(1, "s"))
+    if value.dtype.kind in "US":
+        return str(value.item()) if value.size == 1 else [str(text) for text in value.ravel()]
     if value.dtype.names:
-        structs = [{name: _without_objects(item[name]) for name in value.dtype.names} for item in value.ravel()]
+        structs = [
+            {name: _without_objects(item[name], depth + 1) for name in value.dtype.names} for item in value.ravel()
+        ]
         return structs[0] if len(structs) == 1 else structs
     if value.dtype == object:
-        items = [_without_objects(item) for item in value.ravel()]
+        items = [_without_objects(item, depth + 1) for item in value.ravel("F")]
         return items[0] if len(items) == 1 else items
     return value
 
 
-def _with_plain_structs(value):
+def _with_plain_structs(value: Any) -> Any:
     # SciPy returns a struct array as an object array of dicts, and cells as an object array of anything.
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return None  # an object whose contents are elsewhere
     if isinstance(value, np.ndarray) and value.dtype == object:
         if value.ndim > 1 and any(_is_nested(item) for item in value.ravel()):
             return [_with_plain_structs(row) for row in value]
         return [_with_plain_structs(item) for item in value.ravel()]
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _with_plain_structs(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_with_plain_structs(item) for item in value]
     return value
 
 
-def _is_nested(item) -> bool:
+def _is_nested(item: Any) -> bool:
     """Whether a cell's content is itself cells or a matrix."""
     return isinstance(item, list) or (isinstance(item, np.ndarray) and (item.dtype == object or item.ndim > 1))
-
-
-def _flatten_cells(value, name: str, into: dict[str, np.ndarray], path: Path) -> None:
-    """Add numeric leaves as `flatten` does; a cell with cells or matrices is named by its index."""
-    if isinstance(value, list) and any(_is_nested(item) for item in value):
-        for i, item in enumerate(value):
-            # Samples run along the longer side: programs store variables in rows as often as in columns.
-            wide = isinstance(item, np.ndarray) and item.ndim == 2 and item.shape[1] > item.shape[0]
-            _flatten_cells(item.T if wide else item, f"{name}.{i}", into, path)
-    else:
-        flatten(value, name, into, path)

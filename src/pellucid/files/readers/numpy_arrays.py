@@ -1,7 +1,7 @@
 """Read NumPy's files: named arrays (.npz) and single arrays (.npy).
 
-An array of several columns is numbered, ``emg.0``, ``emg.1``, ...; a field of a structured array is named. Objects,
-which could run a program, are refused.
+An array of several columns is numbered, ``q.0``, ``q.1``, ..., or named by a list of as many texts beside it, such as
+``joint_names``; a field of a structured array is named. Objects, which could run a program, are not loaded.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import zipfile
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as array_format
@@ -17,51 +17,63 @@ from numpy.lib import format as array_format
 from ..._errors import RecordingError
 from ._caps import require_unpacked_size
 from ._columns import Columns
-from ._flatten import flatten, with_samples_down
+from ._signals import Signals
 
 ENDINGS = (".npz", ".npy")
+
+OBJECTS_TEXT = "holds objects of Python, which could run a program, expected numbers; save each as an array of its own"
+"""What a column of objects says."""
 
 
 def read(path: Path) -> Columns:
     """Return columns by the arrays' names, each shape (n,) float64.
 
     A matrix's samples run along its longer side."""
-    into: dict[str, np.ndarray] = {}
+    content: dict[str, Any] = {}
+    objects: dict[str, np.ndarray | str] = {}
     try:
         if path.suffix.lower() == ".npy":
             with path.open("rb") as file:
-                _require_size(path, file, 0.0)
-            _flatten_array(path, path.stem, np.load(path, allow_pickle=False), into)
+                number_count, has_objects = _contents(file)
+            require_unpacked_size(path, number_count)
+            if has_objects:
+                raise RecordingError(f"{path.name}: not readable as NumPy's arrays: it {OBJECTS_TEXT}")
+            content[path.stem] = _with_fields(np.load(path, allow_pickle=False))
         else:
-            number_count = 0.0
+            total = 0.0
             with zipfile.ZipFile(path) as archive:
                 for member in archive.namelist():
                     if not member.endswith(".npy"):
                         continue
+                    name = member.removesuffix(".npy").replace("/", ".")
                     # The size is in the array's first bytes, which are unpacked alone.
                     with archive.open(member) as file:
-                        number_count = _require_size(path, file, number_count)
+                        number_count, has_objects = _contents(file)
+                    if has_objects:
+                        objects[name] = OBJECTS_TEXT
+                        continue
+                    total += number_count
+                    require_unpacked_size(path, total)
                     with archive.open(member) as file:
-                        array = array_format.read_array(file, allow_pickle=False)
-                    _flatten_array(path, member.removesuffix(".npy").replace("/", "."), array, into)
+                        content[name] = _with_fields(array_format.read_array(file, allow_pickle=False))
     except (RecordingError, MemoryError):
         raise
     except Exception as error:  # parsing unexpected bytes may raise anything
         raise RecordingError(f"{path.name}: not readable as NumPy's arrays, truncated or damaged: {error}") from error
-    return Columns(path, into)
+    signals = Signals(path)
+    signals.add(content, "")
+    signals.values |= objects
+    return signals.columns()
 
 
-def _require_size(path: Path, file: IO[bytes], before: float) -> float:
-    """Return how many numbers an array and those before it hold; a RecordingError says that they are too many."""
+def _contents(file: IO[bytes]) -> tuple[float, bool]:
+    """Return how many numbers an array holds, and whether it holds objects instead."""
     version = array_format.read_magic(file)
     read_header = array_format.read_array_header_1_0 if version == (1, 0) else array_format.read_array_header_2_0
     shape, _, dtype = read_header(file)
-    number_count = before + math.prod(shape) * max(dtype.itemsize / 8.0, 1.0)
-    require_unpacked_size(path, number_count)
-    return number_count
+    return math.prod(shape) * max(dtype.itemsize / 8.0, 1.0), dtype.hasobject
 
 
-def _flatten_array(path: Path, name: str, array: np.ndarray, into: dict[str, np.ndarray]) -> None:
-    fields = array.dtype.fields
-    whole = {field: array[field] for field in fields} if fields else with_samples_down(array)
-    flatten(whole, name, into, path)
+def _with_fields(array: np.ndarray) -> Any:
+    """Return a structured array as a mapping of its fields."""
+    return {field: array[field] for field in array.dtype.fields} if array.dtype.fields else array
