@@ -162,6 +162,9 @@ def _tables_of(path: Path) -> list[GivenTable]:
         texts=texts,
     )
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
+    if columns.recordings:
+        own = {key: {name: x for name, x in long.items() if name.startswith(f"{key}.")} for key in columns.recordings}
+        parts = [(key, part) for key in own for _, part in _parts(own[key], has_sheets=False)]
     return [replace(empty, columns=part, key=key) for key, part in parts]
 
 
