@@ -5,8 +5,10 @@ import sys
 
 import h5py
 import numpy as np
+import pyarrow
 import pytest
 import scipy.io
+from pyarrow import parquet
 
 from pellucid._errors import RecordingError
 from pellucid.files.readers import hdf5, mat, read_columns
@@ -270,3 +272,56 @@ def test_arrays_of_numpy_are_named_by_texts_beside_them(tmp_path):
     assert "emg.2" in columns
     with pytest.raises(RecordingError, match='column "info": holds objects of Python, which could run a program'):
         columns["info"]
+
+
+def test_lists_of_a_robot_are_named_and_episodes_are_recordings(tmp_path):
+    """As LeRobot writes them: lists of floats, their names in meta/info.json, an index of the episode."""
+    rows, names = 40, ["shoulder_pan.pos", "gripper.pos"]
+    state = np.column_stack([np.arange(rows), -np.arange(rows)]).astype("f4")
+    episode = np.repeat([3, 4], [15, 25])
+    table = pyarrow.table(
+        {
+            "observation.state": pyarrow.array(state.tolist(), pyarrow.list_(pyarrow.float32())),
+            "action": pyarrow.array([None, *state[1:].tolist()], pyarrow.list_(pyarrow.float32(), 2)),
+            "timestamp": np.concatenate([np.arange(15), np.arange(25)]) / 30.0,
+            "episode_index": episode,
+            "ragged": [[1.0] * (1 + k % 2) for k in range(rows)],
+            "force": pyarrow.array(np.ones((rows, 2)).tolist()),
+        }
+    )
+    forces = table.schema.field("force").with_metadata({"names": '["fx", "fy"]', "units": "N"})
+    table = table.cast(table.schema.set(table.schema.get_field_index("force"), forces))
+    path = tmp_path / "data" / "chunk-000" / "file-000.parquet"
+    path.parent.mkdir(parents=True)
+    parquet.write_table(table, path)
+    (tmp_path / "meta").mkdir()
+    features = {"observation.state": {"names": names}, "action": {"names": {"motors": names}}}
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 30, "features": features}))
+    columns = read_columns(path)
+    assert columns.recordings == ("episode_3", "episode_4")
+    assert columns["episode_4.observation.state.gripper.pos"].tolist() == (-np.arange(15.0, 40.0)).tolist()
+    assert columns["episode_4.timestamp"][0] == 0.0
+    action = columns["episode_3.action.shoulder_pan.pos"]
+    assert np.isnan(action[0])
+    assert action[1:].tolist() == np.arange(1.0, 15.0).tolist()
+    assert columns.facts == {"fps": "30"}
+    assert columns.units == {f"episode_{k}.force.{axis}": "N" for k in (3, 4) for axis in ("fx", "fy")}
+    with pytest.raises(RecordingError, match="holds lists of 1 to 2 values, expected as many in each"):
+        columns["ragged"]
+
+
+def test_times_of_arrow_are_seconds(tmp_path):
+    nanoseconds = 1_700_000_000_123_456_789 + 10_000_000 * np.arange(20)
+    table = pyarrow.table(
+        {
+            "stamp": pyarrow.array(nanoseconds, pyarrow.timestamp("ns")),
+            "elapsed": pyarrow.array(10_000_000 * np.arange(20), pyarrow.duration("ns")),
+            "joint": [{"position": 1.0, "state": {"effort": 2.0}}] * 20,
+        }
+    )
+    parquet.write_table(table, tmp_path / "a.parquet")
+    columns = read_columns(tmp_path / "a.parquet")
+    assert columns["elapsed"] == pytest.approx(np.arange(20) / 100.0, abs=1e-12)
+    assert np.diff(columns["stamp"]) == pytest.approx(0.01, abs=1e-6)
+    assert columns["joint.state.effort"].tolist() == [2.0] * 20
+    assert columns.units == {"stamp": "s", "elapsed": "s"}

@@ -92,6 +92,14 @@ def texts_of(value: Any) -> tuple[str, ...]:
     return found if all(isinstance(item, (str, bytes)) or text_of(item) for item in value) else ()
 
 
+def left_out_text(count: int) -> str:
+    """Return what says that the cap on columns has no room for so many recordings."""
+    return (
+        f"{count} recordings at the file's end are left out, because it then has more than {max_columns():g} "
+        "columns; to read them all the same: PELLUCID_MOST_COLUMNS=NUMBER"
+    )
+
+
 def is_recording_name(name: str) -> bool:
     """Whether a name, such as ``demo_0`` or ``trials``, says that what it holds are recordings."""
     return _RECORDING_LIST.fullmatch(name.rpartition(".")[2]) is not None
@@ -175,20 +183,13 @@ class Signals:
         width = 0
         for i, (path, part) in enumerate(parts.items()):
             if are_recordings and len(self.values) + width > max_columns():
-                self._tell_left_out(len(parts) - i)
+                self.values[LEFT_OUT_COLUMN] = left_out_text(len(parts) - i)
                 return
             columns, recordings = len(self.values), len(self.recordings)
             self.add(part, path, depth + 1)
             width = max(width, len(self.values) - columns)
             if are_recordings and len(parts) > 1 and len(self.recordings) == recordings:
                 self.recordings.append(path)
-
-    def _tell_left_out(self, count: int) -> None:
-        """Say that the cap on columns has no room for so many recordings."""
-        self.values[LEFT_OUT_COLUMN] = (
-            f"{count} recordings at the file's end are left out, because it then has more than {max_columns():g} "
-            "columns; to read them all the same: PELLUCID_MOST_COLUMNS=NUMBER"
-        )
 
     def _add_labelled(self, value: Mapping[str, Any], name: str, depth: int) -> None:
         """Add a struct's fields; matrices with as many columns as a list beside them has names are named by it."""

@@ -1,28 +1,50 @@
 """Read Parquet and Feather files, as pandas, Polars and Arrow write them.
 
-A column keeps its name; a struct's fields are named by their dotted path, and a column of lists of one length is
-numbered. Times become seconds since 1970, durations seconds. A missing value is NaN.
+A column keeps its name; a struct's fields are named by their dotted path. A column of lists of one length is numbered,
+or named by the key ``names`` of its metadata or by the ``meta/info.json`` of a LeRobot data set. A column such as
+``episode_index`` tells recordings apart: ``episode_0.action.0``. Times become seconds since 1970, durations seconds. A
+missing value is NaN.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..._errors import RecordingError, missing_package
-from ._caps import require_few_columns, require_unpacked_size
+from ._caps import max_columns, require_few_columns, require_unpacked_size
 from ._columns import Columns
+from ._signals import LEFT_OUT_COLUMN, RATE_KEYS, folded, left_out_text, unique_names
 
 ENDINGS = (".parquet", ".feather")
 APART = ("pyarrow.parquet", "pyarrow.ipc")
 
 UNIT_KEYS = (b"unit", b"units")
 """Keys of a field's metadata that may state its unit."""
+
+NAME_KEYS = (b"names", b"labels", b"channels", b"columns")
+"""Keys of a field's metadata that may name the entries of its lists."""
+
+DATA_SET_INFO = Path("meta", "info.json")
+"""What LeRobot writes beside the folders of its data: the names of each column's entries, and the rate."""
+
+MAX_INFO_BYTES = 1_000_000
+"""A data set's information has at most so many bytes; the longest, of hundreds of features, have a tenth."""
+
+MIN_RECORDING_ROWS = 8
+"""Rows tell recordings apart only if each recording has at least so many."""
+
+_RECORDING_INDEX = re.compile(
+    r"(episode|trial|demo|demonstration|run|recording|trajectory)(?:_?(?:index|idx|id|number))?"
+)
 
 TICKS_PER_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 """Ticks of a second in Arrow's units of time."""
@@ -66,15 +88,81 @@ def _columns(path: Path, table: Any) -> Columns:
     """Return the columns of an Arrow table."""
     values: dict[str, np.ndarray | str] = {}
     units: dict[str | int, str] = {}
+    info = _data_set_info(path)
+    rates = {key.decode("utf-8", "replace"): text.decode("utf-8", "replace")
+             for key, text in (table.schema.metadata or {}).items()}  # fmt: skip
+    facts = {key: text for key, text in {**rates, "fps": str(info.get("fps", ""))}.items()
+             if folded(key) in RATE_KEYS and text and len(text) < 40}  # fmt: skip
+    features = info.get("features", {})
     for field, column in zip(table.schema, table.columns, strict=True):
         name = field.name
         if name in values:
             raise RecordingError(f'{path.name}: found two columns named "{name}", expected each once')
-        _add_column(path, name, column, values, units)
-        said = next((field.metadata[key] for key in UNIT_KEYS if key in (field.metadata or {})), None)
-        if said is not None and said.strip():
-            units[name] = said.decode("utf-8", "replace").strip()
-    return Columns(path, values, units=units)
+        feature = features.get(name, {}) if isinstance(features, dict) else {}
+        labels = _listed(field, NAME_KEYS) or _flat_names(feature.get("names") if isinstance(feature, dict) else None)
+        before = len(values)
+        _add_column(path, name, column, values, units, labels)
+        require_few_columns(path, len(values))
+        added = list(values)[before:]
+        stated = _listed(field, UNIT_KEYS)
+        for one, unit in zip(added, stated if len(stated) == len(added) else stated[:1] * len(added), strict=False):
+            if unit:
+                units[one] = unit
+    return _split(Columns(path, values, units=units, facts=facts))
+
+
+def _listed(field: Any, keys: tuple[bytes, ...]) -> list[str]:
+    """Return the texts of a field's metadata under one of some keys: a JSON list, or texts with commas between."""
+    said = next((field.metadata[key] for key in keys if key in (field.metadata or {})), b"").decode("utf-8", "replace")
+    try:
+        found = json.loads(said)
+    except (ValueError, RecursionError):
+        found = None
+    return _flat_names(found) or [part.strip() for part in said.split(",") if said.strip()]
+
+
+def _flat_names(names: Any) -> list[str]:
+    """Return a list of names; LeRobot may have it below a key, such as ``motors``."""
+    if isinstance(names, dict) and len(names) == 1:
+        names = next(iter(names.values()))
+    return [str(name) for name in names] if isinstance(names, list) else []
+
+
+def _data_set_info(path: Path) -> dict[str, Any]:
+    """Return what the data set around a file says of it; {} if there is none."""
+    for folder in path.absolute().parents[:3]:
+        about = folder / DATA_SET_INFO
+        if about.is_file() and about.stat().st_size < MAX_INFO_BYTES:
+            try:
+                found = json.loads(about.read_text(encoding="utf-8"))
+            except (ValueError, RecursionError, OSError):
+                return {}
+            return found if isinstance(found, dict) else {}
+    return {}
+
+
+def _split(columns: Columns) -> Columns:
+    """Return columns in which those of each recording are apart, if one tells the recordings."""
+    for name, index in columns.values.items():
+        match = _RECORDING_INDEX.fullmatch(name.casefold())
+        if match is None or isinstance(index, str) or len(index) < 2 or np.any(index != np.round(index)):
+            continue
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(index)) + 1, [len(index)]))
+        numbers = [int(index[start]) for start in starts[:-1]]
+        if len(numbers) < 2 or len(set(numbers)) < len(numbers) or np.min(np.diff(starts)) < MIN_RECORDING_ROWS:
+            continue
+        numeric = {key: x for key, x in columns.values.items() if not isinstance(x, str)}
+        values: dict[str, np.ndarray | str] = {key: x for key, x in columns.values.items() if isinstance(x, str)}
+        room = max(int(max_columns() - len(values) - 1) // len(numeric), 1)
+        if len(numbers) > room:
+            values[LEFT_OUT_COLUMN] = left_out_text(len(numbers) - room)
+        recordings = [f"{match[1]}_{number}" for number in numbers[:room]]
+        units: dict[str | int, str] = {key: unit for key, unit in columns.units.items() if key in values}
+        for key, start, end in zip(recordings, starts[:-1], starts[1:], strict=False):
+            values |= {f"{key}.{one}": x[start:end] for one, x in numeric.items()}
+            units |= {f"{key}.{one}": unit for one, unit in columns.units.items() if one in numeric}
+        return replace(columns, values=values, units=units, recordings=tuple(recordings))
+    return columns
 
 
 def _load(path: Path) -> Any:
@@ -99,19 +187,15 @@ def _load(path: Path) -> Any:
     return table
 
 
-def _add_column(path: Path, name: str, column: Any, values: dict, units: dict[str | int, str]) -> None:
+def _add_column(
+    path: Path, name: str, column: Any, values: dict, units: dict[str | int, str], labels: Sequence[str] = ()
+) -> None:
     import pyarrow
 
     kind = column.type
-    if pyarrow.types.is_fixed_size_list(kind) and not column.null_count:
-        items: dict[str, np.ndarray | str] = {}
-        _add_column(path, name, column.combine_chunks().flatten(), items, units)
-        found = items[name]
-        if isinstance(found, str):
-            values[name] = found
-        else:
-            numbered = found.reshape(-1, kind.list_size)
-            values.update({f"{name}.{i}": np.ascontiguousarray(numbered[:, i]) for i in range(kind.list_size)})
+    is_list = pyarrow.types.is_list(kind) or pyarrow.types.is_large_list(kind) or pyarrow.types.is_fixed_size_list(kind)
+    if is_list:
+        _add_lists(path, name, column, values, units, labels)
         return
     ticks = 1.0
     if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind) or pyarrow.types.is_time(kind):
@@ -132,6 +216,37 @@ def _add_column(path: Path, name: str, column: Any, values: dict, units: dict[st
     if column.null_count:
         seconds[_numbers(column.is_null().cast(pyarrow.int8())) == 1] = np.nan
     values[name] = np.ascontiguousarray(seconds, dtype=np.float64)
+
+
+def _add_lists(
+    path: Path, name: str, column: Any, values: dict, units: dict[str | int, str], labels: Sequence[str]
+) -> None:
+    """Add a column of lists of one length as a column for each entry; a missing list is a row of NaN."""
+    from pyarrow import compute
+
+    column = column.combine_chunks() if hasattr(column, "combine_chunks") else column
+    known = column.drop_null()
+    lengths = compute.min_max(compute.list_value_length(known)) if len(known) else None
+    least, most = (lengths["min"].as_py(), lengths["max"].as_py()) if lengths is not None else (0, 0)
+    if least != most or not most:
+        values[name] = f"holds lists of {least} to {most} values, expected as many in each"
+        return
+    require_few_columns(path, len(values) + most)
+    require_unpacked_size(path, float(len(column)) * most)
+    items: dict[str, np.ndarray | str] = {}
+    _add_column(path, name, known.flatten(), items, units)
+    unit = units.pop(name, "")
+    found = items.get(name)
+    if not isinstance(found, np.ndarray):
+        values[name] = found if isinstance(found, str) else "holds lists of lists, expected numbers"
+        return
+    table = np.full((len(column), most), np.nan)
+    table[_numbers(column.is_valid().cast("int8")) == 1] = found.reshape(-1, most)
+    names = unique_names(labels) if len(labels) == most else [str(i) for i in range(most)]
+    for i, label in enumerate(names):
+        values[f"{name}.{label}"] = np.ascontiguousarray(table[:, i])
+        if unit:
+            units[f"{name}.{label}"] = unit
 
 
 def _numbers(column: Any) -> np.ndarray:
