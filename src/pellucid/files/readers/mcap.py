@@ -1,4 +1,4 @@
-"""Read MCAP files: every number of every topic, at the times at which the log got it.
+"""Read MCAP files: every number of every topic, at the times of its messages.
 
 `_messages` says how columns are named. Messages may be JSON, or of ROS 1 or ROS 2 with their definitions, for which
 rosbags is needed. Topics with other messages, such as Protobuf, are columns that say so.
@@ -27,26 +27,23 @@ def read(path: Path) -> Columns:
         raise RecordingError(str(missing_package(f"{path.name}: an MCAP file", "mcap", "bags"))) from None
     topics = Topics(path)
     decoders: dict[int, Callable[[bytes], Any] | str] = {}
-    unread: dict[str, str] = {}
     try:
         with path.open("rb") as file:
             for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+                if topics.is_left_out(channel.topic):
+                    continue
                 if channel.id not in decoders:
                     decoders[channel.id] = _decoder(path, schema, channel)
                 decode = decoders[channel.id]
                 if isinstance(decode, str):
-                    unread[channel.topic.strip("/")] = decode
+                    topics.leave_out(channel.topic, decode)
                 else:
                     topics.add(channel.topic, message.log_time, decode(message.data))
     except (PellucidError, MemoryError):
         raise
     except Exception as error:  # the library has errors of its own for damaged files
         raise RecordingError(f"{path.name}: not readable as MCAP, truncated or damaged: {error!r}") from error
-    if unread and topics.is_empty:
-        topic, why = next(iter(unread.items()))
-        raise RecordingError(f"{path.name}: topic {topic} {why}")
-    columns = topics.columns()
-    return Columns(path, {**columns.values, **unread}, units=columns.units)
+    return topics.columns()
 
 
 def _decoder(path: Path, schema: Any, channel: Any) -> Callable[[bytes], Any] | str:

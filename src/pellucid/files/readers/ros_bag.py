@@ -1,7 +1,7 @@
-"""Read bags of ROS 1 (.bag) and ROS 2 (.db3): every number of every topic, at the times at which the bag got it.
+"""Read bags of ROS 1 (.bag) and ROS 2 (.db3): every number of every topic, at the times of its messages.
 
 `_messages` says how columns are named. Messages are understood by the definitions in the bag; a bag of ROS 2 before
-Iron has none, and its messages are taken for those of Humble.
+Iron has none, and its messages are taken for those of Humble; topics of other types are columns that say so.
 """
 
 from __future__ import annotations
@@ -27,6 +27,14 @@ def read(path: Path) -> Columns:
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
             for connection, time, content in bag.messages():
+                if topics.is_left_out(connection.topic):
+                    continue
+                if connection.msgtype not in bag.typestore.fielddefs:
+                    topics.leave_out(
+                        connection.topic,
+                        f'holds messages of the type "{connection.msgtype}", which the bag does not define',
+                    )
+                    continue
                 topics.add(connection.topic, time, bag.deserialize(content, connection.msgtype))
     except (PellucidError, MemoryError):
         raise
