@@ -101,6 +101,44 @@ def test_what_is_no_file_of_streams_is_refused(tmp_path):
         read_columns(write(tmp_path / "f.xdf", lost))
 
 
+def test_lost_samples_stay_lost(tmp_path):
+    """Samples arrive in blocks, each late by some milliseconds; 1,500 of 20,000 were lost in three gaps."""
+    rng, true = np.random.default_rng(3), 100.0 + np.arange(20_000) / 1000.0
+    late = np.repeat(np.abs(rng.normal(0.0, 0.004, 500)), 40)
+    kept = np.delete(np.arange(20_000), np.r_[4500:5100, 10_000:10_800, 15_000:15_100])
+    path = write(tmp_path / "a.xdf", stream(1, "amp", 1000, (true + late)[kept], true[kept, None], ["rf"], ["uV"]))
+    found = read_columns(path)
+    error = found["amp.time"] - (true[kept] - true[0])
+    assert np.ptp(error) < 1.5e-3
+    assert 1.0 / np.median(np.diff(found["amp.time"])) == pytest.approx(1000.0, rel=2e-4)
+    assert np.flatnonzero(np.diff(found["amp.time"]) > 0.05).tolist() == [4499, 9399, 13_599]
+    assert found.facts == {"amp.nominal_srate": "1000"}
+
+
+def test_a_stream_that_was_found_again_is_one(tmp_path):
+    t = 10.0 + np.arange(400) / 100.0
+    late = t[250:] + 2.0
+    parts = [stream(1, "amp", 100, t[:250], t[:250, None], ["rf"], ["uV"])]
+    parts.append(stream(2, "amp", 100, late, t[250:, None], ["rf"], ["uV"]))
+    found = read_columns(write(tmp_path / "a.xdf", *parts[::-1]))
+    assert list(found) == ["amp.time", "amp.rf"]
+    assert found["amp.rf"] == pytest.approx(t)
+    assert found["amp.time"] == pytest.approx(np.concatenate([t[:250], late]) - t[0], abs=1e-6)
+    # The device was started anew, and its clock with it.
+    restarted = stream(2, "amp", 100, late - 5.0, t[250:, None], ["rf"], ["uV"], offset=5.0)
+    found = read_columns(write(tmp_path / "b.xdf", parts[0], restarted))
+    assert found["amp.time"] == pytest.approx(np.concatenate([t[:250], late]) - t[0], abs=1e-4)
+
+
+def test_streams_of_one_name_are_told_by_their_type(tmp_path):
+    t = np.arange(40) / 10.0
+    emg = stream(1, "Trigno", 10, t, t[:, None], ["rf"], ["uV"])
+    acceleration = stream(2, "Trigno", 10, t, 2.0 * t[:, None], ["rf"], ["g"]).replace(b"<type>EMG", b"<type>ACC")
+    found = read_columns(write(tmp_path / "a.xdf", emg, acceleration))
+    assert list(found) == ["Trigno_EMG.time", "Trigno_EMG.rf", "Trigno_ACC.time", "Trigno_ACC.rf"]
+    assert found["Trigno_ACC.rf"] == pytest.approx(2.0 * t)
+
+
 def test_a_file_without_an_end_is_read_to_its_last_whole_chunk(tmp_path):
     path, slow, _, emg = two(tmp_path / "b.xdf", end=False)
     with pytest.warns(TruncatedFileWarning, match=r'b\.xdf: .* no end of the stream "amp"; everything before'):

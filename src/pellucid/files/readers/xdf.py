@@ -1,9 +1,10 @@
 """Read XDF files of the lab streaming layer: every stream of a recording, on one clock.
 
 A channel C of a stream S becomes the column S.C, at the times of the column S.time. Channels without names are
-numbered from 1. As in the layer's own reader, measured offsets bring the clocks of other computers onto the recorder's,
-and the times of evenly sampled streams are smoothed. Time 0 is the first sample of the file. A file whose recorder was
-killed is read to its last complete chunk.
+numbered from 1. As in the layer's own reader, measured offsets bring the clocks of other computers onto the recorder's.
+The times of evenly sampled streams are smoothed between gaps. A stream that was lost and found again is one, with the
+gap. Streams of one name that differ in type, source or computer are called so: ``Trigno_EMG`` and ``Trigno_ACC``. Time
+0 is the first sample of the file. A file whose recorder was killed is read to its last complete chunk.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import io
 import logging
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ..stated_units import unit_from_text
 from ._columns import Columns
+from ._even_stamps import smoothed_stamps
 from ._xml import parse_small_xml
 
 ENDINGS = (".xdf",)
@@ -39,6 +42,12 @@ MAX_CHUNK_HEAD_BYTES = 15
 MAX_STREAM_HEADER_BYTES = 4_000_000
 """A stream's description has at most this many bytes; that of 5,000 channels with all their fields has 2 MB."""
 
+TELLING_KEYS = ("type", "source_id", "hostname")
+"""What tells streams of one name apart."""
+
+MAX_OVERLAP_S = 1.0
+"""A stream that was lost and found again may begin so long before its first part ends [s], and a tenth of that part."""
+
 MIN_MEAN_CHUNK_BYTES = 12
 """Chunks of a file have at least this mean size; the smallest one with content, a boundary, has 20 bytes."""
 
@@ -53,30 +62,99 @@ def read(path: Path) -> Columns:
         raise RecordingError(f"{path.name}: found no stream with samples{cut}")
     for stream in streams:
         _require_all_samples(path, stream)
-    start = min(float(stream["time_stamps"][0]) for stream in streams)
-    for stream in streams:
-        name, labels = _name(stream), _labels(stream)
-        if f"{name}.time" in into:
-            raise RecordingError(f'{path.name}: found two streams named "{name}", expected each once')
-        into[f"{name}.time"] = np.asarray(stream["time_stamps"], np.float64) - start
-        series = stream["time_series"]
-        for i, label in enumerate(labels):
-            if isinstance(series, np.ndarray):
-                into[f"{name}.{label}"] = np.ascontiguousarray(series[:, i], dtype=np.float64)
+    joined = [_joined(path, name, parts) for name, parts in _by_name(streams).items()]
+    start = min(float(stream.stamps.min()) for stream in joined)
+    units: dict[str | int, str] = {}
+    facts: dict[str, str] = {}
+    for stream in joined:
+        into[f"{stream.name}.time"] = stream.stamps - start
+        if stream.rate > 0.0:
+            facts[f"{stream.name}.nominal_srate"] = f"{stream.rate:.12g}"
+        for i, (label, unit) in enumerate(zip(stream.labels, stream.units, strict=True)):
+            name = f"{stream.name}.{label}"
+            if stream.series is None:
+                into[name] = f'the stream "{stream.name}" holds text, expected numbers'
             else:
-                into[f"{name}.{label}"] = f'the stream "{name}" holds text, expected numbers'
-    return Columns(path, into, units=_units(streams))
+                into[name] = np.ascontiguousarray(stream.series[:, i], dtype=np.float64)
+            if unit:
+                units[name] = unit
+    return Columns(path, into, units=units, facts=facts)
 
 
-def _units(streams: list[Any]) -> dict[str | int, str]:
-    """Return the unit of every column for which the file states one."""
-    found: dict[str | int, str] = {}
+@dataclass(frozen=True, eq=False)
+class _Stream:
+    """A stream, joined where it was lost and found again."""
+
+    name: str
+    stamps: np.ndarray  # shape (n,), on the recorder's clock [s]
+    series: np.ndarray | None  # shape (n, channels); None for text
+    labels: list[str]
+    units: list[str]
+    rate: float  # nominal rate [Hz], 0 for samples at any time
+
+
+def _by_name(streams: list[Any]) -> dict[str, list[Any]]:
+    """Return the streams by name; those of one name by what else tells them apart."""
+    by_name: dict[str, list[Any]] = {}
     for stream in streams:
-        for label, channel in zip(_labels(stream), _channels(stream), strict=False):
-            said = _text(channel, "unit")
-            if said:
-                found[f"{_name(stream)}.{label}"] = unit_from_text(said) or said
+        by_name.setdefault(_name(stream), []).append(stream)
+    found: dict[str, list[Any]] = {}
+    for name, group in by_name.items():
+        if all(_form(stream) == _form(group[0]) for stream in group) and not _overlap(group):
+            found[name] = group
+            continue
+        key = next((key for key in TELLING_KEYS if len({_text(s["info"], key) for s in group}) > 1), None)
+        for stream in group:
+            told = f"{name}_{_text(stream['info'], key)}" if key else name
+            found.setdefault(told.rstrip("_"), []).append(stream)
     return found
+
+
+def _form(stream: Any) -> tuple[object, ...]:
+    """Return what the parts of one stream share."""
+    info = stream["info"]
+    keys = ("type", "channel_count", "channel_format", "nominal_srate", "source_id")
+    return (*(_text(info, key) for key in keys), *_labels(stream))
+
+
+def _overlap(streams: list[Any]) -> bool:
+    """Whether two streams have samples at the same times."""
+    spans = sorted((float(s["time_stamps"][0]), float(s["time_stamps"][-1])) for s in streams)
+    return any(b < end - min(MAX_OVERLAP_S, 0.1 * (end - a)) for (a, end), (b, _) in pairwise(spans))
+
+
+def _joined(path: Path, name: str, parts: list[Any]) -> _Stream:
+    """Return the parts of a stream as one, in the order of their times."""
+    if not all(_form(part) == _form(parts[0]) for part in parts) or _overlap(parts):
+        raise RecordingError(f'{path.name}: found two streams named "{name}" at the same time, expected each once')
+    parts = sorted(parts, key=lambda part: float(part["time_stamps"][0]))
+    stamps = np.concatenate([np.asarray(part["time_stamps"], np.float64) for part in parts])
+    is_text = not all(isinstance(part["time_series"], np.ndarray) for part in parts)
+    series = None if is_text else np.concatenate([part["time_series"] for part in parts])
+    rate = _nominal_rate(parts[0])
+    if rate > 0.0 and not _has_own_times(parts[0]):
+        joints = np.cumsum([len(part["time_stamps"]) for part in parts])[:-1].tolist()
+        stamps, _ = smoothed_stamps(stamps, rate, joints)
+    labels = _labels(parts[0])
+    said = [_text(channel, "unit") for channel in _channels(parts[0])][: len(labels)]
+    units = [unit_from_text(text) or text for text in said + [""] * (len(labels) - len(said))]
+    return _Stream(name, stamps, series, labels, units, rate)
+
+
+def _nominal_rate(stream: Any) -> float:
+    """Return the rate that a stream states [Hz]; 0 for samples at any time."""
+    try:
+        rate = float(_text(stream["info"], "nominal_srate"))
+    except ValueError:
+        return 0.0
+    return rate if 0.0 < rate < float("inf") else 0.0
+
+
+def _has_own_times(stream: Any) -> bool:
+    """Whether a stream, such as a camera's, says that it may drop samples: its stamps are then those of its samples."""
+    description = (stream["info"].get("desc") or [None])[0] or {}
+    about = (description.get("synchronization") or [None])[0] or {}
+    return isinstance(about, dict) and _text(about, "can_drop_samples").lower() == "true"
 
 
 @dataclass
@@ -148,7 +226,8 @@ def _load_streams(path: Path, whole: WholeChunks) -> list[Any]:
     before, logger.propagate = logger.propagate, False
     logger.addHandler(damage)
     try:
-        streams, _ = pyxdf.load_xdf(source)
+        # The library's own smoothing draws one line through lost samples of up to a second.
+        streams, _ = pyxdf.load_xdf(source, dejitter_timestamps=False)
     except MemoryError:
         raise
     except Exception as error:  # parsing unexpected bytes may raise anything
