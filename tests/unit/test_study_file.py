@@ -307,18 +307,22 @@ def test_a_machine_of_several_joints_is_read_joint_by_joint(make_joints):
         recording.of_joints("position", ["wrist", "rail"])
 
 
-def test_several_joints_are_not_half_identified(make_joints):
+def test_what_takes_one_joint_refuses_several(make_joints):
     from pellucid import identify
 
     study = make_joints(SHOULDER + RAIL)
     expected = r"found 2 joints in \[\[rig.joints\]\] \(shoulder, rail\), expected one: .* one at a time"
-    with pytest.raises(PellucidError, match=expected):
-        identify(study)
     with pytest.raises(StudyError, match=expected):
         _ = study.rig.motion
     asks = '[transfer_function]\ninput = "current.rail"\noutput = "position.rail"\npoles = 2\n[processing]'
     with pytest.raises(PellucidError, match=expected):
         identify(make_joints(SHOULDER + RAIL, ("[processing]", asks)))
+
+
+def test_known_values_and_dead_bands_are_of_one_joint(make_joints):
+    known = ("[processing]", '[model]\nknown = { inertia = "1 kg*m^2" }\n[processing]')
+    with pytest.raises(StudyError, match=r"\[model\] known: found values with 2 joints"):
+        make_joints(SHOULDER + SHOULDER.replace("shoulder", "elbow"), known, channels=("shoulder",))
 
 
 @pytest.mark.parametrize("suffix", ["", ".shoulder"])

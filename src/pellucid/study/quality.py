@@ -119,7 +119,7 @@ def clipped_effort_faults(recording: Recording, study: Study) -> list[Fault]:
     In those, such as of a strap, or of EMG with a reference torque, no model of the motion tells whether the sensor or
     the effort ended there. Studies of joints decide by their motion (`inspect`).
     """
-    if regressed_joints(study.config):
+    if regressed_joints(study.config) or study.config.identifies_each_joint:
         return []
     specs, faults = study.specs_of(recording), []
     for part in (recording, *recording.streams.values()):

@@ -316,6 +316,8 @@ class RigJoint(JointTable):
         Position of the joint at which its motor is at 0, for joints that are measured by their motors [rad; m].
     dead_band : float or None
         Speed below which the joint counts as resting [rad/s; m/s]; None for that of ``[processing]``.
+
+    Without a table that takes all joints together, only `dead_band` of these keys is used.
     """
 
     name: str = Field(pattern=NAME_PATTERN)
@@ -339,7 +341,7 @@ class RigJoint(JointTable):
     @property
     def of_a_tree(self) -> tuple[str, ...]:
         """Keys of the table that are meaningful only if all joints are identified at once."""
-        others = {*JointTable.model_fields, "name"}
+        others = {*JointTable.model_fields, "name", "dead_band"}
         return tuple(key for key in RigJoint.model_fields if key in self.model_fields_set - others)
 
     @model_validator(mode="after")
@@ -424,8 +426,8 @@ class SeveralJoints(StudyTable):
         names = ", ".join(joint.name for joint in self.joints)
         return (
             f"study.toml: found {len(self.joints)} joints in [[rig.joints]] ({names}), expected one: without a table "
-            "[tree] joints are identified one at a time; add [tree], or make a study of each, whose [channels] name "
-            "its columns of the same files"
+            "[tree] `identify` takes joints one at a time, and nothing else does; add [tree] with the robot's URDF, "
+            "or make a study of one joint, whose [channels] name its columns of the same files"
         )
 
     def __getattr__(self, name: str) -> Any:
@@ -1088,6 +1090,8 @@ class StudyFile(StudyTable):
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         for table in self.procedures.values():
             table.require_in(self)
+        if self.identifies_each_joint:
+            self._require_known_of_one_joint()
         if not any(table.several for table in self.procedures.values()):
             for joint in self.rig.joints:
                 if isinstance(joint, RigJoint) and joint.of_a_tree:
@@ -1102,6 +1106,21 @@ class StudyFile(StudyTable):
                 "they are found only where a joint with friction is identified"
             )
         return self
+
+    def _require_known_of_one_joint(self) -> None:
+        """Refuse what holds for one joint alone where each of several is identified on its own."""
+        joints = self.rig.joints
+        if self.model.known:
+            raise ValueError(
+                f"[model] known: found values with {len(joints)} joints in [[rig.joints]], expected none: no value "
+                "is known of all joints; make a study of the one whose value is known"
+            )
+        unlike = len({joint.motion for joint in joints}) > 1
+        if unlike and self.processing.dead_band and any(joint.dead_band is None for joint in joints):
+            raise ValueError(
+                "[processing] dead_band: found one for joints that turn and joints that slide, expected dead_band of "
+                "each in [[rig.joints]]"
+            )
 
     @model_validator(mode="after")
     def _slider_is_located(self) -> StudyFile:
@@ -1131,6 +1150,15 @@ class StudyFile(StudyTable):
     def rail(self) -> Slider | None:
         """The rail of the carriage; None if the machine has none."""
         return next((joint.slider for joint in self.rig.joints if joint.slider is not None), None)
+
+    @property
+    def identifies_each_joint(self) -> bool:
+        """Whether a machine has several driven joints and no table that takes them together, or runs alone.
+
+        Each joint is then identified on its own, as in a study of that joint.
+        """
+        several = len(self.rig.joints) > 1 and all(joint.drive is not None for joint in self.rig.joints)
+        return several and not any(table.alone or table.several for table in self.procedures.values())
 
     @property
     def procedures(self) -> dict[str, ProcedureTable]:

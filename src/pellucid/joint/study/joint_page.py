@@ -10,7 +10,7 @@ from ..._printed_command import printed_command
 from ...models.estimates import Parameter
 from ...study.drawing.drawing import Drawing, draw
 from ...study.pages.forest import Row, Table, number_table
-from ...study.pages.page import Answer, Page, Section, Tile
+from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile
 from ...study.pages.quantities import (
     EFFORT_NAMES,
     FAMILIES,
@@ -121,6 +121,21 @@ def page(study: Study, result: JointResult) -> Page:
     )
 
 
+def joint_section(study: Study, fit: JointResult) -> Section:
+    """Return a joint's answer, parameters and fit as one section of a page that has other joints, too."""
+    fit = fit.for_page()
+    best, answer = fit.headlined, joint_answer(study, fit)
+    return Section(
+        study.rig.joint,
+        study.rig.joint,
+        (typeset_sentence(_headline(study, fit)),),
+        (_parameters(fit, best.estimate, fit.confidence),),
+        (*filter(None, [answer.figure]), draw(figures.effort, fit, best)),
+        notes=tuple(typeset_sentence(note) for note in best.estimate.notes),
+        folded=(("Friction families compared", _families(fit)), ("Residuals", _diagnostics(fit))),
+    )
+
+
 def joint_answer(study: Study, fit: JointResult) -> Answer:
     """Return whether the model predicts what it has not seen, drawn along a recording.
 
@@ -129,7 +144,6 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
     best, error = fit.headlined, headline_error(fit)
     held = [p for p in best.predictions if p.split == "heldout"]
     wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    good = bool(held) and error.number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
     parts = held or list(best.predictions)
     sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
     use = "held out" if held else "fitted"
@@ -146,10 +160,19 @@ def joint_answer(study: Study, fit: JointResult) -> Answer:
     )
     return Answer(
         f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} % over all of them?",
-        "no" if wrong or (held and not good) else "yes" if good else "unsure",
+        answer_verdict(fit),
         figure,
         () if wrong else (following,),
     )
+
+
+def answer_verdict(fit: JointResult) -> AnswerVerdict:
+    """Return whether the model predicts what it has not seen: "unsure" where nothing was held out."""
+    best = fit.headlined
+    held = any(p.split == "heldout" for p in best.predictions)
+    good = held and headline_error(fit).number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    return "no" if wrong or (held and not good) else "yes" if good else "unsure"
 
 
 def headline_error(fit: JointResult) -> Value:

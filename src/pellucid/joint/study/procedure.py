@@ -22,14 +22,20 @@ def is_joint_asked(study: Study) -> bool:
     return _has_drive(study) and study.rig.slider is None
 
 
+def is_each_joint_asked(study: Study) -> bool:
+    """Return whether a study describes several driven joints, and nothing that takes them together."""
+    return study.config.identifies_each_joint
+
+
 def is_slider_asked(study: Study) -> bool:
     """Return whether a study describes a driven joint with a carriage, and no other procedure that runs alone."""
     return _has_drive(study) and study.rig.slider is not None
 
 
 def _has_drive(study: Study) -> bool:
-    # A rig of several joints, which only runs alone, refuses to be asked for a drive.
-    return not any(table.alone for table in study.config.procedures.values()) and study.rig.drive is not None
+    # A rig of several joints refuses to be asked for a drive.
+    is_alone = any(table.alone for table in study.config.procedures.values())
+    return not is_alone and len(study.rig.joints) == 1 and study.rig.drive is not None
 
 
 def faults(study: Study) -> list[Fault]:

@@ -55,6 +55,7 @@ class Procedure(ABC, Generic[Table, Found]):
     # they are left out.
     shortest_piece: float | None = None
     takes_families: bool = False  # Whether the caller may choose the friction families that it compares
+    takes_each_joint: bool = False  # Whether it identifies the joints of a machine of several, each on its own
     # Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
     # set after an identification.
     uses_limits: bool = False
@@ -151,6 +152,7 @@ class ProcedureEntry(Procedure[Any, Any]):
     whole: bool = False
     shortest_piece: float | None = None
     takes_families: bool = False
+    takes_each_joint: bool = False
     uses_limits: bool = False
 
     @property

@@ -182,7 +182,8 @@ def identify(
     procedures = _required(study, "identify")
     if families and not any(procedure.takes_families for procedure in procedures):
         raise IdentificationError("this study is identified by methods of its own; leave out --family")
-    return run(study, "identify", on_progress=on_progress, joint={"families": families, "thorough": thorough})
+    options = {each.name: {"families": families, "thorough": thorough} for each in procedures if each.takes_families}
+    return run(study, "identify", on_progress=on_progress, **options)
 
 
 def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
@@ -623,7 +624,7 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     if name is not None and name not in known:
         raise PellucidError(f"run: found {name!r}, expected a procedure or a command: {', '.join(known)}")
     found = asked(study, name)
-    whole = any(p.table is not None and p.table.several for p in found)
+    whole = any(p.takes_each_joint or (p.table is not None and p.table.several) for p in found)
     identifies = name == "identify" or any(p.command == "identify" for p in found)
     if identifies and len(study.rig.joints) > 1 and not whole:
         raise IdentificationError(study.rig.refusal)
