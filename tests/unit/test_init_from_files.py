@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import replace
 
 import made_layouts
 import numpy as np
@@ -88,8 +89,6 @@ def test_flat_files_are_read_as_the_columns_that_they_hold(tmp_path):
     given = tmp_path / "given"
     given.mkdir()
     layout = made_layouts.flat_files(given)
-    with pytest.raises(pl.PellucidError, match=r"found 3 joints .* and no URDF file"):
-        pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"})
     robot = written_urdf(tmp_path / "arm.urdf", 3)
     made = pl.init(tmp_path / "study", files=layout.files, answers={"rate": "200 Hz"}, urdf=robot)
     assert "interleaved = [2, 3]" in made.study_file.read_text()
@@ -254,7 +253,6 @@ DUTY = {"time__s": T, "q__rad": Q, "pwm": np.round(300.0 * TAU)}
 UNFIT = {
     "no effort": ({"time__s": T, "q__rad": Q}, "no effort was recorded"),
     "goal alone": ({"time__s": T, "goal position__rad": Q, "present position__rad": Q}, "no effort was recorded"),
-    "two joints": ({"t__s": T, "q1__rad": Q, "q2__rad": DQ, "tau1__N*m": TAU, "tau2__N*m": Q}, "2 joints .* URDF file"),
     "no position": ({"time__s": T, "torque__N*m": TAU}, "expected a channel position"),
     "accelerations": ({"time__s": T, "acc_x__g": Q, "acc_y__g": DQ, "acc_z__g": TAU}, "no effort was recorded"),
 }
@@ -286,6 +284,34 @@ def test_what_init_makes_check_accepts(tmp_path, columns):
     assert CliRunner().invoke(app, ["init", str(folder), "--from", str(path), "--yes"]).exit_code == 0
     assert CliRunner().invoke(app, ["check", str(folder)]).exit_code == 0
     assert sorted(p.name for p in folder.iterdir()) == ["proposal", "recordings", "study.toml"]
+
+
+def test_joints_without_a_robots_file_become_one_study(tmp_path):
+    path = table(tmp_path / "log.csv", t__s=T, q1__rad=Q, q2__rad=DQ, **{"tau1__N*m": TAU, "tau2__N*m": TAU + DQ})
+    made = pl.init(tmp_path / "study", files=[path])
+    assert any("2 joints (joint_1, joint_2) and no URDF" in remark for remark in made.proposal.remarks)
+    study = pl.open(made.folder)
+    assert [joint.name for joint in study.rig.joints] == ["joint_1", "joint_2"]
+    assert all(joint.dead_band > 0.0 for joint in study.rig.joints)
+    assert study.model.gravity == "sine+cosine"
+    assert "joint_1.inertia" in pl.identify(study, families=["symmetric"], thorough=False)
+
+
+def test_the_joints_of_a_study_have_names_that_it_accepts(tmp_path):
+    path = table(tmp_path / "log.csv", t__s=T, q1__rad=Q, q2__rad=DQ, **{"tau1__N*m": TAU, "tau2__N*m": TAU + DQ})
+    proposal = propose_study(read_given([path]), "made")
+    labels = {"joint_1": "arm/1", "joint_2": "arm 1"}
+    roles = proposal.main.roles
+    changed = replace(
+        roles,
+        joints=tuple(labels.values()),
+        roles=tuple(replace(role, label=labels.get(role.label, role.label)) for role in roles.roles),
+    )
+    proposal = replace(proposal, main=replace(proposal.main, roles=changed))
+    text = study_text(proposal, {id(r.table): "log.csv" for r in proposal.recordings})
+    study = tomllib.loads(text)
+    assert [joint["name"] for joint in study["rig"]["joints"]] == ["arm_1", "arm_1_2"]
+    assert set(study["channels"]["position"]) == {"arm_1", "arm_1_2"}
 
 
 def test_the_supply_voltage_of_a_duty_is_asked(tmp_path):

@@ -154,7 +154,7 @@ def test_a_channel_that_a_study_can_do_without_is_left_out_if_its_unit_is_unknow
 def test_a_remark_in_brackets_is_no_unit():
     for name in ("Torque (measured)", "angle [x]", "EMG (left)", "q[3]", "force (load cell 2)", "speed (filtered)"):
         assert read_name(name).unknown_unit is None, name
-    assert read_name("Present Velocity (0.229 foo)").unknown_unit == "0.229 foo"
+    assert read_name("Present Velocity (0.229 foo/min)").unknown_unit == "0.229 foo/min"
 
 
 def test_a_unit_with_a_number_says_how_much_a_stored_number_is():

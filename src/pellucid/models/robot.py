@@ -12,6 +12,9 @@ from .kinematic_tree import Tree
 MAX_TURNS_CONDITION = 1e6
 """Condition of `turns` from which on motors do not tell the joints' motion."""
 
+MIN_MOVING_RANGE = {False: 2e-3, True: 2e-4}
+"""A joint counts as moving only if its range exceeds this: key False for rotary [rad], True for prismatic [m]."""
+
 
 @dataclass(frozen=True)
 class Robot:

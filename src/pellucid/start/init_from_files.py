@@ -63,14 +63,6 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
                 f'the column "{role.column}" is taken for {role.quantity} and states the unit "{role.unit}", expected '
                 f"{units} or a multiple: export the column in such a unit"
             )
-    joints = proposal.main.roles.joints
-    if len(joints) > 1 and not proposal.is_person and not proposal.robot_joints:
-        robots = proposal.given.robots
-        found = f"{robots[0].name}, which has another number of joints" if robots else "no URDF file of the robot"
-        yield (
-            f"found {len(joints)} joints ({', '.join(joints)}) and {found}, expected a URDF file with these joints: "
-            "name it with --urdf FILE, or give files with the columns of one joint"
-        )
 
 
 RECORDINGS_FOLDER = "recordings"

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import PellucidError, StudyError
-from ..arm.urdf import read_urdf
+from .._errors import StudyError
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL
@@ -41,6 +40,7 @@ from .inference.motion_efforts import (
     weigh_turns,
 )
 from .inference.processing_choice import ProcessingChoice, bridge_losses, choose_processing, find_lost_periods
+from .match_robot_joints import RobotJoints, joints_remarks, match_robot_joints
 
 MAX_QUESTION_COUNT = 5
 """At most so many questions are asked; what else is uncertain is marked in study.toml."""
@@ -174,7 +174,7 @@ class Proposal:
     given: GivenFiles
     remarks: tuple[str, ...]  # what was left out and noticed
     repeated: RepeatedMotion | None = None
-    robot_joints: tuple[str, ...] = ()  # joints of the robot's file, empty if it does not have those of the recordings
+    robot_joints: RobotJoints | None = None  # how the joints lie in the robot's file, None without one
     spring: LockedSpring | None = None  # the spring on the bench that the recordings show
 
     @property
@@ -234,11 +234,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     recordings = _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
-    robot_joints = _robot_joints(given, main.roles.joints)
-    remarks += _remarks(given, main)
-    if given.robots and not robot_joints:
-        count = max(len(main.roles.joints), 1)
-        remarks.append(f"{given.robots[0].name}: not used: the recordings have {count} joints, and the file other ones")
+    robot_joints = None if person else _robot_joints(given, main)
+    remarks += _remarks(given, main) + joints_remarks(given.robots, robot_joints, () if person else main.roles.joints)
     return Proposal(
         name=name,
         main=main,
@@ -263,16 +260,12 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     )
 
 
-def _robot_joints(given: GivenFiles, joints: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints of a robot's file if it has as many as several joints were recorded; else none."""
-    if not given.robots or len(joints) < 2:
-        return ()
-    try:
-        robot = read_urdf(given.robots[0])
-    except PellucidError:
-        return ()
-    names = tuple(joint.name for joint in robot.joints if joint.kind != "fixed" and joint.name not in robot.mimics)
-    return names if len(names) == len(joints) else ()
+def _robot_joints(given: GivenFiles, main: Layout) -> RobotJoints | None:
+    """Return how the recorded joints lie in a robot's file; None without one, or where a single joint was recorded."""
+    if not given.robots:
+        return None
+    tables = [_own_names(t, main.tables[0]) for t in main.tables if len(t.columns) == len(main.tables[0].columns)]
+    return match_robot_joints(given.robots[0], main.roles, tables)
 
 
 def require_known_units(proposal: Proposal) -> None:

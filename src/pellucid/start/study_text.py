@@ -7,6 +7,7 @@ import math
 import re
 import textwrap
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
 from .inference.clocks import find_clock
 from .inference.encodings import decode_counts
+from .inference.processing_choice import choose_processing
 from .propose_study import SAID_BY_LAB, UNKNOWN_SUPPLY, Layout, Proposal, ProposedRecording, has_open_counts
 
 MARK_GUESS = "GUESS"
@@ -26,6 +28,12 @@ MARK_GUESS = "GUESS"
 
 MARK_ASKED = "ASKED"
 """Word that begins the comment of a line that depends on a question whose default was taken."""
+
+LENGTH_UNITS = ("m", "mm", "cm", "um")
+"""Units of the position of a joint that slides."""
+
+DEAD_BAND_WHY = "slower, friction has no certain sign"
+"""Comment of a dead band."""
 
 MAX_JOINTS_IN_TABLE = 40
 """A study names at most so many joints of a person in its table for EMG and torque."""
@@ -112,21 +120,37 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _tree(proposal: Proposal) -> list[str]:
-    if not proposal.robot_joints:
-        return []
-    return ["[tree]", f'urdf = "recordings/{proposal.given.robots[0].name}"  # where joints are', ""]
-
-
-def _renamed(proposal: Proposal) -> dict[str, str]:
-    """Return the names of joints in the robot's file by those in the recordings."""
     robot = proposal.robot_joints
-    return dict(zip(proposal.main.roles.joints, robot, strict=True)) if robot else {}
+    if robot is None:
+        return []
+    lines = ["[tree]", f'urdf = "recordings/{proposal.given.robots[0].name}"  # where joints are']
+    if robot.held:
+        places = ", ".join(f"{_text(name)} = {_text(place)}" for name, place in robot.held.items())
+        lines.append(_line(f"held = {{ {places} }}", f"{MARK_GUESS}: joints that did not move"))
+    return [*lines, ""]
+
+
+def joint_names(proposal: Proposal) -> dict[str, str]:
+    """Return the names that study.toml has for joints, by those in the recordings; without joints that are left out.
+
+    They are those of the robot's file, or those of the recordings in letters that a joint's name may have.
+    """
+    if proposal.robot_joints is not None:
+        return dict(proposal.robot_joints.names)
+    joints = () if proposal.is_person else proposal.main.roles.joints
+    made: dict[str, str] = {}
+    for i, joint in enumerate(joints, start=1):
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "_", joint).strip("_-") or f"joint_{i}"
+        made[joint] = plain if plain not in made.values() else f"{plain}_{i}"
+    return made
+
+
+def _has_joint_tables(proposal: Proposal) -> bool:
+    return not proposal.is_person and (proposal.robot_joints is not None or len(proposal.main.roles.joints) > 1)
 
 
 def _rig(proposal: Proposal) -> list[str]:
-    joints = proposal.main.roles.joints
-    names = _renamed(proposal)
-    if len(joints) < 2 or proposal.is_person:
+    if not _has_joint_tables(proposal):
         return [
             "[rig]",
             f"joint = {_text(_joint_name(proposal))}",
@@ -135,24 +159,68 @@ def _rig(proposal: Proposal) -> list[str]:
             *_limits(proposal, "", "[rig.limits]"),
         ]
     lines = ["[rig]"]
-    for joint in joints:
+    dead_bands = _dead_bands(proposal)
+    for joint, name in joint_names(proposal).items():
+        motion = _motion_of(proposal, joint)
+        comment = "" if proposal.robot_joints is not None else _motion_comment(proposal)
         lines += [
             "",
             "[[rig.joints]]",
-            f"name = {_text(names.get(joint, joint))}",
-            _line(f'motion = "{proposal.motion}"', _motion_comment(proposal)),
-            *_turns(proposal, names.get(joint, joint)),
+            f"name = {_text(name)}",
+            _line(f'motion = "{motion}"', comment),
+            *([_line(f'dead_band = "{dead_bands[joint]}"', DEAD_BAND_WHY)] if joint in dead_bands else []),
+            *_turns(proposal, name),
             *_drive(proposal, "[rig.joints.drive]"),
             *_limits(proposal, joint, "[rig.joints.limits]"),
         ]
     return lines
 
 
+def _motion_of(proposal: Proposal, joint: str) -> str:
+    """Return whether one of several joints turns or slides."""
+    if proposal.robot_joints is not None:
+        return proposal.robot_joints.kinds[joint]
+    roles = [r for r in proposal.main.channels if r.label == joint and r.quantity in ("position", "reference")]
+    lengths = [r.unit in LENGTH_UNITS for r in roles]
+    return ("prismatic" if lengths[0] else "rotary") if lengths else proposal.motion
+
+
+def _dead_bands(proposal: Proposal) -> dict[str, str]:
+    """Return a dead band for each of several joints, where one does not serve all of them."""
+    names, rate = joint_names(proposal), proposal.main.roles.rate
+    motions = {_motion_of(proposal, joint) for joint in names} if _has_joint_tables(proposal) else set()
+    is_alike = proposal.robot_joints is not None and len(motions) == 1
+    if not motions or is_alike or proposal.processing is None or rate is None:
+        return {}
+    made, table, first = {}, proposal.main.tables[0], proposal.main.roles.clock.first_sound
+    for role in proposal.main.channels:
+        if role.quantity in ("position", "motor_position") and role.label in names and not role.is_command:
+            values = decode_counts(table.columns[role.column], role.keys)[first:]
+            band = choose_processing(values, rate).dead_band * abs(_position_scale(role, proposal))
+            unit = "m/s" if _motion_of(proposal, role.label) == "prismatic" else "rad/s"
+            made.setdefault(role.label, f"{band:.3g} {unit}")
+    return made
+
+
+def _position_scale(role: ColumnRole, proposal: Proposal) -> float:
+    """Return the SI value of a position's unit [rad; m]."""
+    if role.unit == "counts":
+        return 2.0 * math.pi / float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
+    scale = float(str(role.keys.get("scale", 1.0)))
+    turns = _motor_turns(proposal) if role.quantity == "motor_position" else 1.0
+    return scale * to_si_factor(role.unit, None)[0] / turns
+
+
+def _motor_turns(proposal: Proposal) -> float:
+    return float(proposal.answers.get("gear_turns", "1"))
+
+
 def _turns(proposal: Proposal, joint: str) -> list[str]:
     """Return how often a joint's motor turns with it, where positions are the motors'."""
-    if not any(r.quantity == "motor_position" for r in proposal.main.channels):
+    is_of_motors = any(r.quantity == "motor_position" for r in proposal.main.channels)
+    if not is_of_motors or proposal.robot_joints is None:
         return []
-    turns = float(proposal.answers.get("gear_turns", "1"))
+    turns = _motor_turns(proposal)
     mark = "" if "gear_turns" in proposal.answers else f"{MARK_ASKED}: a motor's turns for a turn of the joint"
     return [_line(f"turns = {{ {joint} = {turns:g} }}", mark)]
 
@@ -216,7 +284,7 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
     known = []
     for table in proposal.main.tables:
         name = role.column if role.column in table.columns else main.column_in(table, role.column)
-        values = _decoded_values(table.columns[name], role)
+        values = decode_counts(table.columns[name], role.keys)
         known.append(values[np.isfinite(values)])
     ends = [factor * float(end) for x in known if len(x) for end in (x.min(), x.max())]
     if not ends or "wrap" in role.keys or max(map(abs, ends)) <= MAX_RADIAN_RANGE:
@@ -228,13 +296,6 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
         _line(f'position_min = "{min(ends) - margin:.4g} rad"', why),
         f'position_max = "{max(ends) + margin:.4g} rad"',
     ]
-
-
-def _decoded_values(values: np.ndarray, role: ColumnRole) -> np.ndarray:
-    """Return numbers without the jumps of a count that rolls over, as the study reads them."""
-    x = np.asarray(values, float)
-    x = decode_counts(x, role.keys)
-    return x[np.isfinite(x)] if "wrap_bits" in role.keys else x
 
 
 def _participants(proposal: Proposal) -> list[str]:
@@ -273,28 +334,56 @@ def _time(layout: Layout, proposal: Proposal) -> str:
 
 def _channels(layout: Layout, proposal: Proposal, head: str) -> list[str]:
     lines = [head, _time(layout, proposal)]
-    names = _renamed(proposal)
     taken: set[str] = set()
     groups: set[str] = set()  # what stands before the dots of names that are taken
     counts: dict[str, int] = {}
-    for role in layout.channels:
-        renamed = names.get(role.label, role.label)
-        name = f"{role.quantity}.{renamed}" if renamed else str(role.quantity)
+    left = [(r, r.why) for r in layout.roles.roles if r.quantity is None]
+    for given in layout.channels:
+        role = _in_study(given, proposal)
+        if role is None:
+            left.append((given, "no joint of the study, see [tree]"))
+            continue
+        name = channel_name(role)
         base = name
         while name in taken or name in groups or not taken.isdisjoint(_groups_of(name)):
             counts[base] = counts.get(base, 1) + 1
             name = f"{base}_{counts[base]}"
         taken.add(name)
         groups.update(_groups_of(name))
-        mark = channel_mark(role, proposal)
+        mark = channel_mark(given, proposal)
         why = "; ".join(dict.fromkeys(text for text in (role.why, role.unit_why) if text))
         comment = f"{mark}: {why}" if mark else why
         lines.append(_line(f"{_key(name)} = {_entry(role, layout.tables[0])}", comment))
-    left = [r for r in layout.roles.roles if r.quantity is None]
     if left:
         lines.append("# Left out:")
-        lines += [f"#   {_one_line(role.column)}: {_one_line(role.why)}" for role in left[:60]]
+        lines += [f"#   {_one_line(role.column)}: {_one_line(why)}" for role, why in left[:60]]
     return lines
+
+
+SLIDING_ROLES = {
+    "rad": "m", "rad/s": "m/s", "rad/s^2": "m/s^2", "N*m": "N",
+}  # fmt: skip
+"""Units of a joint that slides, by those of one that turns which stand for both where no unit is stated."""
+
+
+def _in_study(role: ColumnRole, proposal: Proposal) -> ColumnRole | None:
+    """Return a role as the study has it, with its joint's name there; None if its joint is left out."""
+    if role.label not in proposal.main.roles.joints or not _has_joint_tables(proposal):
+        return role
+    names = joint_names(proposal)
+    if role.label not in names:
+        return None
+    slides = _motion_of(proposal, role.label) == "prismatic"
+    made = replace(role, label=names[role.label])
+    if slides and role.unit in SLIDING_ROLES and read_name(role.column).unit is None:
+        # Loggers of robots write numbers in SI without a unit, and the robot's file says that the joint slides.
+        quantity = "force" if role.quantity == "torque" else role.quantity
+        made = replace(made, quantity=quantity, unit=SLIDING_ROLES[role.unit], unit_why="the joint slides")
+    if role.quantity == "motor_position" and proposal.robot_joints is None:
+        # A joint that is identified on its own has a position of its own.
+        scale = float(str(role.keys.get("scale", 1.0))) / _motor_turns(proposal)
+        made = replace(made, quantity="position", keys={**role.keys, "scale": scale} if scale != 1.0 else role.keys)
+    return made
 
 
 def _groups_of(name: str) -> list[str]:
@@ -360,19 +449,26 @@ def _processing(proposal: Proposal) -> list[str]:
     # A spring shows its stiffness where it is held, too, and has no dead band.
     factor = 2.0 * math.pi / ANGLE_LIMITS.usual_counts if role.unit == "counts" else to_si_factor(role.unit, None)[0]
     dead_band = f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"'
+    has_one_for_all = proposal.spring is None and not _dead_bands(proposal)
     why = f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."
     lines = ["", "[processing]", *_wrapped(why), f'lowpass = "{choice.lowpass:g} Hz"', "order = 4"]
     if choice.resample is not None:
         text = f'resample = "{choice.resample:.5g} Hz"'
         lines.append(_line(text, "the clock loses samples; short losses are interpolated"))
     lines.append(f"decimate = {choice.decimate}")
-    if proposal.spring is None:
-        lines.append(_line(dead_band, "slower, friction has no certain sign"))
+    if has_one_for_all:
+        lines.append(_line(dead_band, DEAD_BAND_WHY))
     return [*lines, _line(f"trim = {choice.trim}", "samples at each border, where the filter has not settled")]
 
 
 def _model(proposal: Proposal) -> list[str]:
-    is_fixed = proposal.motion == "prismatic" or proposal.robot_joints or proposal.spring is not None
+    has_robot = proposal.robot_joints is not None
+    is_fixed = proposal.motion == "prismatic" or has_robot or proposal.spring is not None
+    if proposal.drive is not None and not has_robot and _has_joint_tables(proposal):
+        # One joint of a machine may be upright and another level.
+        zero = "sine" if proposal.gravity == "sine" else "sine+cosine"
+        is_weighed = any(_motion_of(proposal, joint) == "rotary" for joint in proposal.main.roles.joints)
+        return ["", "[model]", f'gravity = "{zero}"'] if is_weighed else []
     if proposal.drive is None or proposal.gravity is None or is_fixed:
         return []
     why = {
@@ -436,9 +532,9 @@ def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[
     if window is not None:
         lines.append(f'window = ["{window[0]:.12g} s", "{window[1]:.12g} s"]')
     for role in proposal.main.channels:
-        other = recording.columns.get(role.column)
-        if other is not None:
-            lines.append(f"channels.{_key(channel_name(role))} = {{ column = {_text(other)} }}")
+        other, own = recording.columns.get(role.column), _in_study(role, proposal)
+        if other is not None and own is not None:
+            lines.append(f"channels.{_key(channel_name(own))} = {{ column = {_text(other)} }}")
     for role in recording.extras:
         mark = channel_mark(role, proposal) or (MARK_GUESS if role.is_guess else "")
         comment = f"{mark}: {role.why}" if mark else role.why

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...files.fault import Fault, warn_if_held_out
-from ...models.robot import Robot
+from ...models.robot import MIN_MOVING_RANGE, Robot
 from ...study.procedures.dead_effort import dead_effort_faults
 from ...study.quality import clock_faults, inspect
 from ...study.recorded_motions import short_stretch_faults
@@ -48,10 +48,6 @@ class MotionThresholds:
 
 
 MOTION_THRESHOLDS = MotionThresholds()
-
-
-MIN_MOVING_RANGE = {False: 2e-3, True: 2e-4}
-"""A joint counts as moving only if its range exceeds this: key False for rotary [rad], True for prismatic [m]."""
 
 
 def tree_faults(study: Study) -> list[Fault]:

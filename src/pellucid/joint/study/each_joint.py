@@ -14,6 +14,7 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError
 from ...files.fault import Fault
 from ...models.estimates import Verdict, rank_verdicts
+from ...models.robot import MIN_MOVING_RANGE
 from ...study.procedures.dead_effort import dead_effort_faults
 from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.result import Result
@@ -26,7 +27,7 @@ from .held_joint import MAX_POSTURE_RANGE_RAD
 from .joint_coupling import coupling_verdicts
 from .joint_views import joint_views
 
-MIN_MOVED_RANGE = {"rotary": MAX_POSTURE_RANGE_RAD, "prismatic": 2e-4}
+MIN_MOVED_RANGE = {"rotary": MAX_POSTURE_RANGE_RAD, "prismatic": MIN_MOVING_RANGE[True]}
 """A joint counts as moving only if its range over all fitted recordings exceeds this [rad; m]."""
 
 
@@ -120,7 +121,7 @@ def _resting_text(view: Study) -> str:
 def _resting_fault(view: Study, joint: str, found: str) -> Fault:
     file = next((recording.path.name for recording in view.recordings("fit")), "study.toml")
     wanted = "a joint that moves under an effort that changes; it is not identified"
-    message = f"joint {joint}: found {found}, expected {wanted}"
+    message = f"{joint}: found {found}, expected {wanted}"
     return Fault("note", "resting_joint", file, f"position.{joint}", found, wanted, message)
 
 
@@ -141,7 +142,7 @@ def _of_joints(found: Mapping[str, Sequence[Fault]]) -> list[Fault]:
                 made.append(fault)
                 continue
             channel = f"{fault.channel}.{joint}" if fault.channel in JOINT_CHANNELS else fault.channel
-            made.append(replace(fault, channel=channel, message=f"joint {joint}: {fault.message}"))
+            made.append(replace(fault, channel=channel, message=f"{joint}: {fault.message}"))
     return list(dict.fromkeys(made))
 
 
