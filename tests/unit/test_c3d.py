@@ -88,6 +88,21 @@ def test_two_channels_of_one_name_are_refused(tmp_path):
         read_columns(path)
 
 
+def test_what_a_model_computed_has_no_unit_of_lengths(tmp_path):
+    """Some programs leave out the groups that state its units."""
+    tracks = {"RKNE": np.ones((10, 3)), "RKneeAngles": np.ones((10, 3)), "LHipMoment": np.ones((10, 3))}
+    found = read_columns(write(tmp_path / "a.c3d", tracks, 100.0, {"a": np.zeros(10)}, 100.0))
+    assert {name.partition("_")[0] for name in found.units} == {"RKNE", "a"}
+
+
+def test_channels_of_one_name_are_numbered(tmp_path):
+    path = write(tmp_path / "a.c3d", {"m": np.ones((10, 3))}, 100.0, {"EMG": np.zeros(20), "emg": np.ones(20)}, 200.0)
+    path.write_bytes(path.read_bytes().replace(b"emg", b"EMG"))
+    found = read_columns(path)
+    assert found["EMG_2"].tolist() == [1.0] * 20
+    assert found.units["EMG_2"] == "V"
+
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     """A lab's study: one C3D file a recording, with markers and EMG in it, and nothing else."""

@@ -10,6 +10,7 @@ is time 0. One file may therefore hold both the motion capture and the EMG of a 
 from __future__ import annotations
 
 import contextlib
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ..stated_units import unit_from_text
 from ._columns import Columns
+from ._signals import unique_names
 
 ENDINGS = (".c3d",)
 APART = ("ezc3d",)
@@ -31,6 +33,9 @@ ANALOG_TIME = "analog.time"
 
 GROUPS_WITH_UNITS = ("ANGLE", "FORCE", "MOMENT", "POWER", "SCALAR")
 """Beginnings of the names of parameters that list what a model computed, and of their units."""
+
+COMPUTED_NAME = re.compile(r"(?:angle|moment|torque|power|force|grf|velocity|acceleration)s?\d*$", re.IGNORECASE)
+"""Names of what a model computed, such as RKneeAngles; it stands among the markers."""
 
 AXES = ("x", "y", "z")
 """Endings of a marker's columns, after an underscore."""
@@ -108,11 +113,13 @@ def _units(content: Any) -> dict[str | int, str]:
     length = _texts(content, "POINT", "UNITS")
     by_label = _units_of_groups(content)
     for label in _labels(content, "POINT", content["data"]["points"].shape[1]):
-        unit = by_label.get(label, length[0].strip() if length else "")
+        # Without groups, the unit of lengths is not that of what a model computed.
+        unit = by_label.get(label, "" if COMPUTED_NAME.search(label) or not length else length[0].strip())
         if unit:
             found |= dict.fromkeys((f"{label}_{axis}" for axis in AXES), _study_unit(unit))
     analogs = _labels(content, "ANALOG", content["data"]["analogs"].shape[1])
-    for label, unit in zip(analogs, _texts(content, "ANALOG", "UNITS"), strict=False):
+    stated = [*_texts(content, "ANALOG", "UNITS"), *_texts(content, "ANALOG", "UNITS2")]
+    for label, unit in zip(analogs, stated, strict=False):
         if unit.strip():
             found[label] = _study_unit(unit)
     return found
@@ -205,7 +212,7 @@ def _labels(content: Any, group: str, count: int) -> list[str]:
     # A file with more than 255 channels continues its names in LABELS2.
     named = [*_texts(content, group, "LABELS"), *_texts(content, group, "LABELS2")]
     named = [label.strip() for label in named][:count]
-    return [label or str(i) for i, label in enumerate([*named, *[""] * (count - len(named))])]
+    return unique_names(label or str(i) for i, label in enumerate([*named, *[""] * (count - len(named))]))
 
 
 def _rate(path: Path, content: Any, group: str) -> float:
