@@ -190,6 +190,24 @@ def test_names_beside_a_matrix_name_its_columns(tmp_path, version):
     assert len(columns["trials.1.q"]) == 50
 
 
+def test_a_motion_capture_of_two_rates(tmp_path):
+    """Qualisys names the struct as the file, lists labels beside each array, and states two rates."""
+    markers, muscles = np.array(["RKNE", "RANK"], object), np.array(["EMG 1", "EMG 2", "Fz"], object)
+    tracks = np.zeros((2, 4, 60))
+    tracks[1, 2] = Q
+    emg = np.vstack([np.zeros((2, 600)), np.arange(600.0)])
+    labelled = {"Count": 2.0, "Labels": markers, "Data": tracks}
+    analog = {"Labels": muscles, "Frequency": 1000.0, "Data": emg}
+    trial = {"File": "x", "FrameRate": 100.0, "Trajectories": {"Labeled": labelled}, "Analog": analog}
+    scipy.io.savemat(tmp_path / "trial 0001.mat", {"trial_0001": trial})
+    columns = read_columns(tmp_path / "trial 0001.mat")
+    assert columns["Trajectories.Labeled.Data.RANK.2"].tolist() == Q.tolist()
+    assert columns["Analog.Data.Fz"].tolist() == emg[2].tolist()
+    assert columns["time"] == pytest.approx(T)
+    assert columns["Analog.time"] == pytest.approx(np.arange(600) / 1000.0)
+    assert not {"fs", "Frequency"} & set(columns.facts)
+
+
 def test_cells_that_refer_to_each_other_are_refused(tmp_path):
     path = save_hdf5(tmp_path / "a.mat", {"q": Q, "deep": [1.0]})
     with h5py.File(path, "r+") as file:

@@ -75,8 +75,11 @@ def read_datasets(path: Path) -> Columns:
         raise
     except Exception as error:  # the library raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as HDF5, truncated or damaged: {error}") from error
+    if rate_of_file is not None:
+        signals.state_rate("", rate_of_file)
     signals.add(content, "")
-    _add_rates(signals, rates, rate_of_file)
+    for place, rate in rates.items():
+        signals.state_rate(place, rate)
     return signals.columns()
 
 
@@ -144,20 +147,6 @@ def _rate_in(settings: Any) -> float | None:
         elif (found := _rate_in(value)) is not None:
             return found
     return None
-
-
-def _add_rates(signals: Signals, rates: Mapping[str, float], rate_of_file: float | None) -> None:
-    """Add one sampling rate as a fact, and several as the times of each dataset."""
-    found = set(rates.values()) | ({rate_of_file} if rate_of_file is not None else set())
-    if len(found) == 1:
-        signals.facts["fs"] = f"{found.pop():.12g}"
-        return
-    for place, rate in rates.items():
-        n = max((len(x) for name, x in signals.values.items() if not isinstance(x, str)
-                 and (name == place or name.startswith(f"{place}."))), default=0)  # fmt: skip
-        if n > 1 and f"{place}.time" not in signals.values:
-            signals.values[f"{place}.time"] = np.arange(n) / rate
-            signals.units[f"{place}.time"] = "s"
 
 
 def is_matlab_object(item: Any) -> bool:

@@ -6,6 +6,7 @@ beside which a list names the columns. Everything else is named by its dotted pa
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -45,9 +46,13 @@ UNIT_KEYS = frozenset({"unit", "units", "channelunits", "columnunits", "physical
 
 RATE_KEYS = frozenset({
     "fs", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "sfreq", "srate", "fps",
-    "frequency", "samplingfreq", "samplefreq", "sampleratehz", "samplingratehz", "fshz", "ratehz", "controlfreq",
+    "frequency", "framerate", "samplingfreq", "samplefreq", "sampleratehz", "samplingratehz", "fshz", "ratehz",
+    "controlfreq",
 })  # fmt: skip
 """Keys, folded, of a sampling rate [Hz]."""
+
+TIME_KEYS = frozenset({"time", "t", "times", "timestamp", "timestamps", "stamp", "tout"})
+"""Keys, folded, of the times of what stands beside them."""
 
 _RECORDING_LIST = re.compile(
     r"(?:trial|demo|episode|recording|run|rep|repetition|take|session|sweep|experiment|measurement|test)s?[_\s-]?\d*",
@@ -115,6 +120,7 @@ class Signals:
         self.facts: dict[str, str] = {}
         self.recordings: list[str] = []
         self._series: dict[str, list[_Series]] = {}
+        self._rates: dict[str, float] = {}
 
     def add_file(self, content: Mapping[str, Any]) -> None:
         """Add a file's variables. The name of a single struct adds nothing if it is the file's, or that of a capture:
@@ -142,15 +148,24 @@ class Signals:
         else:
             self._add_plain(value, name)
 
+    def state_rate(self, place: str, rate: float) -> None:
+        """State the sampling rate of a column, or of all below a path [Hz]."""
+        self._rates[place] = rate
+
     def columns(self) -> Columns:
         """Return everything that was added."""
         self._add_series()
+        self._add_rates()
         numeric = {name: x for name, x in self.values.items() if not isinstance(x, str)}
         require_unpacked_size(self._path, sum(map(len, numeric.values())))
         # A setting in a struct is told by its last word, if no other one is called so.
         scalars = [(name.rpartition(".")[2], x) for name, x in numeric.items() if len(x) == 1 and "." in name]
         leaves = [leaf for leaf, _ in scalars]
-        facts = {leaf: f"{x[0]:.12g}" for leaf, x in scalars if leaves.count(leaf) == 1 and leaf not in numeric}
+        facts = {
+            leaf: f"{x[0]:.12g}"
+            for leaf, x in scalars
+            if leaves.count(leaf) == 1 and leaf not in numeric and folded(leaf) not in RATE_KEYS
+        }
         return Columns(
             self._path, self.values, units=self.units, facts=facts | self.facts, recordings=tuple(self.recordings)
         )
@@ -202,6 +217,12 @@ class Signals:
         )
         vectors = [key for key, item in value.items() if isinstance(item, np.ndarray) and item.size > 1]
         alike = _alike_structs(value)
+        rate = next(
+            (rate for key in value if keys[key] in RATE_KEYS and (rate := _rate_of(value[key])) is not None), None
+        )
+        # Beside times, a frequency may be that of the motion.
+        if rate is not None and not any(keys[key] in TIME_KEYS for key in vectors):
+            self.state_rate(name, rate)
         for key, item in value.items():
             path = f"{name}.{key}" if name else str(key)
             if key in alike:
@@ -239,11 +260,16 @@ class Signals:
                     self.units[column] = unit_from_text(unit) or unit
             return
         # Where both sides are as long as the list, the samples run down.
-        down = matrix if matrix.shape[1] == len(labels) else matrix.T
+        side = matrix.ndim - 1 - matrix.shape[::-1].index(len(labels))
+        labelled = np.moveaxis(matrix, side, 0)
         names = unique_names([label or str(i) for i, label in enumerate(labels)])
         stated = list(units) if len(units) == len(labels) else [units[0] if len(units) == 1 else ""] * len(labels)
         for i, (label, unit) in enumerate(zip(names, stated, strict=True)):
-            self._add_column(f"{name}.{label}" if name else label, down[:, i], unit)
+            path = f"{name}.{label}" if name else label
+            if matrix.ndim == 2:
+                self._add_column(path, labelled[i], unit)
+            else:
+                self._add_plain(labelled[i], path)
 
     def _add_plain(self, value: Any, name: str) -> None:
         """Add numbers by `flatten`, the samples of a matrix along its longer side."""
@@ -312,6 +338,24 @@ class Signals:
             self._series.setdefault(name, []).append(alone)
         else:
             self.add(values, path, depth + 1)
+
+    def _add_rates(self) -> None:
+        """Add one sampling rate as a fact, and several as the times of what each was stated for."""
+        if len(set(self._rates.values())) == 1:
+            self.facts["fs"] = f"{next(iter(self._rates.values())):.12g}"
+            return
+        below: dict[str, list[str]] = {place: [] for place in self._rates}
+        for name, x in self.values.items():
+            parts = name.split(".")
+            places = (".".join(parts[:i]) for i in range(len(parts), -1, -1))
+            place = next((place for place in places if place in below), None)
+            if place is not None and not isinstance(x, str) and len(x) > 1:
+                below[place].append(name)
+        for place, names in below.items():
+            has_times = any(folded(name.rpartition(".")[2]) in TIME_KEYS for name in names)
+            if names and not has_times:
+                n = max(len(self.values[name]) for name in names)
+                self._add_column(f"{place}.time" if place else "time", np.arange(n) / self._rates[place], "s")
 
     def _add_series(self) -> None:
         """Add timeseries: those beside each other that share their times have one column ``time``."""
@@ -519,10 +563,24 @@ def _samples_first(values: np.ndarray, n: int) -> np.ndarray | None:
 
 
 def _fits(value: Any, labels: Sequence[str]) -> bool:
-    """Whether a value is a matrix of which a side has as many columns as there are names."""
+    """Whether a value is a matrix of which a side has as many columns as there are names.
+
+    A list of markers may name the shorter sides of an array of more dimensions.
+    """
     array = value.samples if isinstance(value, Stated) else value
-    is_matrix = isinstance(array, np.ndarray) and array.ndim == 2 and array.dtype.kind in "fiub"
-    return is_matrix and bool(labels) and len(labels) in array.shape
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub" or not labels or array.ndim < 2:
+        return False
+    return len(labels) in array.shape if array.ndim == 2 else (
+        array.ndim == 3 and array.shape.count(len(labels)) == 1 and max(array.shape) > len(labels)
+    )  # fmt: skip
+
+
+def _rate_of(value: Any) -> float | None:
+    """Return a sampling rate [Hz] that is a number; None if it is none."""
+    if not isinstance(value, (int, float, np.number, np.ndarray)) or np.size(value) != 1:
+        return None
+    rate = float(np.asarray(value).item())
+    return rate if 0.0 < rate < math.inf else None
 
 
 def _is_nested(item: Any) -> bool:
