@@ -270,6 +270,15 @@ def test_demonstrations_are_recordings(tmp_path, monkeypatch):
         columns[LEFT_OUT_COLUMN]
 
 
+def test_texts_of_another_file_are_refused(tmp_path):
+    (tmp_path / "secret").write_bytes(b"root:0:0" * 10)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["q"] = np.column_stack([Q, T])
+        file.create_dataset("names", (2,), "S8", external=[(str(tmp_path / "secret"), 0, 16)])
+    with pytest.raises(RecordingError, match=r"a\.h5: found that names is stored in another file"):
+        read_columns(tmp_path / "a.h5")
+
+
 def test_groups_of_joints_are_no_recordings(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for joint in ("joint1", "joint2"):

@@ -19,6 +19,9 @@ from ._signals import LABEL_KEYS, RATE_KEYS, UNIT_KEYS, Signals, Stated, folded,
 MAX_NUMBERS_A_SAMPLE = 500
 """An array of three or more dimensions with more numbers than this a sample holds pictures."""
 
+MAX_NAME_BYTES = 1000
+"""A dataset of texts with longer ones holds no names of columns."""
+
 MAX_SETTINGS_BYTES = 1_000_000
 """An attribute with settings as JSON has at most so many characters."""
 
@@ -33,78 +36,101 @@ def read_datasets(path: Path) -> Columns:
         import h5py
     except ImportError:
         raise RecordingError(str(missing_package(f"{path.name}: a file in HDF5", "h5py", "files"))) from None
-    signals, content = Signals(path), dict[str, Any]()
-    rates: dict[str, float] = {}
-    number_count = 0.0
-
-    def visit(place: str, item: Any) -> None:
-        nonlocal number_count
-        if not isinstance(item, h5py.Dataset) or place.startswith("#") or is_matlab_object(item):
-            return
-        value = None
-        if h5py.check_string_dtype(item.dtype) is not None and 1 < item.size <= max_columns():
-            value = [str(text) for text in np.ravel(item.asstr()[()])]
-        elif _is_numeric(item.dtype):
-            require_inside(path, place, item)
-            each = item.size / max(item.shape, default=1) if item.size else 0
-            if item.ndim > 2 and each > MAX_NUMBERS_A_SAMPLE:
-                # Of the cameras of many demonstrations, one speaks for all.
-                name = place.replace("/", ".")
-                if all(re.sub(r"\d+", "#", name) != re.sub(r"\d+", "#", other) for other in signals.values):
-                    signals.values[name] = (
-                        f"holds {each:g} numbers a sample, such as a picture, expected at most {MAX_NUMBERS_A_SAMPLE}"
-                    )
-                return
-            # A field of a compound dataset may hold several numbers.
-            number_count += item.size * max(item.dtype.itemsize / 8.0, 1.0) if item.dtype.fields else item.size
-            # A dataset in chunks is unpacked chunk by chunk, and a chunk may be larger than the dataset.
-            require_unpacked_size(path, max(number_count, math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0))
-            value = _stated(item, place, rates)
-        if value is not None:
-            *groups, name = place.split("/")
-            into = content
-            for group in groups:
-                into = into.setdefault(group, {})
-            into[name] = value
-
+    reading = _Reading(path)
     try:
         with h5py.File(path, "r") as file:
-            file.visititems(visit)
-            rate_of_file = _rate(file)
+            file.visititems(reading.visit)
+            _, rate_of_file = reading.stated_by(file)
     except (RecordingError, MemoryError):
         raise
     except Exception as error:  # the library raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as HDF5, truncated or damaged: {error}") from error
     if rate_of_file is not None:
-        signals.state_rate("", rate_of_file)
-    signals.add(content, "")
-    for place, rate in rates.items():
-        signals.state_rate(place, rate)
-    return signals.columns()
+        reading.signals.state_rate("", rate_of_file)
+    reading.signals.add(reading.content, "")
+    for place, rate in reading.rates.items():
+        reading.signals.state_rate(place, rate)
+    return reading.signals.columns()
 
 
-def _stated(item: Any, place: str, rates: dict[str, float]) -> Any:
-    """Return a dataset's numbers with what its attributes, and those of the groups around it, state of them."""
-    array = np.asarray(item[()])
-    if array.dtype.fields:
-        return {field: array[field] for field in array.dtype.fields}
-    labels: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    rate = None
-    holder = item
-    while holder is not None:
-        for key in holder.attrs:
-            texts = texts_of(_attribute(holder, key))
-            if folded(key) in LABEL_KEYS and not labels and array.ndim == 2 and len(texts) in array.shape:
-                labels = texts
-            # A single unit that a group states may be that of another dataset.
-            elif folded(key) in UNIT_KEYS and not units and (holder is item or (array.ndim == 2 and len(texts) > 1)):
-                units = texts
-        rate = rate or _rate(holder)
-        holder = holder.parent if holder.name != "/" else None
-    if rate is not None and array.ndim:
-        rates[place.replace("/", ".")] = rate
-    return Stated(array, labels, units)
+class _Reading:
+    """What was read of one file so far."""
+
+    def __init__(self, path: Path):
+        self.signals = Signals(path)
+        self.content: dict[str, Any] = {}  # groups, numbers and texts by name
+        self.rates: dict[str, float] = {}  # sampling rates by dotted path [Hz]
+        self._path = path
+        self._number_count = 0.0
+        self._stated: dict[str, tuple[list[tuple[str, tuple[str, ...]]], float | None]] = {}
+
+    def visit(self, place: str, item: Any) -> None:
+        """Add a dataset; groups are added with their datasets."""
+        import h5py
+
+        if not isinstance(item, h5py.Dataset) or place.startswith("#") or is_matlab_object(item):
+            return
+        is_text = h5py.check_string_dtype(item.dtype) is not None
+        if is_text and (not 1 < item.size <= max_columns() or item.dtype.itemsize > MAX_NAME_BYTES):
+            return
+        if not is_text and not _is_numeric(item.dtype):
+            return
+        require_inside(self._path, place, item)
+        if not is_text and self._is_picture(place, item):
+            return
+        # A field of a compound dataset may hold several numbers.
+        has_fields = item.dtype.fields is not None
+        self._number_count += item.size * max(item.dtype.itemsize / 8.0, 1.0) if has_fields else item.size
+        # A dataset in chunks is unpacked chunk by chunk, and a chunk may be larger than the dataset.
+        chunk = math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0
+        require_unpacked_size(self._path, max(self._number_count, chunk))
+        *groups, name = place.split("/")
+        into = self.content
+        for group in groups:
+            into = into.setdefault(group, {})
+        into[name] = [str(text) for text in np.ravel(item.asstr()[()])] if is_text else self._numbers(item, place)
+
+    def _is_picture(self, place: str, item: Any) -> bool:
+        """Whether a dataset holds pictures; a column then says so, one for the cameras of all demonstrations."""
+        each = item.size / max(item.shape) if item.size and item.shape else 0
+        if item.ndim < 3 or each <= MAX_NUMBERS_A_SAMPLE:
+            return False
+        name = place.replace("/", ".")
+        if all(re.sub(r"\d+", "#", name) != re.sub(r"\d+", "#", other) for other in self.signals.values):
+            self.signals.values[name] = (
+                f"holds {each:g} numbers a sample, such as a picture, expected at most {MAX_NUMBERS_A_SAMPLE}"
+            )
+        return True
+
+    def _numbers(self, item: Any, place: str) -> Any:
+        """Return a dataset's numbers with what its attributes, and those of the groups around it, state of them."""
+        array = np.asarray(item[()])
+        if array.dtype.fields:
+            return {field: array[field] for field in array.dtype.fields}
+        labels: tuple[str, ...] = ()
+        units: tuple[str, ...] = ()
+        rate = None
+        holder = item
+        while holder is not None:
+            lists, own_rate = self.stated_by(holder)
+            for key, texts in lists:
+                if key in LABEL_KEYS and not labels and array.ndim == 2 and len(texts) in array.shape:
+                    labels = texts
+                # A single unit that a group states may be that of another dataset.
+                elif key in UNIT_KEYS and not units and (holder is item or (array.ndim == 2 and len(texts) > 1)):
+                    units = texts
+            rate = rate or own_rate
+            holder = holder.parent if holder.name != "/" else None
+        if rate is not None and array.ndim:
+            self.rates[place.replace("/", ".")] = rate
+        return Stated(array, labels, units)
+
+    def stated_by(self, holder: Any) -> tuple[list[tuple[str, tuple[str, ...]]], float | None]:
+        """Return the lists of texts among a dataset's or group's attributes, by folded key, and its sampling rate."""
+        if holder.name not in self._stated:
+            lists = [(folded(key), texts) for key in holder.attrs if (texts := texts_of(_attribute(holder, key)))]
+            self._stated[holder.name] = lists, _rate(holder)
+        return self._stated[holder.name]
 
 
 def _attribute(holder: Any, key: str) -> Any:

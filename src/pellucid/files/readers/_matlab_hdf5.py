@@ -76,9 +76,7 @@ class _Reading:
 
         found: dict[str, Any] = {}
         counts = set[int]()
-        for key in group:
-            if key.startswith("#"):
-                continue
+        for key in _fields(group):
             item = group[key]
             # A field of a struct array holds a reference for each struct, and is no cell array.
             if isinstance(item, h5py.Dataset) and "MATLAB_class" not in item.attrs:
@@ -90,3 +88,13 @@ class _Reading:
 
     def _referenced(self, reference: Any, name: str, depth: int) -> Any:
         return self.value(self._file[reference], name, depth + 1) if reference else None
+
+
+def _fields(group: Any) -> list[str]:
+    """Return the names of a struct's fields, in MATLAB's order where the file states it."""
+    there = [key for key in group if not key.startswith("#")]
+    try:
+        stated = ["".join(sign.decode() for sign in name) for name in group.attrs["MATLAB_fields"]]
+    except Exception:  # not stated, or in a form that only MATLAB reads
+        return there
+    return stated if set(stated) == set(there) else there
