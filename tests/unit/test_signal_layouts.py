@@ -270,6 +270,14 @@ def test_demonstrations_are_recordings(tmp_path, monkeypatch):
         columns[LEFT_OUT_COLUMN]
 
 
+def test_groups_of_one_form_and_other_lengths_are_recordings(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, n in (("walk", 60), ("stairs", 50)):
+            file[f"{name}/time"], file[f"{name}/q"] = T[:n], Q[:n]
+        file["settings/gains"] = np.ones(60)
+    assert read_columns(tmp_path / "a.h5").recordings == ("stairs", "walk")
+
+
 def test_texts_of_another_file_are_refused(tmp_path):
     (tmp_path / "secret").write_bytes(b"root:0:0" * 10)
     with h5py.File(tmp_path / "a.h5", "w") as file:

@@ -24,7 +24,7 @@ from ._columns import Columns
 STAMP_PARTS = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
 """Names of a stamp's seconds and nanoseconds in ROS 2, ROS 1 and other logs."""
 
-NAME_FIELDS = ("name", "names", "joint_names")
+NAME_FIELDS = ("name", "names", "joint_names", "dof_names")
 """Fields of a message that may name the numbers in its lists."""
 
 INTERFACE_FIELDS = {"interface_names", "values"}
@@ -38,6 +38,9 @@ MAX_NUMBERS_A_MESSAGE = 1000
 
 MAX_CLOCK_DIFFERENCE_S = 60.0
 """Stamps that differ by more from the times of the log are of a clock with another start, such as a simulation's."""
+
+MAX_PUBLISHERS = 20
+"""A topic with more sets of names than this lists things that come and go, and not the joints of its publishers."""
 
 MIN_ADVANCING_SHARE = 0.9
 """Stamps are times if they do not fall in at least this share of the messages."""
@@ -137,6 +140,8 @@ class _Topic:
         for names in dict.fromkeys(self.names):
             meeting = [group for group in groups if group & names or group == names]
             groups = [group for group in groups if group not in meeting] + [names.union(*meeting)]
+            if len(groups) > MAX_PUBLISHERS:
+                return [self]
         if len(groups) < 2:
             return [self]
         groups.sort(key=lambda group: (-len(group), sorted(group)))

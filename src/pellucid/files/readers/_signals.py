@@ -55,7 +55,7 @@ TIME_KEYS = frozenset({"time", "t", "times", "timestamp", "timestamps", "stamp",
 """Keys, folded, of the times of what stands beside them."""
 
 _RECORDING_LIST = re.compile(
-    r"(?:trial|demo|episode|recording|run|rep|repetition|take|session|sweep|experiment|measurement|test)s?[_\s-]?\d*",
+    r"(?:.*[_\s-])?(?:trial|demo|episode|recording|run|rep|repetition|take|session|sweep|experiment|measurement|test)s?[_\s-]?\d*",
     re.IGNORECASE,
 )
 
@@ -423,20 +423,24 @@ def unique_names(names: Iterable[str]) -> list[str]:
 def _alike_structs(value: Mapping[str, Any]) -> dict[str, list[str]]:
     """Return the fields that are recordings, such as ``demo_0`` and ``demo_1``, each with all of its kind.
 
-    Their names differ in numbers alone. Those of other names, such as joints, are recordings if they differ in length.
+    Their names differ in numbers alone. Those of other names, such as joints, are recordings if they have the same
+    fields and differ in length.
     """
-    groups: dict[str, list[str]] = {}
-    for key, item in value.items():
-        if isinstance(item, Mapping) and _holds_vectors(item):
-            groups.setdefault(re.sub(r"\d+", "#", str(key)), []).append(key)
+    structs = [key for key, item in value.items() if isinstance(item, Mapping) and _holds_vectors(item)]
+    kinds: dict[str | frozenset[str], list[str]] = {}
+    for key in structs:
+        kinds.setdefault(re.sub(r"\d+", "#", str(key)), []).append(key)
+        kinds.setdefault(frozenset(map(str, value[key])), []).append(key)
     found: dict[str, list[str]] = {}
-    for kind, keys in groups.items():
-        if "#" not in kind or len(keys) < 2:
+    for kind, keys in kinds.items():
+        if len(keys) < 2 or not found.keys().isdisjoint(keys):
             continue
-        ordered = sorted(keys, key=lambda key: [int(number) for number in re.findall(r"\d+", str(key))])
-        have_one_form = len({tuple(map(str, value[key])) for key in keys}) == 1
-        differ = have_one_form and len({_longest(value[key]) for key in keys}) > 1
-        if differ or all(map(is_recording_name, map(str, keys))):
+        if isinstance(kind, str):
+            are_recordings = "#" in kind and all(is_recording_name(str(key)) for key in keys)
+        else:
+            are_recordings = len(kind) > 1 and len({_longest(value[key]) for key in keys}) > 1
+        if are_recordings:
+            ordered = sorted(keys, key=lambda key: [int(number) for number in re.findall(r"\d+", str(key))])
             found |= dict.fromkeys(keys, ordered)
     return found
 
