@@ -159,8 +159,12 @@ def test_timeseries_and_datasets_of_simulink(tmp_path, version, monkeypatch):
     dataset = MatlabOpaque({"Name": "logsout", "Storage_": storage}, "Simulink.SimulationData.Dataset")
     path, steps = tmp_path / "a.mat", np.arange(5.0)[:, None]
     log = {"logsout": dataset, "gains": steps}
-    matio.save_to_mat(str(path), {"theta": timeseries("theta", Q[:, None], "deg"), "out": log}, version=version)
+    settings = MatlabOpaque({"Weights": np.ones((60, 1)), "Limits": steps}, "lab.Settings")
+    variables = {"theta": timeseries("theta", Q[:, None], "deg"), "out": log, "tool": settings}
+    matio.save_to_mat(str(path), variables, version=version)
     columns = read_columns(path)
+    assert columns.recordings == ()
+    assert not any(name.startswith("tool") for name in columns)
     assert columns["theta"].tolist() == columns["out.logsout.signal 0"].tolist() == Q.tolist()
     assert columns["out.logsout.signal 1"].tolist() == (2.0 * Q).tolist()
     assert columns["time"] == pytest.approx(T, abs=1e-12)

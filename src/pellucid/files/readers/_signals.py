@@ -426,7 +426,11 @@ def _alike_structs(value: Mapping[str, Any]) -> dict[str, list[str]]:
     Their names differ in numbers alone. Those of other names, such as joints, are recordings if they have the same
     fields and differ in length.
     """
-    structs = [key for key, item in value.items() if isinstance(item, Mapping) and _holds_vectors(item)]
+    structs = [
+        key
+        for key, item in value.items()
+        if isinstance(item, Mapping) and _holds_vectors(item) and not _is_known_layout(_fields(item))
+    ]
     kinds: dict[str | frozenset[str], list[str]] = {}
     for key in structs:
         kinds.setdefault(re.sub(r"\d+", "#", str(key)), []).append(key)
@@ -443,6 +447,16 @@ def _alike_structs(value: Mapping[str, Any]) -> dict[str, list[str]]:
             ordered = sorted(keys, key=lambda key: [int(number) for number in re.findall(r"\d+", str(key))])
             found |= dict.fromkeys(keys, ordered)
     return found
+
+
+def _is_known_layout(fields: Mapping[str, Any]) -> bool:
+    """Whether a struct is a log of Simulink or dSPACE, whose fields are alike whatever it holds."""
+    return (
+        _is_structure_with_time(fields)
+        or _elements(fields) is not None
+        or _timeseries(fields, "") is not None
+        or _capture(fields) is not None
+    )
 
 
 def _fields(value: Mapping[str, Any]) -> dict[str, Any]:

@@ -32,6 +32,11 @@ OBJECTS_COLUMN = "MATLAB objects"
 """Name of the column that says that a file holds tables, timeseries or other objects, which only mat-io reads."""
 
 
+LOGGING_CLASSES = ("timeseries", "tsdata.", "tscollection", "Simulink.SimulationData.", "Simulink.SimulationOutput",
+                   "Simulink.Timeseries", "Simulink.ModelDataLogs", "Simulink.TsArray")  # fmt: skip
+"""Beginnings of the names of classes whose objects hold recordings; objects of other programs hold their settings."""
+
+
 def extra_libraries(path: Path) -> tuple[str, ...]:
     """Return the libraries that this file needs beside those in `APART`: mat-io brings pandas, which loads slowly."""
     has_objects = _has_objects_in_hdf5(path) if _is_hdf5(path) else _has_subsystem(path)
@@ -165,8 +170,8 @@ def _read_hdf5(path: Path) -> dict[str, Any]:
 
 
 def _without_objects(value: Any, depth: int) -> Any:
-    """Return a value of mat-io's as mappings, lists and arrays: tables by their variables, times in seconds, other
-    objects by their properties."""
+    """Return a value of mat-io's as mappings, lists and arrays: tables by their variables, times in seconds, logs
+    by their properties."""
     if depth > MAX_DEPTH:
         return None  # an object that refers to its owner
     if hasattr(value, "columns") and hasattr(value, "index"):
@@ -176,6 +181,8 @@ def _without_objects(value: Any, depth: int) -> Any:
         return {name: _without_objects(column, depth + 1) for name, column in table.items()}
     properties = getattr(value, "properties", None)
     if isinstance(properties, dict):
+        if not str(getattr(value, "classname", "")).startswith(LOGGING_CLASSES):
+            return None
         value = properties
     if isinstance(value, Mapping):
         return {key: _without_objects(item, depth + 1) for key, item in value.items()}
