@@ -53,3 +53,19 @@ def test_what_is_no_whole_file_is_refused(tmp_path):
     twice = write(tmp_path / "c.edf", signal(BICEPS, 1000, "emg"), signal(BICEPS, 1000, "emg"))
     with pytest.raises(RecordingError, match='two signals named "emg"'):
         read_columns(twice)
+
+
+def test_gaps_of_a_recording_stay_gaps(tmp_path):
+    """Three records of 1 s; the last one began 2.5 s after the end of the one before."""
+    path, go = tmp_path / "a.edf", edfio.EdfAnnotation(0.5, None, "go")
+    signals = [signal(BICEPS, 1000, "biceps"), signal(BICEPS[:300], 100, "angle")]
+    edfio.Edf(signals, annotations=[go], data_record_duration=1).write(path)
+    content = path.read_bytes().replace(b"EDF+C", b"EDF+D")
+    assert content.count(b"+2\x14\x14\0\0\0") == 1
+    path.write_bytes(content.replace(b"+2\x14\x14\0\0\0", b"+4.5\x14\x14\0"))
+    found = read_columns(path)
+    assert found["biceps.time"] == pytest.approx(np.arange(3000) / 1000.0 + 2.5 * (np.arange(3000) >= 2000))
+    assert found["angle.time"][199:201].tolist() == [1.99, 4.5]
+    path.write_bytes(content.replace(b"+2\x14\x14\0\0\0", bytes(7)))
+    with pytest.raises(RecordingError, match=r"a\.edf: "):
+        read_columns(path)
