@@ -38,7 +38,7 @@ SPELLINGS = {
     "kgf*cm": ["kgf·cm", "kg·cm", "kg-cm"],
     "deg/s": ["deg/s", "°/s", "dps", "deg s-1", "deg·s⁻¹", "deg/sec", "degrees per second"],
     "rad/s": ["rad/s", "rad s^-1", "rad/sec", "rad·s⁻¹"],
-    "rpm": ["rpm", "RPM", "1/min", "U/min", "rev/min", "min⁻¹", "turns/min"],
+    "rpm": ["rpm", "RPM", "1/min", "U/min", "rev/min", "min⁻¹", "turns/min", "r/min"],
     "turn/s": ["turns/s", "rps", "rev/s"],
     "deg": ["deg", "°", "Degrees", "º"],
     "turn": ["turn", "turns", "rev"],
@@ -47,6 +47,7 @@ SPELLINGS = {
     "mA": ["mA", "milliamps"],
     "ms": ["ms", "msec", "milliseconds"],
     "degF": ["°F", "degF"],
+    "counts": ["counts", "ticks", "inc", "pulse", "pulses"],
 }
 
 
