@@ -160,7 +160,7 @@ TABLES = [
     (
         "corc",
         ["Time (s)", "JointPositions_1", "JointPositions_2", "JointVelocities_1", "JointTorques_1"],
-        {"JointPositions_2": ("position", "rad", "2"), "JointTorques_1": ("torque", "N*m", "1")},
+        {"JointPositions_2": ("position", None, "2"), "JointTorques_1": ("torque", None, "1")},
     ),
     (
         "vicon_plug_in_gait",
