@@ -47,7 +47,7 @@ _UNITS_BY_TEXT = {
     "fahrenheit": "degF", "k": "K", "kelvin": "K", "w": "W", "watt": "W", "watts": "W", "kw": "kW", "mw": "mW",
     "j": "J", "joule": "J", "joules": "J", "kg": "kg", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ohm": "ohm",
     "ohms": "ohm", "Ω": "ohm", "ω": "ohm", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1", "unitless": "1",
-    "dimensionless": "1", "n m": "N*m",
+    "dimensionless": "1", "n m": "N*m", "pulse": "counts", "pulses": "counts", "pls": "counts",
 }  # fmt: skip
 """Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case."""
 
