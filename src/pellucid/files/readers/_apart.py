@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..personal_fields import PersonalField
 from ._caps import max_reading_time, max_unpacked_bytes, require_few_columns, require_unpacked_size
 from ._columns import Columns
 
@@ -58,7 +59,14 @@ def read_apart(reader: str, path: Path) -> Columns:
     if "error" in answer:
         raise RecordingError(answer["error"])
     return Columns(
-        path, values, answer["angle_unit"], answer["units"], answer["facts"], recordings=tuple(answer["recordings"])
+        path,
+        values,
+        answer["angle_unit"],
+        answer["units"],
+        answer["facts"],
+        tuple(PersonalField(*found) for found in answer["personal"]),
+        damaged=answer["damaged"],
+        recordings=tuple(answer["recordings"]),
     )
 
 
@@ -191,13 +199,16 @@ def _answer_request(module: ModuleType, request: dict[str, Any]) -> tuple[dict[s
     finally:
         _limit_resources(None, None)
     lengths = {name: x if isinstance(x, str) else len(x) for name, x in samples.items()}
-    stated = {
+    answer = {
+        "lengths": lengths,
         "angle_unit": columns.angle_unit,
         "units": dict(columns.units),
         "facts": dict(columns.facts),
+        "personal": [(found.kind, found.label, found.place) for found in columns.personal],
+        "damaged": columns.damaged,
         "recordings": columns.recordings,
     }
-    return {"lengths": lengths, **stated}, arrays
+    return answer, arrays
 
 
 def _import_libraries(libraries: tuple[str, ...]) -> None:

@@ -46,6 +46,8 @@ class Columns:
     lost : str
         What the file lacks at its end because its writer was stopped, such as an incomplete last row; ``""`` for a
         whole file. `values` hold everything before it.
+    damaged : str
+        Rows that were left out because they do not have the columns of the others; ``""`` if there are none.
     """
 
     path: Path
@@ -56,6 +58,7 @@ class Columns:
     personal: tuple[PersonalField, ...] = ()
     recordings: tuple[str, ...] = ()
     lost: str = ""
+    damaged: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,6 +107,7 @@ class Columns:
         ]
         width = max(len(name) for name, _ in contents) if contents else 0
         head = f"{self.path.name}{f': truncated, found {self.lost}' if self.lost else ''}"
+        head += f": left out {self.damaged}" if self.damaged else ""
         return "\n".join((head, *(f"  {name.ljust(width)}  {content}" for name, content in contents)))
 
     def column(self, key: str | int, channel: str) -> np.ndarray:
