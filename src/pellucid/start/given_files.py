@@ -52,6 +52,14 @@ QUANTITY_BY_FILE_WORD = {word: kind for kind, words in _FILE_WORDS_BY_QUANTITY.i
 """Quantities by words of files' and folders' names, beside those of columns."""
 
 
+_TRIAL_NAME = re.compile(
+    r"(?:trial|run|rep|repetition|test|take|session|recording|rec|measurement|experiment|sweep|versuch|messung|lauf)"
+    r"[\s_-]*\d+",
+    re.IGNORECASE,
+)
+"""Names of one of several recordings in a file."""
+
+
 @dataclass(frozen=True, eq=False)
 class GivenTable:
     """Columns of one length in a file."""
@@ -150,22 +158,61 @@ def _tables_of(path: Path) -> list[GivenTable]:
     texts = tuple(name for name, x in columns.values.items() if isinstance(x, str))
     scalars = {name: f"{x[0]:.12g}" for name, x in numeric.items() if len(x) == 1}
     long = {name: x for name, x in numeric.items() if len(x) >= MIN_TABLE_ROWS}
+    facts = {**scalars, **columns.facts}
     empty = GivenTable(
         path,
         {},
         units={str(name): unit for name, unit in columns.units.items()},
         # The header of a file of moments states the unit of angles that it does not hold.
         angle_unit=None if quantity_of_file(path) in ("torque", "force", "emg") else columns.angle_unit,
-        facts={**scalars, **columns.facts},
+        facts=facts,
         personal=columns.personal,
         quantity=quantity_of_file(path),
         texts=texts,
     )
+    keys = columns.recordings or _trial_keys(long)
+    if keys:
+        return [
+            replace(empty, columns=part, key=key, facts=_facts_of(facts, key, keys))
+            for key in keys
+            for part in _by_length(_below(long, key)).values()
+            if len(part) > 1 or len(keys) == 1
+        ]
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
     if columns.recordings:
         own = {key: {name: x for name, x in long.items() if name.startswith(f"{key}.")} for key in columns.recordings}
         parts = [(key, part) for key in own for _, part in _parts(own[key], has_sheets=False)]
     return [replace(empty, columns=part, key=key) for key, part in parts]
+
+
+def _below(values: Mapping[str, np.ndarray], key: str) -> dict[str, np.ndarray]:
+    """Return the columns whose names begin with a key."""
+    return {name: x for name, x in values.items() if name.startswith(f"{key}.")}
+
+
+def _facts_of(facts: Mapping[str, str], key: str, keys: Sequence[str]) -> dict[str, str]:
+    """Return the settings of a recording in a file with several, and those of the whole file."""
+    own = {name.removeprefix(f"{key}."): text for name, text in facts.items() if name.startswith(f"{key}.")}
+    shared = {n: text for n, text in facts.items() if not n.startswith(tuple(f"{other}." for other in keys))}
+    return {**shared, **own}
+
+
+def _trial_keys(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    """Return the beginnings of names that are trials: a word for one with its number, alike columns, a clock in each.
+
+    Without such a word, groups that differ in a number may as well be joints or sensors of one recording.
+    """
+    keys: dict[str, None] = {}
+    for name in columns:
+        parts = name.split(".")
+        for i, part in enumerate(parts[:-1]):
+            if _TRIAL_NAME.fullmatch(part):
+                keys[".".join(parts[: i + 1])] = None
+                break
+    alike = {tuple(name.removeprefix(f"{key}.") for name in _below(columns, key)) for key in keys}
+    if len(keys) < 2 or len(alike) != 1 or not all(any(map(_is_rising, _below(columns, k).values())) for k in keys):
+        return ()
+    return tuple(keys)
 
 
 def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple[str, dict[str, np.ndarray]]]:
