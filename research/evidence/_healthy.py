@@ -80,6 +80,27 @@ def _json(path: Path, swing: Swing) -> None:
     path.write_text(json.dumps({name: np.round(x, 6).tolist() for name, x in swing.items()}), encoding="utf-8")
 
 
+def _json_lines(path: Path, swing: Swing) -> None:
+    rows = zip(*(np.round(x, 6).tolist() for x in swing.values()), strict=True)
+    path.write_text("".join(json.dumps(dict(zip(swing, row, strict=True))) + "\n" for row in rows), encoding="utf-8")
+
+
+def _labview(path: Path, swing: Swing) -> None:
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    channels = (
+        "Channels\t2\t\t\nSamples\t2000\t2000\t\nY_Unit_Label\trad\tA\t\nDelta_X\t0.005\t0.005\t\n"
+        "***End_of_Header***\t\t\t\nX_Value\tq\ti\tComment\n"
+    )
+    rows = ["\t".join(f"{x:.6g}" for x in row) for row in zip(*swing.values(), strict=True)]
+    path.write_text(head + channels + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _nexus(path: Path, swing: Swing) -> None:
+    head = "Devices\n200\n,,bench,\nFrame,Sub Frame,q,i\n,,rad,A\n"
+    rows = [f"{k},0,{q:.6g},{i:.6g}" for k, (_, q, i) in enumerate(zip(*swing.values(), strict=True), 1)]
+    path.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+
+
 def _mat(path: Path, swing: Swing) -> None:
     import scipy.io
 
@@ -251,11 +272,18 @@ PLAIN_COLUMNS = ("t", "q", "i")
 """Names of the columns of time, position and current in formats without units."""
 
 WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str, str]], ...]] = {
-    ".csv": ((_table(","), PLAIN_COLUMNS), (_delsys, ("q.time", "q", "i"))),
+    ".csv": (
+        (_table(","), PLAIN_COLUMNS),
+        (_delsys, ("q.time", "q", "i")),
+        (_nexus, ("Devices.time", "bench.q", "bench.i")),
+    ),
     ".tsv": ((_table("\t"), PLAIN_COLUMNS),),
     ".txt": ((_table(" "), PLAIN_COLUMNS), (_delsys, ("q.time", "q", "i"))),
     ".dat": ((_table(";"), PLAIN_COLUMNS), (_storage, PLAIN_COLUMNS)),
-    ".json": ((_json, PLAIN_COLUMNS),),
+    ".json": ((_json, PLAIN_COLUMNS), (_json_lines, PLAIN_COLUMNS)),
+    ".jsonl": ((_json_lines, PLAIN_COLUMNS),),
+    ".ndjson": ((_json_lines, PLAIN_COLUMNS),),
+    ".lvm": ((_labview, ("X_Value", "q", "i")),),
     ".mat": ((_mat, PLAIN_COLUMNS), (_mat_hdf5, PLAIN_COLUMNS)),
     ".sto": ((_storage, PLAIN_COLUMNS),),
     ".mot": ((_storage, PLAIN_COLUMNS),),

@@ -39,6 +39,10 @@ class TruncatedFileWarning(UserWarning):
     """A file ends in the middle of a row or chunk; what is before was read."""
 
 
+class DamagedRowsWarning(UserWarning):
+    """Some rows of a text table are damaged and were left out."""
+
+
 class UnfitRecordingError(RecordingError):
     """Recordings were read, but `check` refuses them. The command line ends with the same status as `check`."""
 

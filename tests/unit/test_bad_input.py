@@ -119,7 +119,7 @@ def test_a_row_short_of_columns(make_study):
     study = make_study()
     path = study.folder / "recordings" / "sweep.csv"
     lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join([*lines[:700], "3.495,0.7\n", *lines[701:]]))
+    path.write_text("".join([*lines[:700], *["3.495,0.7\n"] * 200, *lines[900:]]))
     kind, text = complaint(study)
     assert kind is RecordingError
     assert text == "sweep.csv: line 701 has 2 fields, expected 3"

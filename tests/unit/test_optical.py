@@ -84,9 +84,10 @@ def test_a_row_of_other_length_is_told_beside_empty_cells(make_optical):
     time, markers = frames()
     markers["C"][5] = np.nan
     lines = text_of(time, markers).splitlines()
-    lines[1700] = lines[1700][:-30]
+    for i in range(1500, 1700):
+        lines[i] = lines[i][:-30]
     study = make_optical("\n".join(lines) + "\n")
-    with pytest.raises(RecordingError, match=r"sweep_markers.csv: line 1701 has .* fields, expected"):
+    with pytest.raises(RecordingError, match=r"sweep_markers.csv: line 1501 has .* fields, expected"):
         study.recordings()
 
 

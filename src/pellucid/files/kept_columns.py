@@ -170,7 +170,11 @@ def _read_kept(path: Path, source: Path) -> Columns | None:
                 return None
         verified = _VERIFIED_COLUMNS.pop(_state_of(path), set())
         columns = Columns(
-            source, KeptColumns(path, start, dict(head["columns"]), source, verified), head["angle_unit"], head["units"]
+            source,
+            KeptColumns(path, start, dict(head["columns"]), source, verified),
+            head["angle_unit"],
+            head["units"],
+            damaged=head["damaged"],
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
@@ -190,7 +194,12 @@ def _keep(path: Path, columns: Columns) -> Columns:
         at += 0 if isinstance(x, str) else x.nbytes
     if at > MAX_KEPT_BYTES or any(isinstance(name, int) for name in columns.units):
         return columns
-    head = {"columns": entries, "angle_unit": columns.angle_unit, "units": dict(columns.units)}
+    head = {
+        "columns": entries,
+        "angle_unit": columns.angle_unit,
+        "units": dict(columns.units),
+        "damaged": columns.damaged,
+    }
     text = json.dumps(head).encode()
     line = (
         text + b" " * (-(len(text) + 1) % STORED_DTYPE.itemsize) + b"\n"

@@ -121,6 +121,7 @@ VERDICT_WORDS = {
     "constant": "constant",
     "text": "text",
     "truncated": "truncated",
+    "damaged_rows": "damaged rows",
     "short": "too short",
 }
 """Words for each kind of finding, the one that decides a channel's verdict first."""
@@ -211,6 +212,7 @@ class Log:
     time: str = ""  # name of the time column; "" without one
     rate: float | None = None  # rate that the user states [Hz]
     lost: str = ""  # what the file lacks at its end; "" for a whole file
+    damaged: str = ""  # rows that were left out; "" without any
 
 
 def log_of(columns: Columns, rate: float | None = None) -> Log:
@@ -227,7 +229,9 @@ def log_of(columns: Columns, rate: float | None = None) -> Log:
     time = _time_column(channels)
     personal = find_personal_columns([*texts.items(), *((c.name, "") for c in channels)])
     personal += find_personal_lines(head_of_text(columns.path))
-    return Log(columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate, columns.lost)
+    return Log(
+        columns.path.name, tuple(channels), tuple(texts), tuple(personal), time, rate, columns.lost, columns.damaged
+    )
 
 
 def head_of_text(path: Path) -> list[str]:
@@ -280,6 +284,8 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
     found: list[LogFinding] = []
     if log.lost:
         found.append(LogFinding("truncated", log.time or "time", f"the file ends with {log.lost}", NOTE_LEVEL))
+    if log.damaged:
+        found.append(LogFinding("damaged_rows", log.time or "time", f"left out {log.damaged}", NOTE_LEVEL))
     channels = {c.name: c for c in log.channels if len(c.samples) >= LOG_LIMITS.min_log_samples}
     if not channels:
         count = max((len(c.samples) for c in log.channels), default=0)

@@ -254,6 +254,17 @@ def mark_lost_end(recording: Recording, file: RecordedFile) -> Recording:
     return replace(recording, cuts=(cut, *recording.cuts))
 
 
+def mark_damaged_rows(recording: Recording, file: RecordedFile) -> Recording:
+    """Return a recording with a cut that says which rows of its file were left out as damaged."""
+    damaged = file.columns.damaged
+    if not damaged:
+        return recording
+    # The rows lie at unknown times, where their absence leaves a gap; the cut itself contains no sample.
+    n, end = len(recording), float(recording.time[-1])
+    cut = Cut("damaged_rows", "time", end, end, n, n - 1, f"left out {damaged}")
+    return replace(recording, cuts=(*recording.cuts, cut))
+
+
 def add_uncut_emg(recording: Recording, file: RecordedFile) -> Recording:
     """Return a recording with the EMG of the whole file, if it is a window of it: filters need the samples around."""
     specs = {n: s for n, s in file.study.config.channels_of(file.entry).items() if n == "time" or n.startswith("emg.")}
@@ -336,6 +347,7 @@ OWN_FILE_STEPS: tuple[Step, ...] = (
     add_optical,
     add_streams,
     mark_lost_end,
+    mark_damaged_rows,
     exclude_by_hand,
     add_uncut_emg,
     cut_defects,  # after everything that changes rows, because cuts are counted in rows
@@ -345,7 +357,14 @@ OWN_FILE_STEPS: tuple[Step, ...] = (
 )
 """Steps from what a recording's own file holds to the recording with its streams apart."""
 
-STREAM_STEPS: tuple[Step, ...] = (remove_repeated_rows, mark_lost_end, cut_defects, undo_delays, trim_empty_ends)
+STREAM_STEPS: tuple[Step, ...] = (
+    remove_repeated_rows,
+    mark_lost_end,
+    mark_damaged_rows,
+    cut_defects,
+    undo_delays,
+    trim_empty_ends,
+)
 """Steps for the file of another instrument."""
 
 UNCUT_STEPS: tuple[Step, ...] = (remove_repeated_rows, undo_delays)

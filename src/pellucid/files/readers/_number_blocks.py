@@ -24,6 +24,7 @@ MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 """Words that mean a missing sample, in lower case."""
 
 _COMMENT_MARKS = ("#", "%", "//", "!")
+_JAPANESE_BYTES = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
 _OTHER_LINE = re.compile(r"^[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
 _ARROW_MISSING_WORDS = ["NaN", *(spell(word) for word in MISSING_WORDS for spell in (str, str.upper, str.title))]
 
@@ -49,11 +50,18 @@ def line_blocks(file: BinaryIO, end: int | None = None) -> Iterator[bytes]:
 
 
 def text_of(block: bytes) -> str:
-    """Return the text of a block: UTF-8, or else Latin-1, for a degree or micro sign written on Windows."""
+    """Return the text of a block: UTF-8, or else what Windows writes in Japan or, with a degree sign, in the West."""
     try:
         return block.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return block.decode("latin-1")
+        pass
+    # Shift JIS begins most of its letters with bytes that Latin-1 uses for no letter.
+    if _JAPANESE_BYTES.search(block) is not None:
+        try:
+            return block.decode("cp932")
+        except UnicodeDecodeError:
+            pass
+    return block.decode("latin-1")
 
 
 def is_comment(line: str) -> bool:

@@ -9,9 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise, zip_longest
+from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..personal_fields import find_personal_columns, find_personal_lines, searched_part
-from ..stated_units import is_unit_row, unit_from_text
+from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
 from ._comma import (
@@ -32,6 +33,7 @@ from ._comma import (
     two_readings,
 )
 from ._last_row import cut_row
+from ._lost_rows import LostRows, RowWidths
 from ._number_blocks import (
     MIN_ARROW_FILE_BYTES,
     MISSING_WORDS,
@@ -41,19 +43,35 @@ from ._number_blocks import (
     read_numbers,
     text_of,
 )
+from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
+from ._table_header import TableHeader, find_header, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 
-MAX_HEADER_LINES = 40
+MAX_HEADER_LINES = 200
 """The first row of numbers is searched among this many lines that are neither empty nor comments."""
+
+MAX_NUL_SHARE = 0.05
+"""Text holds at most this share of NUL bytes in its beginning, as a logger leaves them that lost its power."""
+
+MIN_ROW_SHARE = 0.2
+"""At least this share of the first rows has as many fields as the table has columns."""
 
 MAX_SAMPLED_ROWS = 200
 """The first rows of a table, at most so many, tell its decimal mark."""
 
+_CLOCK_UNITS = {
+    "min": "min", "minutes": "min", "sec": "s", "seconds": "s", "s": "s", "msec": "ms", "ms": "ms", "us": "us",
+    "hours": "h",
+}  # fmt: skip
+"""Units of time by the name of a first column that is nothing but a unit."""
+
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_STATED_STEP = re.compile(r"\s*([\d.,]+)\s*([^\W\d]+)\s*")
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
-_CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'(?:.*engineering units: ([^,]+),)?")
 _LABELLED_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
+_QUOTED_OR_PLAIN = re.compile(r'"[^"]*"|\S+')
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -67,7 +85,9 @@ class _Layout:
     decimal: str | None  # None if only all rows can tell it
     header: list[str] | None
     unit_texts: list[str] | None
-    above: list[str]  # comments, and lines above the first row
+    above: list[str]  # comments, and lines above the first row that state no names and units
+    paired: bool = False  # whether each channel has a column of its own times before it
+    facts: dict[str, str] = field(default_factory=dict)  # what lines without a label state
 
     @property
     def is_last_named(self) -> bool:
@@ -90,10 +110,10 @@ def read(path: Path) -> Columns:
     end = None if cut is None else cut.start
     with path.open("rb") as file:
         start = file.read(4096)
-        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            text = path.read_bytes().decode("utf-16", errors="replace")
+        if (encoding := _wide_encoding(start)) is not None:
+            text = path.read_bytes().decode(encoding, errors="replace")
             return read_table(path, io.BytesIO(text.encode()))
-        if b"\0" in start:
+        if start.count(b"\0") > MAX_NUL_SHARE * len(start):
             raise RecordingError(f"{path.name}: found binary content, expected text")
         return read_table(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
 
@@ -104,12 +124,18 @@ def read_table(
     """Return the columns of the table in an open file up to its byte `end`; without a `delimiter`, it is found."""
     layout = _find_layout(path, line_blocks(file, end), delimiter)
     columns: Sequence[np.ndarray | _Cells] | None = _plain_columns(layout, file, end, arrow=arrow)
+    lost = LostRows()
     if columns is None:
-        columns = _cell_columns(path, layout, file, end)
+        columns = _cell_columns(path, layout, file, end, lost)
+    if layout.paired:
+        return _paired_columns(path, layout, columns, lost)
+    columns, layout = _without_empty_first(columns, layout)
     names = _names(path, layout.header, len(columns))
     values: dict[str, np.ndarray | str] = {}
     units = _units(names, layout.unit_texts)
     personal = find_personal_lines(layout.above)
+    words: dict[str, Words] = {}
+    lists: dict[str, list[ListCell | None]] = {}
     for name, column in zip(names, columns, strict=True):
         if isinstance(column, np.ndarray):
             values[name] = column
@@ -120,7 +146,119 @@ def read_table(
             values[name] = f"a column of text that tells who was recorded ({found[0].kind}), which is not shown"
         else:
             values[name] = column.numbers() if column.text is None else column.complaint()
-    return Columns(path, values, units=units, facts=_facts(layout.above, names), personal=tuple(personal))
+            if (own_words := column.words()) is not None:
+                words[name] = own_words
+            if (own_lists := column.lists()) is not None:
+                lists[name] = own_lists
+    facts = _facts(layout.above, names) | layout.facts
+    values, units = _without_count_row(values, units, layout.header)
+    if words or lists or len(values) > 2:
+        values, units = split_streams(path, values, units, words, lists)
+    values, units = _with_named_time(values, units, facts)
+    return Columns(path, values, units=units, facts=facts, personal=tuple(personal), damaged=lost.text)
+
+
+def _without_empty_first(
+    columns: Sequence[np.ndarray | _Cells], layout: _Layout
+) -> tuple[Sequence[np.ndarray | _Cells], _Layout]:
+    """Return a table without a first column that has neither a name nor a sample, only a word in the rows above."""
+    if layout.header is None or layout.header[0] or len(columns) < 3:
+        return columns, layout
+    first = columns[0] if isinstance(columns[0], np.ndarray) else columns[0].numbers()
+    if not np.isnan(first).all() or (not isinstance(columns[0], np.ndarray) and columns[0].text is not None):
+        return columns, layout
+    units = None if layout.unit_texts is None else layout.unit_texts[1:]
+    return columns[1:], replace(layout, header=layout.header[1:], unit_texts=units)
+
+
+def _wide_encoding(start: bytes) -> str | None:
+    """Return the encoding of text with two bytes a letter, by its first bytes; None for other text."""
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    even, odd = start[0::2], start[1::2]
+    if len(start) < 16 or b"\0" not in start:
+        return None
+    if odd.count(0) > 0.9 * len(odd) and 0 not in even:
+        return "utf-16-le"
+    return "utf-16-be" if even.count(0) > 0.9 * len(even) and 0 not in odd else None
+
+
+def _paired_columns(path: Path, layout: _Layout, columns: Sequence[np.ndarray | _Cells], lost: LostRows) -> Columns:
+    """Return the columns of a table whose channels each have times of their own before them.
+
+    Channels that share their times share one column, ``time``; others have NAME.time.
+    """
+    numbers = [x if isinstance(x, np.ndarray) else x.numbers() if x.text is None else x.complaint() for x in columns]
+    names, texts = layout.header or [], layout.unit_texts or []
+    channels: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    values: dict[str, np.ndarray | str] = {}
+    for name, time, x in zip(names[::2], numbers[::2], numbers[1::2], strict=True):
+        if isinstance(time, str) or isinstance(x, str):
+            values[name] = x if isinstance(x, str) else str(time)
+            continue
+        # A slower channel ends in empty cells.
+        n = int(np.flatnonzero(np.isfinite(time))[-1]) + 1 if np.isfinite(time).any() else 0
+        channels[name] = time[:n], x[:n]
+    clocks = list({time.tobytes(): time for time, _ in channels.values()}.values())
+    units = dict[str | int, str]()
+    clock_unit = unit_from_text(texts[0]) if texts else None
+    if len(clocks) == 1:
+        values["time"] = clocks[0]
+    for name, (time, x) in channels.items():
+        if len(clocks) > 1:
+            values[f"{name}.time"] = time
+        values[name] = x
+    if clock_unit:
+        units |= {name: clock_unit for name in values if name == "time" or name.endswith(".time")}
+    for name, text in zip(names[::2], texts[1::2], strict=False):
+        if text and name in values:
+            units[name] = unit_from_text(text) or text
+    facts = _facts(layout.above, list(values)) | layout.facts
+    return Columns(
+        path, values, units=units, facts=facts, personal=tuple(find_personal_lines(layout.above)), damaged=lost.text
+    )
+
+
+def _without_count_row(
+    values: dict[str, np.ndarray | str], units: dict[str | int, str], header: list[str] | None
+) -> tuple[dict[str, np.ndarray | str], dict[str | int, str]]:
+    """Return a table without a first row that counts the samples of each column but the first, as AcqKnowledge does."""
+    arrays = [x for x in values.values() if not isinstance(x, str)]
+    if header is None or len(arrays) < 2 or len(arrays) < len(values) or len(arrays[0]) < 3:
+        return values, units
+    first, others = arrays[0], arrays[1:]
+    counts = [int(np.isfinite(x[1:]).sum()) for x in others]
+    if np.isnan(first[0]) and all(x[0] == n for x, n in zip(others, counts, strict=True)):
+        return {name: x[1:] for name, x in values.items()}, units
+    return values, units
+
+
+def _with_named_time(
+    values: dict[str, np.ndarray | str], units: dict[str | int, str], facts: dict[str, str]
+) -> tuple[dict[str, np.ndarray | str], dict[str | int, str]]:
+    """Return a table whose first column, if it is the time, says so by its name or unit.
+
+    A name such as ``min`` is that of a unit. A column without a name that rises is the time if a line above states its
+    step.
+    """
+    first = next(iter(values), None)
+    if first is None or isinstance(x := values[first], str) or len(x) < 3 or not np.all(np.diff(x) > 0.0):
+        return values, units
+    if first not in units and first in _CLOCK_UNITS:
+        return values, units | {first: _CLOCK_UNITS[first]}
+    if first != "0" or len(values) < 2 or all(str(i) == name for i, name in enumerate(values)):
+        return values, units
+    step = float(np.median(np.diff(x)))
+    units = {"time" if name == first else name: unit for name, unit in units.items()}
+    for label, text in facts.items():
+        match = _STATED_STEP.fullmatch(text)
+        if match is not None and "time" not in units and re.search("interval|period|step|sampl", label, re.IGNORECASE):
+            stated, unit = float(match[1].replace(",", ".")), unit_from_text(match[2])
+            if stated > 0.0 and unit in ("s", "ms", "us", "min") and abs(step / stated - 1.0) < 1e-3:
+                units["time"] = unit
+            elif stated > 0.0 and unit in _SECONDS and abs(step / (stated * _SECONDS[unit]) - 1.0) < 1e-3:
+                units["time"] = "s"
+    return {"time" if name == first else name: column for name, column in values.items()}, units
 
 
 def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> _Layout:
@@ -141,23 +279,25 @@ def _find_layout(path: Path, blocks: Iterator[bytes], delimiter: str | None) -> 
         raise RecordingError(f"{path.name}: found no row of data")
     require_narrow_lines(path, (line for _, line in lines[:20]))
     delimiter = delimiter or _delimiter(_body([line for _, line in lines]))
-    first = _first_row([_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]])
+    split = [_split(line, delimiter) for _, line in lines[:MAX_HEADER_LINES]]
+    first = _first_row(split)
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
-    width = len(_split(lines[first][1], delimiter))
-    header, unit_texts = _header(lines[:first], comments, delimiter, width)
-    if header is None and (
-        numbers := _numbered_names([_split(line, delimiter) for _, line in lines[first : first + 2]])
-    ):
-        header, first = numbers, first + 1
+    header = _header(lines[:first], split[:first], comments, split[first:], delimiter)
+    names = header.names or (_joint_state_names(split[first:]) if not comments and first == 0 else None)
+    if names is None and (numbers := _numbered_names(split[first : first + 2])):
+        names, first = numbers, first + 1
+    above = [line for i, (_, line) in enumerate(lines[:first]) if i not in header.used]
     return _Layout(
         delimiter,
         skipped=lines[first][0] - 1,
-        width=len(_split(lines[first][1], delimiter)),
+        width=len(split[first]),
         decimal=_certain_mark([_split(line, delimiter) for _, line in lines[first : first + MAX_SAMPLED_ROWS]]),
-        header=header,
-        unit_texts=unit_texts,
-        above=[*comments, *(line for _, line in lines[:first])],
+        header=names,
+        unit_texts=header.units,
+        above=[*comments, *above],
+        paired=header.paired,
+        facts=stated_rate([*comments, *above]),
     )
 
 
@@ -218,6 +358,9 @@ class _Cells:
     text: tuple[int, str] | None = None
     _parts: list[np.ndarray] = field(default_factory=list)
     _stamps: dict[int, str] | None = field(default_factory=dict)  # by row; None once a text is no stamp
+    _lists: dict[int, ListCell] | None = field(default_factory=dict)  # by row; None once a text is no list
+    _words: dict[str, int] | None = field(default_factory=dict)  # numbers of words; None once there are too many
+    _codes: list[np.ndarray] = field(default_factory=list)
     _row_count: int = 0
 
     def add(self, lines: Sequence[int], fields: Sequence[str]) -> None:
@@ -232,6 +375,9 @@ class _Cells:
             number_by_text = {text: _marked_number(text, self.decimal) for text in set(fields)}
             numbers = np.array([number_by_text[text] for text in fields], dtype=np.float64)
             self._add_texts([(i, text) for i, text in enumerate(fields) if number_by_text[text] is None], lines)
+            self._add_words(fields, number_by_text)
+        elif self._words is not None:
+            self._codes.append(np.full(len(fields), -1, dtype=np.int8))
         self._parts.append(numbers)
         self._row_count += len(fields)
 
@@ -239,10 +385,34 @@ class _Cells:
         """Take texts with their places in a block whose rows have the numbers `lines`."""
         for i, text in texts:
             self.text = self.text or (lines[i], text)
-            if self._stamps is None or not is_stamp(text):
-                self._stamps = None
+            if self._stamps is not None and is_stamp(text):
+                self._stamps[self._row_count + i] = text
+                continue
+            self._stamps = None
+            if self._lists is None or (cell := parse_list(text)) is None:
+                self._lists = None
                 return
-            self._stamps[self._row_count + i] = text
+            self._lists[self._row_count + i] = cell
+
+    def _add_words(self, fields: Sequence[str], number_by_text: dict[str, float | None]) -> None:
+        """Take fields some of which are words, as long as few different ones are known."""
+        if self._words is None:
+            return
+        for text in dict.fromkeys(fields):
+            if number_by_text[text] is None:
+                self._words.setdefault(text, len(self._words))
+        if len(self._words) > MAX_LABELS:
+            self._words, self._codes = None, []
+            return
+        self._codes.append(np.array([self._words.get(text, -1) for text in fields], dtype=np.int8))
+
+    def words(self) -> Words | None:
+        """Return the column's words; None if it has none, or too many."""
+        return Words(np.concatenate(self._codes), tuple(self._words)) if self._words else None
+
+    def lists(self) -> list[ListCell | None] | None:
+        """Return the lists in the column's cells; None if its texts are no lists."""
+        return [self._lists.get(i) for i in range(self._row_count)] if self._lists else None
 
     def numbers(self) -> np.ndarray:
         """Return the column, shape (n,), NaN where it has no number."""
@@ -269,27 +439,28 @@ class _Cells:
         return f'line {number} holds the text "{text}" where a number is expected'
 
 
-def _cell_columns(path: Path, layout: _Layout, file: BinaryIO, end: int | None) -> list[_Cells]:
-    """Return the columns of a table of any fields, which is gone through twice."""
+def _cell_columns(path: Path, layout: _Layout, file: BinaryIO, end: int | None, lost: LostRows) -> list[_Cells]:
+    """Return the columns of a table of any fields, which is gone through twice; rows of another width go to `lost`."""
     evidence = [CommaEvidence() for _ in range(layout.width)]
-    lines_by_width: dict[int, int] = {}
+    widths = RowWidths()
     is_surplus = layout.width > 1 and not layout.is_last_named
     for numbers, rows in _split_rows(layout, file, end):
-        for number, fields in zip(numbers, rows, strict=True):
-            lines_by_width.setdefault(len(fields), number)
+        widths.add(numbers, rows)
+        rows = [fields for fields in rows if len(fields) in (layout.width, layout.width - 1)]
         is_surplus = is_surplus and not any(fields[-1] for fields in rows if len(fields) == layout.width)
         for each, column in zip(evidence, zip_longest(*rows, fillvalue=""), strict=False):
             each.add(column)
     width = layout.width - is_surplus
-    wrong = [(number, found) for found, number in lines_by_width.items() if found not in (width, width + is_surplus)]
-    if wrong:
-        number, found = min(wrong)
-        raise RecordingError(f"{path.name}: line {number} has {found} fields, expected {width}")
+    accepted = widths.accepted(path, width, lost, may_be_longer=is_surplus)
     marks = decimal_marks(evidence[:width])
     columns = [_Cells(each, mark) for each, mark in zip(evidence, marks, strict=False)]
     for numbers, rows in _split_rows(layout, file, end):
-        for cells, column in zip(columns, zip_longest(*rows, fillvalue=""), strict=False):
-            cells.add(numbers, column)
+        kept = [(number, fields) for number, fields in zip(numbers, rows, strict=True) if accepted(number, fields)]
+        table = list(zip_longest(*(fields[:width] for _, fields in kept), fillvalue=""))
+        # Rows that end early leave out the cells of the last columns.
+        table += [("",) * len(kept)] * (width - len(table))
+        for cells, column in zip(columns, table, strict=True):
+            cells.add([number for number, _ in kept], column)
     return columns
 
 
@@ -340,7 +511,7 @@ def _delimiter(lines: list[str]) -> str | None:
 
 def _split(line: str, delimiter: str | None) -> list[str]:
     if delimiter is None:
-        return line.split()
+        return [text.strip('"') for text in _QUOTED_OR_PLAIN.findall(line)] if '"' in line else line.split()
     if '"' in line:
         # A quoted name may contain the delimiter.
         return [field.strip() for field in next(csv.reader([line.strip("\r\n ")], delimiter=delimiter))]
@@ -360,12 +531,24 @@ def _is_data(fields: list[str]) -> bool:
 def _first_row(lines: list[list[str]]) -> int | None:
     """Return the index of the table's first row among lines split into fields; None if there is no table.
 
-    Settings above the table, each a name and a value, do not belong to it. They are followed by a line of names and by
-    rows of another width.
+    Settings above the table, each a name and a value, do not belong to it: they have another width than most rows, or
+    fewer numbers, or are followed by a line of names.
     """
-    first = next((i for i, fields in enumerate(lines) if _is_data(fields)), None)
-    if first is None:
+    data = [i for i, fields in enumerate(lines) if _is_data(fields)]
+    if not data:
         return None
+    counted = Counter(len(lines[i]) for i in data)
+    # Columns of slower signals may end early, so that the widest rows are the table's, if they are no exceptions.
+    width = max(found for found in counted if counted[found] >= MIN_ROW_SHARE * len(data))
+    alike = [i for i in data if len(lines[i]) == width]
+    counts = sorted(_count_numbers(lines[i]) for i in alike[len(alike) // 2 :])
+    usual = counts[len(counts) // 10]
+    first = next(i for i in data if len(lines[i]) == width and _count_numbers(lines[i]) >= usual)
+    # The first rows may hold a word where others hold nothing.
+    while first > 0 and len(lines[first - 1]) == width and 2 * _count_numbers(lines[first - 1]) >= usual:
+        if not _is_data(lines[first - 1][:1]):
+            break
+        first -= 1
     widths = {len(fields) for fields in lines[first:] if _is_data(fields)}
     for i in range(first + 1, len(lines) - 1 if len(widths) > 1 else 0):
         names, below = lines[i], lines[i + 1]
@@ -375,33 +558,67 @@ def _first_row(lines: list[list[str]]) -> int | None:
     return first
 
 
-def _header(
-    above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int
-) -> tuple[list[str] | None, list[str] | None]:
-    """Return the names of the columns and the texts of their units; None for what no line gives.
+def _joint_state_names(rows: list[list[str]]) -> list[str] | None:
+    """Return the names of the columns of ROS 2 joint states as ``ros2 topic echo --csv`` writes them, without a header.
 
-    Titles and settings may stand above the header. The header is the first line with a name for every column, or the
-    line above a row of units.
+    A row has the stamp's seconds and nanoseconds, the frame, the names of all joints, and then the numbers of each
+    field in turn: positions, velocities, efforts. An empty field has no numbers. None for any other table.
     """
-    split = [_split(line, delimiter) for _, line in above]
-    whole = [fields for fields in split if len(fields) == width or (len(fields) == width + 1 and not fields[-1])]
-    for names, units in pairwise(whole):
-        if width > 1 and is_unit_row(units) and not is_unit_row(names):
-            return names, units
-    for fields in whole:
-        return fields, None
-    listed = [match for _, line in above if (match := _CHANNEL_LINE.match(line))]
-    if len(listed) == width:
-        return [match[1] for match in listed], [match[2] or "" for match in listed]
-    if delimiter is not None and above and all(delimiter not in line for _, line in above):
-        return None, None
-    if above and not _is_prose(above, split, width):
-        return split[0], None
-    for line in reversed(comments):
-        fields = _split(line.lstrip().lstrip("#%!/ "), delimiter)
-        if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
-            return fields, None
-    return None, None
+    fields = rows[0]
+    count = next((i for i, text in enumerate(fields[3:]) if not text or _number(text) is not None), 0)
+    names, numbers = fields[3 : 3 + count], fields[3 + count :]
+    is_stamp = len(fields) > 4 and fields[0].isdigit() and fields[1].isdigit() and not fields[2].isdigit()
+    if not is_stamp or not count or len(numbers) % count or len(numbers) // count > 3 or len(set(names)) < count:
+        return None
+    if any(row[3 : 3 + count] != names or len(row) != len(fields) for row in rows[:20]):
+        return None
+    quantities = ("position", "velocity", "effort")[: len(numbers) // count]
+    return [
+        "header.stamp.sec", "header.stamp.nanosec", "header.frame_id", *(f"name{i}" for i in range(count)),
+        *(f"{quantity}{i}" for quantity in quantities for i in range(count)),
+    ]  # fmt: skip
+
+
+def _count_numbers(fields: list[str]) -> int:
+    """Return how many fields are numbers, or missing ones."""
+    return sum(_number(text) is not None for text in fields)
+
+
+def _header(
+    above: list[tuple[int, str]],
+    split: list[list[str]],
+    comments: list[str],
+    body: list[list[str]],
+    delimiter: str | None,
+) -> TableHeader:
+    """Return what the lines above a table and its comments state of its columns' names and units."""
+    width = len(body[0])
+    is_last_empty = width > 1 and all(not fields[-1] for fields in body if len(fields) == width)
+    found = find_header([line for _, line in above], split, body, width, is_last_empty=is_last_empty)
+    if found is not None:
+        return found
+    if delimiter is None and above and (spaced := _spaced_names(above[-1][1], width)):
+        return TableHeader(spaced, None, frozenset({len(above) - 1}))
+    has_names = above and not (delimiter is not None and all(delimiter not in line for _, line in above))
+    if has_names and not _is_prose(above, split, width):
+        return TableHeader(split[0], None, frozenset({0}))
+    if has_names or not above:
+        for line in reversed(comments):
+            bare = line.lstrip().lstrip("#%!/ ")
+            for mark in (*([delimiter] if delimiter else []), ",", "\t", ";", None):
+                fields = _split(bare, mark)
+                if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
+                    comments.remove(line)
+                    return TableHeader(fields)
+    return TableHeader()
+
+
+def _spaced_names(line: str, width: int) -> list[str] | None:
+    """Return the names of columns between blanks, where a unit in brackets is apart from its name; None without."""
+    names = re.split(r"\s{2,}|\t", line.strip())
+    if len(names) != width:
+        names = re.sub(r"\s+(?=[\[(])", "\0", line.strip()).split()
+    return [name.replace("\0", " ") for name in names] if len(names) == width else None
 
 
 def _numbered_names(rows: list[list[str]]) -> list[str] | None:

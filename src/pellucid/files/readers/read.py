@@ -20,7 +20,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-from ..._errors import PellucidError, PluginError, RecordingError, TruncatedFileWarning
+from ..._errors import DamagedRowsWarning, PellucidError, PluginError, RecordingError, TruncatedFileWarning
 from ..._plugins import load_plugins, require_attributes
 from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_file_size, require_short_names
@@ -148,11 +148,11 @@ def read(path: str | os.PathLike) -> Columns:
     Parameters
     ----------
     path : path-like
-        File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), workbooks (``.xlsx``,
-        ``.xlsm``, ``.ods``), ``.mat``, ``.json``, HDF5 (``.h5``, ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``),
-        ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``), motion capture (``.c3d``, ``.trc``), amplifiers
-        (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``, ``.bag``, ``.db3``). A text table may
-        have any other ending, or none.
+        File whose ending states its format: text (``.csv``, ``.tsv``, ``.txt``, ``.dat``), LabVIEW (``.lvm``),
+        workbooks (``.xlsx``, ``.xlsm``, ``.ods``), ``.mat``, JSON (``.json``, ``.jsonl``, ``.ndjson``), HDF5 (``.h5``,
+        ``.hdf5``, ``.hdf``), NumPy (``.npz``, ``.npy``), ``.parquet``, ``.feather``, OpenSim (``.sto``, ``.mot``),
+        motion capture (``.c3d``, ``.trc``), amplifiers (``.edf``, ``.bdf``), ``.xdf``, robots' logs (``.mcap``,
+        ``.bag``, ``.db3``). A text table may have any other ending, or none.
 
     Returns
     -------
@@ -168,6 +168,8 @@ def read(path: str | os.PathLike) -> Columns:
 
     Warns
     -----
+    DamagedRowsWarning
+        If single rows of a text table do not have the columns of the others, or hold NUL bytes. They are left out.
     TruncatedFileWarning
         If the writer of a text table or an XDF file was stopped. Everything up to the last complete row or chunk is
         read, and the warning names what is missing. A truncated file of another format is an error.
@@ -191,6 +193,10 @@ def read(path: str | os.PathLike) -> Columns:
     (True, 2, ['t [s]', 'q'])
     """
     columns = read_columns(path)
+    if columns.damaged:
+        warnings.warn(
+            f"{Path(path).name}: left out {columns.damaged}; every other row was read", DamagedRowsWarning, stacklevel=2
+        )
     if columns.lost:
         warnings.warn(
             f"{Path(path).name}: the file is truncated: found {columns.lost}; everything before it was read",

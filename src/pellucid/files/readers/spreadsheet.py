@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ..personal_fields import PersonalField
 from ._caps import require_few_columns, require_unpacked_size
 from ._columns import Columns
 from .csv import read_table
@@ -40,7 +41,11 @@ def read(path: Path) -> Columns:
     filled = {name: table for name, table in tables.items() if table is not None}
     values: dict[str, np.ndarray | str] = {}
     units: dict[str | int, str] = {}
+    facts: dict[str, str] = {}
+    personal: list[PersonalField] = []
     for sheet, table in filled.items():
+        facts |= {label if len(filled) == 1 else f"{sheet}.{label}": text for label, text in table.facts.items()}
+        personal += table.personal
         for name, column in table.values.items():
             own = name if len(filled) == 1 else f"{sheet}.{name}"
             values[own] = column
@@ -49,7 +54,8 @@ def read(path: Path) -> Columns:
         require_few_columns(path, len(values))
     if not values:
         raise RecordingError(f"{path.name}: found no sheet with a row of numbers, expected one")
-    return Columns(path, values, units=units)
+    damaged = "; ".join(table.damaged for table in filled.values() if table.damaged)
+    return Columns(path, values, units=units, facts=facts, personal=tuple(personal), damaged=damaged)
 
 
 def _table(path: Path, cells: list[list[Any]]) -> Columns | None:

@@ -12,6 +12,9 @@ from ._columns import Columns
 
 ENDINGS = (".sto", ".mot", ".dat")
 
+_PARTS_BY_TYPE = {"quaternion": tuple("wxyz"), "vec3": tuple("xyz"), "spatialvec": ("rx", "ry", "rz", "x", "y", "z")}
+"""Parts of a cell by the type that the header states, in the order in which OpenSim writes them."""
+
 WRITERS_THAT_MISCOUNT_ROWS = ("rtosim output",)
 """First lines of real-time writers whose ``nRows`` counts one row too many, or one too few, of a file that is whole."""
 
@@ -29,7 +32,13 @@ def read(path: Path) -> Columns:
         raise RecordingError(f"{path.name}: found nothing after endheader, expected labels and rows")
     require_narrow_lines(path, body[:1])
     labels = body[0].split()
+    parts = _PARTS_BY_TYPE.get(header.get("datatype", ""), ())
     rows = [line.split() for line in body[1:]]
+    columns = len(labels)
+    if parts and rows:
+        # OpenSense writes an orientation as one cell, "w,x,y,z".
+        labels = [labels[0], *(f"{label}.{part}" for label in labels[1:] for part in parts)]
+        rows = [[number for cell in fields for number in cell.split(",")] for fields in rows]
     for number, fields in enumerate(rows, first + 1):
         if len(fields) != len(labels):
             last = number - first == len(rows)
@@ -42,7 +51,7 @@ def read(path: Path) -> Columns:
     except ValueError as error:
         raise RecordingError(f"{path.name}: found text where numbers are expected: {error}") from None
     miscounts = header["title"].startswith(WRITERS_THAT_MISCOUNT_ROWS)
-    for key, found in (("nrows", len(rows)), ("ncolumns", len(labels))):
+    for key, found in (("nrows", len(rows)), ("ncolumns", columns)):
         accepted = (found - 1, found, found + 1) if key == "nrows" and miscounts else (found,)
         if key in header and header[key] not in map(str, accepted):
             raise RecordingError(
@@ -50,7 +59,8 @@ def read(path: Path) -> Columns:
                 "the file is truncated or was edited"
             )
     values = {label: np.ascontiguousarray(table[:, i]) for i, label in enumerate(labels)}
-    return Columns(path, values, {"yes": "deg", "no": "rad"}.get(header.get("indegrees", "")))
+    facts = {"DataRate": f"{header['datarate']} Hz"} if "datarate" in header else {}
+    return Columns(path, values, {"yes": "deg", "no": "rad"}.get(header.get("indegrees", "")), facts=facts)
 
 
 def _split_header(path: Path) -> tuple[dict[str, str], list[str], int]:
