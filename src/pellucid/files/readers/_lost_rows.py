@@ -47,21 +47,23 @@ class RowWidths:
     _nul_lines: list[int] = field(default_factory=list)
     _last: dict[int, int] = field(default_factory=dict)  # number of the last line, by width
 
-    def add(self, numbers: Sequence[int], rows: Sequence[list[str]]) -> None:
+    def add(self, numbers: Sequence[int], rows: Sequence[list[str]], *, may_hold_nul: bool) -> None:
         """Take more rows, each with the number of its line."""
-        for number, fields in zip(numbers, rows, strict=True):
-            if has_nul(fields):
-                self._nul_lines.append(number)
-                continue
-            n = len(fields)
-            self._counts[n] += 1
-            self._first.setdefault(n, number)
-            self._last[n] = number
+        if may_hold_nul:
+            kept = [(number, fields) for number, fields in zip(numbers, rows, strict=True) if not has_nul(fields)]
+            self._nul_lines += sorted(set(numbers) - {number for number, _ in kept})
+            numbers, rows = [number for number, _ in kept], [fields for _, fields in kept]
+        widths = list(map(len, rows))
+        counts = Counter(widths)
+        self._counts.update(counts)
+        for n in counts:
+            self._first.setdefault(n, numbers[widths.index(n)])
+            self._last[n] = numbers[-1 - widths[::-1].index(n)]
 
     def accepted(
         self, path: Path, width: int, lost: LostRows, *, may_be_longer: bool
-    ) -> Callable[[int, list[str]], bool]:
-        """Return whether a row, by its line's number and fields, belongs to a table of `width` columns.
+    ) -> Callable[[list[str]], bool] | None:
+        """Return whether a row's fields belong to a table of `width` columns; None if those of every row do.
 
         Rows of another width, and rows with NUL bytes, are counted in `lost`. RecordingError if they are many, unless
         the rows at the end are short because the last columns have ended.
@@ -73,7 +75,7 @@ class RowWidths:
         if count and count > MAX_DAMAGED_SHARE * total:
             number, n = min(wrong, default=(0, 0))
             if wrong and not self._nul_lines and self._ends_in_short_rows(good):
-                return lambda number, fields: True
+                return None
             if not wrong:
                 raise RecordingError(
                     f"{path.name}: {len(self._nul_lines)} of {total} rows hold NUL bytes, expected text"
@@ -86,7 +88,7 @@ class RowWidths:
             lost.first = (
                 f"line {number} holds NUL bytes" if n < 0 else f"line {number} has {n} fields, expected {width}"
             )
-        return lambda number, fields: len(fields) in good and not has_nul(fields)
+        return (lambda fields: len(fields) in good and not has_nul(fields)) if count else None
 
     def _ends_in_short_rows(self, good: set[int]) -> bool:
         """Whether rows only become shorter: columns of slower signals end before the others."""

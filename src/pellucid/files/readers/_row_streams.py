@@ -16,6 +16,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -53,7 +54,7 @@ _ARRAY_END = re.compile(r",\s*dtype=[\w.]{1,20}\)|\)")
 _NAME_COLUMN = re.compile(r"(.*?)(?:joint_)?names?[._\[]?(\d+)\]?", re.IGNORECASE)
 _NUMBERED_COLUMN = re.compile(r"(.*?[^\d._\[])[._\[]?(\d+)\]?")
 
-ListCell = np.ndarray | tuple[str, ...]
+ListCell: TypeAlias = np.ndarray | tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -299,12 +299,13 @@ def _listed_channels(lines: Sequence[str], width: int) -> tuple[list[tuple[str, 
 
     A list has as many channels as the table has columns, with or without the one of time.
     """
-    matches = [(i, match) for i, line in enumerate(lines) if (match := _CHANNEL_LINE.match(line))]
+    matches = [match for line in lines if (match := _CHANNEL_LINE.match(line))]
     if len(matches) == width:
-        return [(match[1], match[2] or "") for _, match in matches], {i for i, _ in matches}
+        # Such a line may state more, such as a rate, and stays among the settings.
+        return [(match[1], match[2] or "") for match in matches], set()
     for counts in _numbered_runs(lines):
         if len(counts) in (width, width - 1) and len(counts) > 1:
-            return [split_unit_text(text) for _, text in counts], {i for i, _ in counts}
+            return [split_unit_text(text) for _, text in counts], set()
     for i, line in enumerate(lines):
         match = _COUNT_OF_CHANNELS.fullmatch(line[:100])
         n = int(match[1] or match[2]) if match else 0

@@ -329,14 +329,15 @@ def _plain_columns(layout: _Layout, file: BinaryIO, end: int | None, *, arrow: b
     return None if any(may_hold_thousands([x]) and has_whole_numbers(x) for x in columns) else columns
 
 
-def _split_rows(layout: _Layout, file: BinaryIO, end: int | None) -> Iterator[tuple[list[int], list[list[str]]]]:
-    """Yield the numbers of the lines of a table, and the fields of each, block by block."""
+def _split_rows(layout: _Layout, file: BinaryIO, end: int | None) -> Iterator[tuple[list[int], list[list[str]], bool]]:
+    """Yield the numbers of the lines of a table, the fields of each, and whether a NUL byte is there, by blocks."""
     before = 0
     for block in line_blocks(file, end):
         texts = text_of(block).splitlines()
         lines = [(number, line) for number, line in data_lines(texts, before) if number > layout.skipped]
         before += len(texts)
-        yield [number for number, _ in lines], [_split(line, layout.delimiter) for _, line in lines]
+        fields = [_split(line, layout.delimiter) for _, line in lines]
+        yield [number for number, _ in lines], fields, b"\0" in block
 
 
 @dataclass
@@ -444,8 +445,8 @@ def _cell_columns(path: Path, layout: _Layout, file: BinaryIO, end: int | None, 
     evidence = [CommaEvidence() for _ in range(layout.width)]
     widths = RowWidths()
     is_surplus = layout.width > 1 and not layout.is_last_named
-    for numbers, rows in _split_rows(layout, file, end):
-        widths.add(numbers, rows)
+    for numbers, rows, has_nul in _split_rows(layout, file, end):
+        widths.add(numbers, rows, may_hold_nul=has_nul)
         rows = [fields for fields in rows if len(fields) in (layout.width, layout.width - 1)]
         is_surplus = is_surplus and not any(fields[-1] for fields in rows if len(fields) == layout.width)
         for each, column in zip(evidence, zip_longest(*rows, fillvalue=""), strict=False):
@@ -454,13 +455,15 @@ def _cell_columns(path: Path, layout: _Layout, file: BinaryIO, end: int | None, 
     accepted = widths.accepted(path, width, lost, may_be_longer=is_surplus)
     marks = decimal_marks(evidence[:width])
     columns = [_Cells(each, mark) for each, mark in zip(evidence, marks, strict=False)]
-    for numbers, rows in _split_rows(layout, file, end):
-        kept = [(number, fields) for number, fields in zip(numbers, rows, strict=True) if accepted(number, fields)]
-        table = list(zip_longest(*(fields[:width] for _, fields in kept), fillvalue=""))
+    for numbers, rows, _ in _split_rows(layout, file, end):
+        if accepted is not None:
+            kept = [i for i, fields in enumerate(rows) if accepted(fields)]
+            numbers, rows = [numbers[i] for i in kept], [rows[i] for i in kept]
+        table = list(zip_longest(*rows, fillvalue=""))[:width]
         # Rows that end early leave out the cells of the last columns.
-        table += [("",) * len(kept)] * (width - len(table))
+        table += [("",) * len(rows)] * (width - len(table))
         for cells, column in zip(columns, table, strict=True):
-            cells.add([number for number, _ in kept], column)
+            cells.add(numbers, column)
     return columns
 
 
