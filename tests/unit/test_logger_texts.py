@@ -245,6 +245,13 @@ def test_rows_about_motors_by_number_have_their_own_times(tmp_path):
     np.testing.assert_allclose(found["position.motor_3"], 3 * Q, atol=1e-3)
 
 
+def test_a_reading_of_few_steps_is_no_label(tmp_path, rng):
+    steps = [str(x) for x in rng.integers(0, 4, N)]
+    for name in ("sensor", "motor", "axis"):
+        found = read_text(tmp_path, f"time,{name},position\n" + table(T, steps, Q))
+        assert list(found.values) == ["time", name, "position"]
+
+
 def test_signals_below_each_other_and_topics_with_fields_of_their_own(tmp_path):
     melted = table(T, ["q"] * N, Q) + table(T, ["tau"] * N, U)
     found = read_text(tmp_path, "time,variable,value\n" + melted)

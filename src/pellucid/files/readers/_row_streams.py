@@ -13,6 +13,7 @@ A new column is named by its old one and the label, ``position.knee``.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,9 @@ MIN_CHANGE_SHARE = 0.2
 
 MIN_UNNAMED_CHANGE_SHARE = 0.8
 """The same for a column whose name does not say that it holds labels."""
+
+MIN_ORDERED_SHARE = 0.9
+"""Numbers are labels if at least this share of the rows follows the same number each time."""
 
 MAX_STREAMS = 16
 """Rows with lists belong to at most so many sets of names."""
@@ -294,11 +298,23 @@ def _label_column(
         counts = np.bincount(known, minlength=len(labels))
         if counts.min() < 2:
             continue
-        if changes >= (MIN_CHANGE_SHARE if is_named else MIN_UNNAMED_CHANGE_SHARE) or (
-            is_named and _restarts(values, codes)
-        ):
+        if column in words:
+            takes_turns = changes >= (MIN_CHANGE_SHARE if is_named else MIN_UNNAMED_CHANGE_SHARE)
+        else:
+            # A state or a reading of few steps changes often, too, but in no order.
+            takes_turns = changes >= MIN_UNNAMED_CHANGE_SHARE and _has_order(codes)
+        if takes_turns or (is_named and _restarts(values, codes)):
             return column, codes, labels
     return None
+
+
+def _has_order(codes: np.ndarray) -> bool:
+    """Whether each label is nearly always followed by the same one."""
+    pairs = Counter(zip(codes[:-1].tolist(), codes[1:].tolist(), strict=True))
+    usual: dict[int, int] = {}
+    for (before, _), count in pairs.items():
+        usual[before] = max(usual.get(before, 0), count)
+    return sum(usual.values()) >= MIN_ORDERED_SHARE * (len(codes) - 1)
 
 
 def _restarts(values: Mapping[str, np.ndarray | str], codes: np.ndarray) -> bool:
