@@ -14,7 +14,7 @@ from .._errors import PellucidError, RecordingError, StudyError
 from ..arm.urdf import read_urdf
 from ..files.name_evidence import read_name, words_of
 from ..files.personal_fields import PersonalField
-from ..files.readers import read_columns
+from ..files.readers import Columns, read_columns
 from ..files.readers._comma import TWO_READINGS
 from .inference.emg_spectrum import FlatShape, common_rows, find_flat_shape
 
@@ -120,7 +120,7 @@ def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
             unread.append((path, "no recording by its name"))
             continue
         try:
-            found = _tables_of(path)
+            found = tables_of_columns(read_columns(path))
         except PellucidError as error:
             unread.append((path, str(error).removeprefix(f"{path.name}: ")))
             continue
@@ -148,8 +148,9 @@ def _expand(files: Iterable[str | os.PathLike]) -> list[Path]:
     return list(dict.fromkeys(paths))
 
 
-def _tables_of(path: Path) -> list[GivenTable]:
-    columns = read_columns(path)
+def tables_of_columns(columns: Columns) -> list[GivenTable]:
+    """Return the tables that the columns of one file form; columns of text are named and left out."""
+    path = columns.path
     numeric = {name: np.asarray(x, float) for name, x in columns.values.items() if not isinstance(x, str)}
     for name, x in columns.values.items():
         about = read_name(name).quantity if isinstance(x, str) and TWO_READINGS in x else None
