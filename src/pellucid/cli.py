@@ -817,9 +817,9 @@ def main() -> None:
     try:
         app()
     except UnfitRecordingError as error:
-        _exit_with_message(str(error), 1)
+        _exit_with_message(_text_with_notes(error), 1)
     except PellucidError as error:
-        _exit_with_message(str(error))
+        _exit_with_message(_text_with_notes(error))
     except ModuleNotFoundError as error:
         domain = missing_domain(error)
         if domain is None:
@@ -839,6 +839,11 @@ def main() -> None:
         _exit_with_message(
             f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70
         )
+
+
+def _text_with_notes(error: PellucidError) -> str:
+    """Return an error's message, and its notes on lines of their own."""
+    return "\n".join([str(error), *getattr(error, "__notes__", ())])
 
 
 def _exit_with_message(text: str, status: int = 2) -> None:

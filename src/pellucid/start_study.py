@@ -16,7 +16,6 @@ from ._plugins import Plugin, load_plugins, require_attributes
 from .study import datasets
 
 if TYPE_CHECKING:
-    from .files.fault import Fault
     from .start.init_from_files import ProposedStudy
     from .start.propose_study import Question
     from .study.study import Study
@@ -109,7 +108,7 @@ def init(
     if files is not None:
         from .start.init_from_files import init_from_files
 
-        return init_from_files(folder, files, check=_check_folder, answers=answers, ask=ask, urdf=urdf)
+        return init_from_files(folder, files, answers=answers, ask=ask, urdf=urdf)
     if session is not None:
         from .live.session.run_session import start_session_study
 
@@ -123,13 +122,6 @@ def init(
         return _start_robot_study(folder, Path(urdf))
     assert dataset is not None  # one of the three is given
     return datasets.init(folder, dataset=dataset, progress=progress)
-
-
-def _check_folder(folder: Path) -> list[Fault]:
-    from .study.procedures.registry import open_study
-    from .study.procedures.run import check
-
-    return check(open_study(folder))
 
 
 def _rig_source() -> Plugin | None:

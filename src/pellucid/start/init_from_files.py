@@ -19,9 +19,11 @@ from .._errors import PellucidError, StudyError, UnfitRecordingError
 from .._given import require_empty_folder
 from ..files.fault import Fault, grouped_messages
 from ..study.pages.page import write_page
+from ..study.procedures.registry import open_study
+from ..study.procedures.run import check
 from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
-from .proposal_page import proposal_page
+from .proposal_page import proposal_page, unmade_page
 from .propose_study import (
     Proposal,
     Question,
@@ -68,6 +70,9 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
 RECORDINGS_FOLDER = "recordings"
 """Folder of a study that holds its files."""
 
+REFUSAL = "no study was made"
+"""Words of a refusal that stand before its reason."""
+
 PAGE_FOLDER = "proposal"
 """Folder of a study that holds the page of its proposal."""
 
@@ -82,8 +87,8 @@ class ProposedStudy:
         Folder of the study.
     study_file : Path
         Its study.toml.
-    page : Path
-        Page with every channel drawn beside its proposed role.
+    page : Path or None
+        Page with every channel drawn beside its proposed role; None if it was not drawn.
     proposal : Proposal
         Roles of all columns with their reasons, recordings, questions and answers.
     faults : tuple of Fault
@@ -92,7 +97,7 @@ class ProposedStudy:
 
     folder: Path
     study_file: Path
-    page: Path
+    page: Path | None
     proposal: Proposal
     faults: tuple[Fault, ...] = ()
 
@@ -106,7 +111,6 @@ def init_from_files(
     folder: str | os.PathLike,
     files: Iterable[str | os.PathLike],
     *,
-    check: Callable[[Path], Sequence[Fault]],
     answers: Mapping[str, str] | None = None,
     ask: Callable[[Question], str] | None = None,
     urdf: str | os.PathLike | None = None,
@@ -119,8 +123,6 @@ def init_from_files(
         Folder to make; it may exist if it is empty.
     files : iterable of path-like
         Recordings, and folders of them.
-    check : callable
-        Returns the faults of the study in a folder, as the command of that name does.
     answers : mapping of str to str, optional
         Answers by the questions' keys; a question without an answer takes its default.
     ask : callable, optional
@@ -134,31 +136,114 @@ def init_from_files(
         If the folder is not empty, no file holds a table of numbers, a stated unit is not known, or an answer cannot
         be.
     UnfitRecordingError
-        If `check` refuses the study; nothing is written.
+        If `check` refuses the study; the folder is not made.
+
+    An error that comes after the proposal has a note with the path of a page, which shows what was understood.
     """
     folder = Path(folder)
     require_empty_folder(folder)
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.absolute().name).strip("_-") or "study"
     given = read_given(files)
     if urdf is not None:
         given = given.with_robot(Path(urdf))
+    return make_study(folder, propose_with_answers(given, study_name(folder), answers, ask))
+
+
+def study_name(folder: Path) -> str:
+    """Return the name of a study in a folder: the folder's, in characters that a figure's id may have."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", folder.absolute().name).strip("_-") or "study"
+
+
+def propose_with_answers(
+    given: GivenFiles,
+    name: str,
+    answers: Mapping[str, str] | None = None,
+    ask: Callable[[Question], str] | None = None,
+) -> Proposal:
+    """Return the proposal for files; `ask` is called with each question that `answers` do not have."""
     proposal = propose_study(given, name, answers)
-    if ask is not None:
-        said = dict(answers or {})
-        for question in proposal.asked:
-            if question.key not in said:
-                answer = ask(question).strip()
-                if answer and answer != question.default:
-                    said[question.key] = answer
-        proposal = propose_study(given, name, said) if said != dict(answers or {}) else proposal
-    require_known_units(proposal)
-    require_agreeing_units(proposal)
-    with _draft_of(folder) as draft:
-        _write(draft, proposal, given)
-        faults = _require_accepted(draft, folder, proposal, check)
-        page = write_page(draft / PAGE_FOLDER, proposal_page(proposal, folder)).relative_to(draft)
-        _move_content(draft, folder)
-    return ProposedStudy(folder, folder / STUDY_FILE, folder / page, proposal, faults)
+    if ask is None:
+        return proposal
+    said = dict(answers or {})
+    for question in proposal.asked:
+        if question.key not in said:
+            answer = ask(question).strip()
+            if answer and answer != question.default:
+                said[question.key] = answer
+    return propose_study(given, name, said) if said != dict(answers or {}) else proposal
+
+
+def check_folder(folder: Path) -> list[Fault]:
+    """Return the faults of the study in a folder, as the command `check` does."""
+    return check(open_study(folder))
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a recording into a study."""
+    shutil.copyfile(source, target)
+
+
+def make_study(
+    folder: Path,
+    proposal: Proposal,
+    *,
+    named: str = "",
+    put: Callable[[Path, Path], None] = copy_file,
+    page_folder: Path | None = None,
+    with_page: bool = True,
+) -> ProposedStudy:
+    """Write a proposal's study into a folder that is new or empty, if `check` accepts it.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to make.
+    proposal : Proposal
+        Study to write.
+    named : str
+        What a refusal names at its beginning; the folder without it.
+    put : callable
+        Called with the path of each recording and the path that it gets in the study; it writes the recording there.
+    page_folder : Path, optional
+        Folder for the page of a study that cannot be made; without it a new one for temporary files.
+    with_page : bool
+        Whether the page of the proposal is drawn into the study.
+
+    Raises
+    ------
+    StudyError
+        If a stated unit is not known, or stated units contradict each other.
+    UnfitRecordingError
+        If `check` refuses the study. Nothing is written then but a page, which the error's note names.
+    """
+    page = None
+    try:
+        require_known_units(proposal)
+        require_agreeing_units(proposal)
+        with _draft_of(folder) as draft:
+            _write(draft, proposal, put)
+            faults = _require_accepted(draft, named or folder, proposal, check_folder)
+            if with_page:
+                page = write_page(draft / PAGE_FOLDER, proposal_page(proposal, folder)).relative_to(draft)
+            _move_content(draft, folder)
+    except PellucidError as error:
+        note_understood(error, proposal, page_folder)
+        raise
+    return ProposedStudy(folder, folder / STUDY_FILE, None if page is None else folder / page, proposal, faults)
+
+
+def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> Path | None:
+    """Draw what was understood of files of which no study can be made, and add the page's path to the error's notes.
+
+    Returns the page; None where no folder for it can be written.
+    """
+    try:
+        target = page_folder or Path(tempfile.mkdtemp(prefix=f"pellucid-{proposal.name}-proposal-"))
+        reason = str(error).rpartition(f"{REFUSAL}: ")[2]
+        page = write_page(target, unmade_page(proposal, reason))
+    except OSError:
+        return None
+    error.add_note(f"What was understood: {page}")
+    return page
 
 
 @contextmanager
@@ -186,7 +271,7 @@ def _move_content(source: Path, target: Path) -> None:
 
 
 def _require_accepted(
-    draft: Path, folder: Path, proposal: Proposal, check: Callable[[Path], Sequence[Fault]]
+    draft: Path, named: str | Path, proposal: Proposal, check: Callable[[Path], Sequence[Fault]]
 ) -> tuple[Fault, ...]:
     """Return what `check` finds in a draft; raise an UnfitRecordingError of one sentence if it refuses the draft."""
     try:
@@ -200,19 +285,21 @@ def _require_accepted(
     if reasons:
         said = missing_part(proposal)
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 and not said else ""
-        raise UnfitRecordingError(f"{folder}: no study was made: {said or reasons[0]}{more}")
+        raise UnfitRecordingError(f"{named}: {REFUSAL}: {said or reasons[0]}{more}")
     return faults
 
 
-def _write(folder: Path, proposal: Proposal, given: GivenFiles) -> None:
-    """Write a proposal's recordings and study.toml into a folder."""
+def _write(folder: Path, proposal: Proposal, put: Callable[[Path, Path], None]) -> None:
+    """Write a proposal's recordings and study.toml into a folder; `put` writes each recording."""
     used = {recording.table.path for recording in proposal.recordings}
     used |= {table.path for recording in proposal.recordings for table in recording.streams.values()}
     places = _places(sorted(used))
-    for path, place in {**places, **{robot: robot.name for robot in given.robots}}.items():
+    for path, place in places.items():
         target = folder / RECORDINGS_FOLDER / place
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, target)
+        put(path, target)
+    for robot in proposal.given.robots:
+        copy_file(robot, folder / RECORDINGS_FOLDER / robot.name)
     files = {
         id(table): f"{RECORDINGS_FOLDER}/{places[table.path]}"
         for recording in proposal.recordings

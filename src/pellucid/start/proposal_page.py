@@ -1,11 +1,12 @@
-"""The page of a proposal: what was read, every channel beside its role, what is asked, and what is left out.
+"""The page of a proposal: every channel with its role, the questions, and the columns that are not used.
 
-Figures of a proposal: every column beside its proposed role, and the spectrum that the processing comes from.
+Figures of a proposal: every column with its proposed role, and the spectrum that the processing comes from.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from .._printed_command import printed_command
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table
-from ..study.pages.page import Answer, Page, Section, Tile, without_drawing
+from ..study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
 from .given_files import GivenTable
 from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
@@ -69,8 +70,8 @@ def _panels(
     return Drawing(
         name,
         figure,
-        f"Columns of {table.path.name}, in the file's own numbers, beside what they are taken for. Blue: by evidence. "
-        "Orange: a guess, or it hangs on a question. Grey: left out.",
+        f"Columns of {table.path.name}, in the file's own numbers, with their proposed roles. Blue: by evidence. "
+        "Orange: a guess, or it depends on a question. Grey: not used.",
     )
 
 
@@ -107,7 +108,7 @@ def _times(layout: Layout, table: GivenTable) -> tuple[np.ndarray, str]:
 
 def _role_text(role: ColumnRole, mark: str) -> str:
     if role.quantity is None:
-        return "left out"
+        return "not used"
     return _short(f"{channel_name(role)} [{role.unit}]" + (f"  {mark}" if mark else ""), 44)
 
 
@@ -116,16 +117,42 @@ def _short(text: str, most: int) -> str:
 
 
 def proposal_page(proposal: Proposal, folder: Path) -> Page:
-    """Return the page of a proposal."""
+    """Return the page of a proposal from which the study in `folder` was made."""
+    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
+    page = _page(proposal, "study.toml has a comment for each of these lines.")
+    return _with_answer(
+        page,
+        "Do the files say all that a study needs?",
+        "unsure" if open_questions or _guess_count(proposal) else "yes",
+        (
+            *(f"Answer: {q.text}" for q in open_questions[:3]),
+            "Read each comment in study.toml that marks a guess. "
+            f"Then check the study: `{printed_command('check', folder)}`.",
+        ),
+    )
+
+
+def unmade_page(proposal: Proposal, reason: str) -> Page:
+    """Return the page of a proposal of which no study can be made, for a `reason` of one sentence."""
+    page = _page(proposal, "No study was written.")
+    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
+    return _with_answer(
+        replace(page, headline=_sentence(reason)),
+        "Can a study be made of these files?",
+        "no",
+        tuple(f"{q.text} Answer with `--answer {q.key}=...`." for q in open_questions[:3]),
+    )
+
+
+def _page(proposal: Proposal, footer: str) -> Page:
+    """Return the page of a proposal without its answer."""
     layouts = [proposal.main, *proposal.streams]
-    guesses = sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
+    guesses = _guess_count(proposal)
     count = sum(len(layout.channels) for layout in layouts)
     rate = proposal.rate
     sections = (
         *_question_sections(proposal), *(_layout_section(layout, proposal) for layout in layouts), *_last(proposal),
     )  # fmt: skip
-    figure = next((drawing for section in sections for drawing in section.drawings), None)
-    open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
     return Page(
         f"Proposal: {proposal.name}",
         "Pellucid init",
@@ -136,19 +163,21 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
             Tile("sampling rate", f"{rate:.4g}" if rate else "unknown", "Hz" if rate else ""),
             Tile("questions", str(len(proposal.asked)), more="each has a default"),
         ),
-        sections if figure is None else without_drawing(sections, figure.name),
-        f"Written by pellucid {version('pellucid')}. study.toml has a comment for each of these lines.",
-        answer=Answer(
-            "Do the files say all that a study needs?",
-            "unsure" if open_questions or guesses else "yes",
-            figure,
-            (
-                *(f"Answer: {q.text}" for q in open_questions[:3]),
-                "Read each comment in study.toml that marks a guess. "
-                f"Then check the study: `{printed_command('check', folder)}`.",
-            ),
-        ),
+        sections,
+        f"Written by pellucid {version('pellucid')}. {footer}",
     )
+
+
+def _guess_count(proposal: Proposal) -> int:
+    layouts = (proposal.main, *proposal.streams)
+    return sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
+
+
+def _with_answer(page: Page, question: str, verdict: AnswerVerdict, following: tuple[str, ...]) -> Page:
+    """Return a page with its first figure in the answer to a question, and not in its section."""
+    figure = next((drawing for section in page.sections for drawing in section.drawings), None)
+    sections = page.sections if figure is None else without_drawing(page.sections, figure.name)
+    return replace(page, sections=sections, answer=Answer(question, verdict, figure, following))
 
 
 def _headline(proposal: Proposal, count: int, guesses: int) -> str:
@@ -165,9 +194,9 @@ def _question_sections(proposal: Proposal) -> list[Section]:
     rows = tuple(
         Row((q.text, proposal.answers.get(q.key, f"{q.default} (default)"), q.consequence)) for q in proposal.asked
     )
-    table = Table(("Question", "Answer", "What hangs on it"), rows, wide=True)
+    table = Table(("Question", "Answer", "The answer decides"), rows, wide=True)
     marked = tuple(f"Marked, not asked: {q.text} Taken: {q.default}." for q in proposal.marked)
-    return [Section("questions", "What only you can know", tables=(table,), notes=marked)]
+    return [Section("questions", "Questions that the files cannot answer", tables=(table,), notes=marked)]
 
 
 def _layout_section(layout: Layout, proposal: Proposal) -> Section:
@@ -175,7 +204,7 @@ def _layout_section(layout: Layout, proposal: Proposal) -> Section:
     marks = {role.column: channel_mark(role, proposal) for role in layout.channels}
     rows = []
     for role in layout.roles.roles:
-        channel = channel_name(role) if role.quantity is not None else "left out"
+        channel = channel_name(role) if role.quantity is not None else "not used"
         why = "; ".join(dict.fromkeys(text for text in (role.why, role.unit_why) if text))
         mark = marks.get(role.column, "")
         rows.append(Row((role.column, channel, role.unit if role.quantity else "", mark, why), bool(mark)))
@@ -210,7 +239,7 @@ def _last(proposal: Proposal) -> list[Section]:
     table = Table(("Recording", "File", "Use", "Participant", "Condition", "Why"), rows, wide=True)
     sections.append(Section("recordings", "Recordings", tables=(table,)))
     if proposal.remarks:
-        sections.append(Section("remarks", "Left out and noticed", tuple(_sentence(text) for text in proposal.remarks)))
+        sections.append(Section("remarks", "Remarks", tuple(_sentence(text) for text in proposal.remarks)))
     return sections
 
 

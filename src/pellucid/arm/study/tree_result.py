@@ -15,7 +15,7 @@ from ...models.estimates import Parameter
 from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
-from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
 from ..fit.fit_tree import SegmentJackknife
@@ -161,6 +161,21 @@ class TreeResult(Result):
         """Parameters of the best model by name, and those of every model with its name as prefix."""
         found = {f"{name}.{p.name}": p for name, model in self.models.items() for p in model.parameters.values()}
         return dict(self.best.parameters) | found
+
+    @property
+    def held_out(self) -> tuple[HeldOutEffort, ...]:
+        traces = [trace for trace in self.traces if trace.use == "validate"]
+        if not traces:
+            return ()
+        moving = np.concatenate([t.moving for t in traces]).astype(bool)
+        times = np.concatenate([t.time for t in traces])
+        measured, predicted = (np.concatenate([getattr(t, name) for t in traces]) for name in ("effort", "predicted"))
+        named = zip(self.names, self.effort_units, strict=True)
+        return tuple(
+            HeldOutEffort(name, unit, times[rows], measured[rows, k], predicted[rows, k])
+            for k, (name, unit) in enumerate(named)
+            if (rows := moving[:, k]).any()
+        )
 
     def errors_of(self, model: str, judged: str) -> Errors | None:
         """Return the errors of a model on one kind of rows; None if there are none."""

@@ -14,7 +14,7 @@ from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
 from ...study.pages.quantities import METHODS
 from ...study.procedures.posterior_beside import ComparedPosterior, pair_with_posterior, posterior_rows, posterior_table
-from ...study.procedures.result import FigureTable, ParameterTable, Result
+from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -91,6 +91,16 @@ class JointResult(Result):
         """Family whose simulations are drawn: the best one, or else the first with simulations."""
         ordered = [self.families[self.best], *self.families.values()]
         return next((f for f in ordered if any(f.simulations.values())), None)
+
+    @property
+    def held_out(self) -> tuple[HeldOutEffort, ...]:
+        parts = [p for p in self.headlined.predictions if p.split == "heldout"]
+        if not parts:
+            return ()
+        time, measured, predicted = (
+            np.concatenate([getattr(p, name) for p in parts]) for name in ("time", "effort", "predicted")
+        )
+        return (HeldOutEffort("", self.effort_unit, time, measured, predicted),)
 
     def plot(self) -> Figure:
         """Draw the parameters of the chosen estimate with their intervals."""

@@ -13,6 +13,8 @@ from shutil import rmtree
 from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
+import numpy as np
+
 from ..._atomic import remove_leftovers
 from ..._errors import PellucidError
 from ..._tabular import data_frame
@@ -36,6 +38,43 @@ class DomainCard(Protocol):
 
     def write(self, path: Path) -> Path:
         """Write the card, whole or not at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutEffort:
+    """The effort of one joint on recordings that were not fitted, measured and predicted; arrays of shape (n,).
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint; ``""`` for the only one.
+    unit : str
+        Unit of the effort.
+    time : ndarray, shape (n,)
+        Time [s]; it falls where another recording begins.
+    measured, predicted : ndarray, shape (n,)
+        Effort in its unit.
+    """
+
+    joint: str
+    unit: str
+    time: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """Norm of what the prediction misses over the norm of the effort [%]."""
+        return self._error(self.predicted)
+
+    @property
+    def constant_error(self) -> float:
+        """The same error of the constant effort that fits these recordings best, their mean [%]."""
+        return self._error(np.full_like(self.measured, self.measured.mean()))
+
+    def _error(self, predicted: np.ndarray) -> float:
+        size = float(np.linalg.norm(self.measured))
+        return 100.0 * float(np.linalg.norm(self.measured - predicted)) / size if size else float("nan")
 
 
 class ProcedureWithInputs(Protocol):
@@ -151,6 +190,11 @@ class Result:
     def each(self) -> tuple[Result, ...]:
         """Results of the single procedures."""
         return (self,)
+
+    @property
+    def held_out(self) -> tuple[HeldOutEffort, ...]:
+        """Efforts of joints on held-out recordings; empty for procedures that predict none."""
+        return ()
 
     @property
     def prose(self) -> str:
@@ -296,6 +340,11 @@ class CombinedResult(Result):
     def each(self) -> tuple[Result, ...]:
         """Results of the single procedures."""
         return self.parts
+
+    @property
+    def held_out(self) -> tuple[HeldOutEffort, ...]:
+        """Efforts of joints on held-out recordings, of all parts."""
+        return tuple(held for part in self.parts for held in part.held_out)
 
     @property
     def prose(self) -> str:
