@@ -74,9 +74,19 @@ MAX_TERMS_LENGTH = 16
 MAX_PROPOSAL_LINES = 24
 """Largest number of lines on a proposed study without ``-v``."""
 
+MAX_ASSUMPTION_LINES = 12
+"""Largest number of lines on what a tried log assumes without ``-v``."""
+
+MAX_TRIED_WARNING_LINES = 10
+"""Largest number of lines of warnings on a tried log without ``-v``."""
+
 MAX_PROPOSAL_CHECK_LINES = 14
 """Largest number of lines of the check of a proposed study without ``-v``, which stands below the proposal."""
 
+Answer = Annotated[
+    list[str] | None,
+    typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question about the files, by its key; repeatable."),
+]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Outside = Annotated[
     bool, typer.Option("--allow-outside", help="Files that it names or links to may lie outside its folder.")
@@ -110,10 +120,7 @@ def init(
     yes: Annotated[
         bool, typer.Option("--yes", help="Take every question's default, and mark it in study.toml.")
     ] = False,
-    answer: Annotated[
-        list[str] | None,
-        typer.Option("--answer", metavar="KEY=VALUE", help="Answer to a question of --from by its key."),
-    ] = None,
+    answer: Answer = None,
     session: Annotated[
         str | None, typer.Option(metavar="NAME", help="Live session to plan: elbow, knee, able-elbow, knee-orthosis.")
     ] = None,
@@ -161,12 +168,7 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
             print_line(out, f"such as: {', '.join(question.choices)}")
         return typer.prompt(question.key, default=question.default)
 
-    answers = {}
-    for text in answer:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise PellucidError(f'init: found --answer "{text}", expected KEY=VALUE, such as "rate=1 kHz"')
-        answers[key.strip()] = value.strip()
+    answers = _answers_of("init", answer)
     with show_progress() as tell:
         tell("reading files", 0.1)
         asking = None if yes or not sys.stdin.isatty() else ask
@@ -175,6 +177,50 @@ def _init_from(folder: Path, files: list[Path], others: dict[str, Any], *, yes: 
     print_lines(out, lines, MAX_PROPOSAL_LINES, "further line")
     print_line(out, last)
     _print_check(_opened(folder, None, False), folder, made.faults, MAX_PROPOSAL_CHECK_LINES)
+
+
+def _answers_of(command: str, given: Sequence[str]) -> dict[str, str]:
+    """Return the answers of options KEY=VALUE by their keys."""
+    answers = {}
+    for text in given:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise PellucidError(f'{command}: found --answer "{text}", expected KEY=VALUE, such as "rate=1 kHz"')
+        answers[key.strip()] = value.strip()
+    return answers
+
+
+@app.command("try", rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid try recordings/*.csv"))
+def try_files(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings of your own, or folders of them.")],
+    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with the joints of the recordings.")] = None,
+    answer: Answer = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New folder for the page, instead of a temporary one.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Identify a log at once, with every default, on one page."""
+    from .start.try_lines import try_table, tried_lines
+    from .start.try_log import try_log
+
+    with show_progress() as tell:
+        tried = try_log(files, answers=_answers_of("try", answer or []), urdf=urdf, out=out, on_progress=tell)
+    if json:
+        _echo_json(try_table(tried))
+    else:
+        console = make_console()
+        before, (heads, rows), after = tried_lines(tried)
+        for text in before:
+            print_line(console, text)
+        print_short_table(console, heads, rows)
+        print_lines(console, after, MAX_ASSUMPTION_LINES, "further assumption")
+        worst = [(v.kind, v.said) for v in tried.result.verdicts if v.kind in ("wrong", "warning") or is_verbose()]
+        print_items(console, worst, MAX_TRIED_WARNING_LINES)
+        print_line(console, f"Page: {tried.page}")
+        print_line(console, f"Next: {tried.next_command}")
+    if tried.flaw:
+        _exit_with_message(f"the parameters do not describe the machine: {tried.flaw}", 1)
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))

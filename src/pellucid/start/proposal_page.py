@@ -202,23 +202,28 @@ def _question_sections(proposal: Proposal) -> list[Section]:
 def _layout_section(layout: Layout, proposal: Proposal) -> Section:
     name = layout.stream or "recording"
     marks = {role.column: channel_mark(role, proposal) for role in layout.channels}
+    clock, table = layout_tables(layout, proposal)
+    drawings = channel_figures(layout, layout.tables[0], f"channels_{layout.stream or 'main'}", marks)
+    return Section(
+        f"channels-{name}",
+        "Channels" if not layout.stream else f"Channels of the stream {layout.stream}",
+        (clock,),
+        (table,),
+        tuple(drawings),
+    )
+
+
+def layout_tables(layout: Layout, proposal: Proposal) -> tuple[str, Table]:
+    """Return the clock of a layout in a sentence, and the table of its columns with their roles."""
     rows = []
     for role in layout.roles.roles:
         channel = channel_name(role) if role.quantity is not None else "not used"
         why = "; ".join(dict.fromkeys(text for text in (role.why, role.unit_why) if text))
-        mark = marks.get(role.column, "")
+        mark = channel_mark(role, proposal) if role.quantity is not None else ""
         rows.append(Row((role.column, channel, role.unit if role.quantity else "", mark, why), bool(mark)))
     clock = layout.roles.clock
     said = f'Time is the column "{clock.column}" in {clock.unit}' if clock.column else "Time"
-    table = layout.tables[0]
-    drawings = channel_figures(layout, table, f"channels_{layout.stream or 'main'}", marks)
-    return Section(
-        f"channels-{name}",
-        "Channels" if not layout.stream else f"Channels of the stream {layout.stream}",
-        (f"{said}: {clock.why}.",),
-        (Table(("Column", "Channel", "Unit", "Mark", "Why"), tuple(rows), wide=True),),
-        tuple(drawings),
-    )
+    return f"{said}: {clock.why}.", Table(("Column", "Channel", "Unit", "Mark", "Why"), tuple(rows), wide=True)
 
 
 def _last(proposal: Proposal) -> list[Section]:

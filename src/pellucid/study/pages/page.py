@@ -173,6 +173,7 @@ class Page:
     """Contents of a page as plain text: `kicker` above the title, the `answer` with the `headline`, then `tiles`.
 
     `verdicts`, of a kind each, tell what to know: the worst stand below the answer, the others at the page's end.
+    The sections of a `summary` stand on the first screen, side by side where their tables have room.
     """
 
     title: str
@@ -183,6 +184,7 @@ class Page:
     footer: str = ""
     verdicts: tuple[tuple[str, str], ...] = ()
     answer: Answer | None = None
+    summary: tuple[Section, ...] = ()
 
     @property
     def lead(self) -> str:

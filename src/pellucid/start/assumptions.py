@@ -1,0 +1,81 @@
+"""What a proposal assumes: the defaults of questions that nobody answered, and the lines of study.toml that it guesses.
+
+Both are read from the proposal and its study.toml, which marks them; nothing is decided here.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..study.pages.quantities import capitalised
+from .propose_study import Proposal
+from .study_text import MARK_GUESS
+
+_GUESS_BEHIND_LINE = re.compile(rf"(?P<line>[^#\s].*?)  # {MARK_GUESS}(?:: (?P<why>.*))?")
+_GUESS_ABOVE_LINE = re.compile(rf"# {MARK_GUESS}: (?P<why>.*)")
+
+_PROPOSAL_FIGURE = " (the page shows the spectrum)"
+"""Remark that only holds beside the page of the proposal."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """Something that a study takes for true although no file states it."""
+
+    subject: str  # key of the question, or what the line of study.toml states
+    taken: str  # value that is taken
+    why: str  # the question, or the reason of the guess
+    is_question: bool  # whether an answer to a question replaces it
+
+    @property
+    def sentence(self) -> str:
+        """The assumption with its reason."""
+        return f"{self.subject}: {self.taken}" + (f". {capitalised(self.why)}" if self.why else "")
+
+
+def assumptions_of(proposal: Proposal, text: str) -> tuple[Assumption, ...]:
+    """Return the defaults that a proposal took, then the guessed lines of its study.toml, whose `text` is given."""
+    defaults = (
+        Assumption(question.key, question.default, question.text, True)
+        for question in (*proposal.asked, *proposal.marked)
+        if question.key not in proposal.answers
+    )
+    # Several joints and recordings have the same guess in a line of each.
+    return tuple(dict.fromkeys((*defaults, *_guessed_lines(text))))
+
+
+def _guessed_lines(text: str) -> Iterator[Assumption]:
+    above: list[str] = []
+    for line in text.splitlines():
+        if found := _GUESS_ABOVE_LINE.fullmatch(line):
+            above = [found["why"]]
+        elif above and line.startswith("#"):
+            above.append(line.lstrip("# "))
+        elif above:
+            yield _guess(line, " ".join(above).replace(_PROPOSAL_FIGURE, ""))
+            above = []
+        elif found := _GUESS_BEHIND_LINE.fullmatch(line):
+            yield _guess(found["line"], found["why"] or "")
+
+
+def _guess(line: str, why: str) -> Assumption:
+    try:
+        key, value = _first_leaf(tomllib.loads(line))
+    except (ValueError, LookupError):
+        return Assumption(line, "guessed", why, False)
+    if isinstance(value, dict):
+        unit = f" [{value['unit']}]" if value.get("unit", "1") != "1" else ""
+        return Assumption(key, f'"{value["column"]}"{unit}' if "column" in value else str(value["rate"]), why, False)
+    return Assumption(key, str(value), why, False)
+
+
+def _first_leaf(table: dict[str, object]) -> tuple[str, object]:
+    """Return the dotted key and the value of a line of TOML."""
+    key, value = next(iter(table.items()))
+    if isinstance(value, dict) and not {"column", "rate"} & set(value):
+        rest, leaf = _first_leaf(value)
+        return f"{key}.{rest}", leaf
+    return key, value

@@ -1,0 +1,70 @@
+"""A tried log in lines of text, and as a table for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..study.results import finite_row, row_table
+from .propose_study import Layout
+from .study_text import channel_name
+from .try_log import TriedLog
+from .try_page import parameter_rows, try_headline
+
+MAX_LISTED_COLUMNS = 12
+"""At most so many columns are listed; the page has all."""
+
+
+def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list[tuple[str, ...]]], list[str]]:
+    """Return the lines on what was understood, heads and rows of the parameters, and the lines on what was assumed."""
+    proposal = tried.proposal
+    rate = f" at {proposal.rate:.5g} Hz" if proposal.rate else ""
+    count = len(proposal.recordings)
+    drive = f", driven by a measured {proposal.drive}" if proposal.drive else ""
+    before = [
+        f"{tried.study.name}: {proposal.motion} motion{drive}; {count} recording{'' if count == 1 else 's'}{rate}.",
+        *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
+        try_headline(tried),
+    ]
+    assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
+    return before, parameter_rows(tried), assumed
+
+
+def _columns(layout: Layout) -> list[str]:
+    """Return the columns of a layout and their roles in a line, and those that are not used in another one."""
+    clock = layout.roles.clock
+    used = [f"{clock.column} -> time [{clock.unit}]"] if clock.column else []
+    used += [f"{role.column} -> {channel_name(role)} [{role.unit}]" for role in layout.channels]
+    idle = [role.column for role in layout.roles.roles if role.quantity is None]
+    lines = [f"  {_listed(used)}"]
+    return [*lines, f"  not used: {_listed(idle)}"] if idle else lines
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - MAX_LISTED_COLUMNS
+    return ", ".join(names[:MAX_LISTED_COLUMNS]) + (f" and {more} more" if more > 0 else "")
+
+
+def try_table(tried: TriedLog) -> dict[str, Any]:
+    """Return a tried log as JSON has it: columns, assumptions, held-out errors, figures, places and the next command."""
+    layouts = (tried.proposal.main, *tried.proposal.streams)
+    return {
+        "study": tried.study.name,
+        "columns": [
+            {"column": role.column, "role": channel_name(role), "unit": role.unit, "certain": not role.is_guess}
+            for layout in layouts
+            for role in layout.channels
+        ],
+        "assumed": [
+            {"subject": a.subject, "taken": a.taken, "why": a.why, "question": a.is_question} for a in tried.assumptions
+        ],
+        "held_out": [
+            {"joint": joint.name, "error": held.error, "constant_error": held.constant_error, "unit": "%"}
+            for joint in tried.joints
+            if (held := joint.held_out) is not None
+        ],
+        "flaw": tried.flaw,
+        "figures": [row_table(finite_row(row)) for row in tried.result.rows],
+        "page": str(tried.page),
+        "folder": str(tried.study.folder),
+        "next": tried.next_command,
+    }

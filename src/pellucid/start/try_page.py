@@ -1,0 +1,194 @@
+"""The page of a tried log: what was identified, its error on held-out data and what was assumed, on one screen."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..models.estimates import Parameter, rank_verdicts
+from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
+from ..study.drawing.style import FIGURE_WIDTH, colour
+from ..study.pages.forest import Row, Table, number_table
+from ..study.pages.page import Page, Section, answer_from_verdicts
+from ..study.pages.quantities import (
+    EFFORT_NAMES,
+    number,
+    parameter_interval,
+    parameter_label,
+    parameter_note,
+    percent,
+    typeset_quantities,
+    typeset_sentence,
+    unit_text,
+    value_and_half_interval,
+)
+from ..study.procedures.study_page import figure_tables, parameter_tables
+from .proposal_page import layout_tables
+
+if TYPE_CHECKING:
+    from .try_log import TriedJoint, TriedLog
+
+MAX_DRAWN_JOINTS = 8
+"""At most so many joints are drawn."""
+
+MAX_PARAMETER_COLUMNS = 3
+"""A table of several joints has at most so many parameters; those that most joints have are shown."""
+
+MAX_DETAILED_JOINTS = 1
+"""Up to so many joints, each parameter has a row of its own."""
+
+MAX_SHOWN_ASSUMPTIONS = 8
+"""At most so many assumptions stand on the first screen; the section below has all."""
+
+
+def try_page(tried: TriedLog) -> Page:
+    """Return the page of a tried log."""
+    result = tried.result
+    verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(result.verdicts))
+    answer, _ = answer_from_verdicts("May these figures be used?", verdicts, ())
+    answer = replace(answer, next=(f"Make a study of these files: `{tried.next_command}`.",))
+    sections = [*_held_out(tried), _assumed(tried)]
+    tables = (*parameter_tables(result), *figure_tables(result))
+    sections.append(Section("result", "Parameters and comparisons", (f"{result.headline}.",), tables))
+    for layout in (tried.proposal.main, *tried.proposal.streams):
+        name = layout.stream or "main"
+        clock, table = layout_tables(layout, tried.proposal)
+        heading = f"Columns of the stream {layout.stream}" if layout.stream else "Columns"
+        sections.append(Section(f"columns-{name}", heading, (clock,), (table,)))
+    if tried.proposal.remarks:
+        sections.append(Section("remarks", "Remarks", tuple(typeset_sentence(f"{r}.") for r in tried.proposal.remarks)))
+    return Page(
+        f"{result.study}: {', '.join(joint.name for joint in tried.joints) or result.command}",
+        "Pellucid try",
+        try_headline(tried),
+        (),
+        tuple(sections),
+        f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
+        verdicts,
+        answer,
+        summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
+    )
+
+
+def try_headline(tried: TriedLog) -> str:
+    """Return the joints and their error on held-out data beside that of a constant effort, in a sentence or two."""
+    joints = tried.joints
+    if not joints:
+        return f"{typeset_sentence(tried.result.headline)}."
+    named = f'Joint "{joints[0].name}"' if len(joints) == 1 else f"{len(joints)} joints"
+    held = [joint.held_out for joint in joints if joint.held_out is not None]
+    if not held:
+        return f"{named}: {typeset_quantities(tried.result.headline)}. No error on held-out data is known."
+    errors, constant = _spread([h.error for h in held]), _spread([h.constant_error for h in held])
+    effort = EFFORT_NAMES.get(held[0].unit, "Effort").lower()
+    return (
+        f"{named}: the model's error on held-out data is {errors} % of the {effort}. "
+        f"The best constant {effort} has an error of {constant} %."
+    )
+
+
+def _spread(errors: Sequence[float]) -> str:
+    """Return the smallest and the largest of several errors, or the only one."""
+    low, high = percent(min(errors)), percent(max(errors))
+    return low if low == high else f"{low} to {high}"
+
+
+def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return heads and rows of the joints' parameters with their intervals."""
+    level, joints = tried.result.confidence, tried.joints
+    share = f"{100.0 * level:g} %"
+    if len(joints) <= MAX_DETAILED_JOINTS:
+        heads = ("Parameter", "Value", "Unit", f"{share} interval", "")
+        return heads, [_row(p, level) for joint in joints for p in joint.parameters]
+    counts = Counter((p.name, p.unit) for joint in joints for p in joint.parameters)
+    most = [which for which, _ in counts.most_common(MAX_PARAMETER_COLUMNS)]
+    shown = [which for which in counts if which in most]
+    units = (f" ({unit_text(unit)})" if unit_text(unit) else "" for _, unit in shown)
+    parameters = (f"{parameter_label(name)}{unit}" for (name, _), unit in zip(shown, units, strict=True))
+    heads = ("Joint", "Held-out error (%)", "Constant effort (%)", *parameters)
+    return heads, [_joint_row(joint, shown, level) for joint in joints]
+
+
+def _row(p: Parameter, level: float) -> tuple[str, ...]:
+    interval = parameter_interval(p, level)
+    value, unit = number(p.value, p.standard_error), unit_text(p.unit) or "–"
+    return parameter_label(p.name), value, unit, interval, parameter_note(p, level)
+
+
+def _joint_row(joint: TriedJoint, shown: Sequence[tuple[str, str]], level: float) -> tuple[str, ...]:
+    own = {(p.name, p.unit): p for p in joint.parameters}
+    cells = [value_and_half_interval(own[which], level) if which in own else "–" for which in shown]
+    held = joint.held_out
+    errors = ("–", "–") if held is None else (percent(held.error), percent(held.constant_error))
+    return joint.name, *errors, *cells
+
+
+def _parameters(tried: TriedLog) -> Section:
+    """Return the part of the first screen with the parameters, or with the result's first tables."""
+    if not tried.joints:
+        return Section("parameters", "Result", (), (*parameter_tables(tried.result), *figure_tables(tried.result))[:1])
+    heads, rows = parameter_rows(tried)
+    if len(tried.joints) <= MAX_DETAILED_JOINTS:
+        return Section("parameters", "Parameters", (), (Table(heads, tuple(map(Row, rows)), frozenset({1, 3})),))
+    title = f"Parameters, each with half its {100.0 * tried.result.confidence:g} % interval"
+    return Section("parameters", title, (), (number_table(heads, rows),))
+
+
+def _assumed(tried: TriedLog, most: int | None = None) -> Section:
+    """Return the assumptions; on the first screen, where at most `most` are shown, without their reasons."""
+    assumed = tried.assumptions
+    anchor = "assumed" if most is None else "assumed-first"
+    if not assumed:
+        return Section(anchor, "Assumed", ("Nothing: the files state or show all of it.",))
+    if most is not None:
+        more = len(assumed) - most
+        notes = (f"and {more} more, which stand below",) if more > 0 else ()
+        rows = tuple(Row((_short(a.subject), _short(a.taken), "default" if a.is_question else "guess"))
+                     for a in assumed[:most])  # fmt: skip
+        return Section(anchor, "Assumed", (), (Table(("", "Taken", ""), rows, wide=True),), notes=notes)
+    rows = tuple(
+        Row((a.subject, a.taken, "default of a question" if a.is_question else "guess", typeset_quantities(a.why)))
+        for a in assumed
+    )
+    text = "Answer a question with `--answer KEY=VALUE`. Correct a guess in study.toml."
+    return Section(anchor, "Assumed", (text,), (Table(("Assumption", "Taken", "Kind", "Why"), rows, wide=True),))
+
+
+def _short(text: str, most: int = 34) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def _held_out(tried: TriedLog) -> list[Section]:
+    """Return the section that draws measured and predicted efforts on held-out data."""
+    held = [joint for joint in tried.joints if joint.held_out is not None][:MAX_DRAWN_JOINTS]
+    return [Section("held-out", "Prediction of held-out data", drawings=(draw(_efforts, held),))] if held else []
+
+
+def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
+    axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]
+    for axis, joint in zip(axes, joints, strict=True):
+        held = joint.held_out
+        assert held is not None  # such joints alone are drawn
+        # Recordings are drawn one after another.
+        steps = np.diff(held.time, prepend=held.time[:1])
+        usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+        time = np.cumsum(np.where(steps < 0.0, usual, steps))
+        line(axis, time, held.measured, color=colour("measured"), linewidth=1.2)
+        line(axis, time, held.predicted, color=colour("fitted"), linewidth=1.2, linestyle=(0, (4, 2)))
+        axis.axhline(float(held.measured.mean()), color=colour("muted"), linewidth=0.9)
+        tidy(axis, first=True, text=unit_text(held.unit), ticks=4)
+        heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("fitted"))])
+    key(axes[0], [("measured", colour("measured")), ("predicted", colour("fitted")), ("mean", colour("muted"))])
+    axes[-1].set_xlabel("Time (s)")
+    return Drawing(
+        "held_out",
+        figure,
+        "Effort on held-out data: measured, as the model predicts it (dashed), and its mean, which is the best constant.",
+    )
