@@ -30,6 +30,7 @@ from .people.certificate import certify as certify
 from .people.comparison import compare_conditions as compare_conditions
 from .people.movement_indices import movement_indices as movement_indices
 from .people.power import power_curve as power_curve
+from .start.log_proposal import propose as propose
 from .start_study import init as init
 from .study import datasets as datasets
 from .study.procedures.audit import audit as audit

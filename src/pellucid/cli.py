@@ -192,7 +192,7 @@ def _answers_of(command: str, given: Sequence[str]) -> dict[str, str]:
 
 @app.command("try", rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid try recordings/*.csv"))
 def try_files(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings of your own, or folders of them.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Recordings, or folders of them.")],
     urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot with the joints of the recordings.")] = None,
     answer: Answer = None,
     out: Annotated[
@@ -201,7 +201,7 @@ def try_files(
     json: Json = False,
 ) -> None:
     """Identify a log at once, with every default, on one page."""
-    from .start.try_lines import try_table, tried_lines
+    from .start.try_lines import tried_lines, try_table
     from .start.try_log import try_log
 
     with show_progress() as tell:

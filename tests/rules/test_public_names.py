@@ -48,6 +48,7 @@ NAMES = [
     "open",
     "power_curve",
     "predict",
+    "propose",
     "read",
     "read_robot",
     "report",
@@ -85,6 +86,7 @@ COMMANDS = [
     "version",
     "datasets",
     "plan",
+    "try",
 ]
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic", "pint", "rich", "jinja2", "pooch")
 

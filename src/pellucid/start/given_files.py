@@ -131,7 +131,7 @@ def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
     tables = _split_flat_files(tables)
     if not tables:
         reasons = "; ".join(f"{path.name}: {why}" for path, why in unread[:5])
-        raise StudyError(f"init --from: found no table of numbers in {len(paths)} files: {reasons or 'none given'}")
+        raise StudyError(f"found no table of numbers in {len(paths)} files: {reasons or 'none given'}")
     return GivenFiles(tuple(tables), tuple(robots), tuple(models), tuple(unread))
 
 
@@ -144,7 +144,7 @@ def _expand(files: Iterable[str | os.PathLike]) -> list[Path]:
         elif path.is_file():
             paths.append(path)
         else:
-            raise StudyError(f"{path}: no such file, expected recordings after --from")
+            raise StudyError(f"{path}: no such file, expected a recording or a folder of recordings")
     return list(dict.fromkeys(paths))
 
 

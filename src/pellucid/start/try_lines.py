@@ -45,7 +45,7 @@ def _listed(names: list[str]) -> str:
 
 
 def try_table(tried: TriedLog) -> dict[str, Any]:
-    """Return a tried log as JSON has it: columns, assumptions, held-out errors, figures, places and the next command."""
+    """Return a tried log for JSON: columns, assumptions, held-out errors, figures and the next command."""
     layouts = (tried.proposal.main, *tried.proposal.streams)
     return {
         "study": tried.study.name,

@@ -155,9 +155,7 @@ def _named(given: GivenFiles) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-def _next_command(
-    name: str, files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None
-) -> str:
+def _next_command(name: str, files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None) -> str:
     """Return the command that makes a study of the same files, as a shell takes it."""
     options = [text for key, value in answers.items() for text in ("--answer", f"{key}={value}")]
     robot = [] if urdf is None else ["--urdf", os.fspath(urdf)]

@@ -190,5 +190,5 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
     return Drawing(
         "held_out",
         figure,
-        "Effort on held-out data: measured, as the model predicts it (dashed), and its mean, which is the best constant.",
+        "Effort on held-out data: measured, predicted by the model (dashed), and its mean, the best constant.",
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.estimates import Parameter, Verdict
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
-from ...study.procedures.result import FigureTable, Result
+from ...study.procedures.result import FigureTable, HeldOutEffort, Result
 from ...study.study import Study
 from .joint_result import JointResult
 
@@ -30,6 +30,12 @@ class EachJointResult(Result):
     def estimates(self) -> Mapping[str, Parameter]:
         """Parameters by joint and name, such as ``"hip.inertia"``."""
         return {f"{joint}.{name}": p for joint, found in self.joints.items() for name, p in found.estimates.items()}
+
+    @property
+    def held_out(self) -> tuple[HeldOutEffort, ...]:
+        return tuple(
+            replace(held, joint=joint) for joint, found in self.joints.items() for held in found.held_out
+        )
 
     @property
     def prose(self) -> str:
