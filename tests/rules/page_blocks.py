@@ -112,7 +112,8 @@ trap 'keep > {state}' EXIT
 class Reader:
     """Somebody who types a page's blocks into one shell and one notebook, in a folder of their own.
 
-    The folder begins with a link to this Python's environment as `.venv`, as a clone has it after `make demo`.
+    The folder begins with a link to this Python's environment as `.venv`, as a clone has it after `make demo`, and with
+    one to the clone's `examples`.
     """
 
     def __init__(self, folder: Path, settings: Path):
@@ -120,6 +121,7 @@ class Reader:
         self.outside = folder / ".reader"
         self.outside.mkdir()
         (folder / ".venv").symlink_to(sys.prefix)
+        (folder / "examples").symlink_to(Path(__file__).parents[2] / "examples")
         self.state = self.outside / "state"
         kept = ("PELLUCID_DATA", "OPENBLAS_CORETYPE", "CMAKE_CXX_COMPILER_LAUNCHER")
         self.environment = {

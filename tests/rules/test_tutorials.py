@@ -19,9 +19,10 @@ PAGES = (
     ROOT / "README.md",
     ROOT / "docs" / "library.md",
     ROOT / "docs" / "commands.md",
+    ROOT / "docs" / "try-a-log.md",
     *sorted((ROOT / "docs").glob("tutorial-*.md")),
 )
-MARKS = {"README.md": (), "library.md": (pytest.mark.slow,)}
+MARKS = {"README.md": (), "library.md": (pytest.mark.slow,), "try-a-log.md": (pytest.mark.slow,)}
 """Marks of pages that take seconds; the others take minutes."""
 LONG = (pytest.mark.nightly, pytest.mark.slow)
 MAX_LINE_OF_FIRST_OUTPUT = 25

@@ -1,0 +1,288 @@
+"""`try`: a log in, one page out, by the code of `init`, `check` and `identify`."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import made_layouts
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pellucid as pl
+from pellucid._errors import UnfitRecordingError
+from pellucid.cli import app
+from pellucid.start.assumptions import assumptions_of
+from pellucid.start.given_files import read_given
+from pellucid.start.propose_study import propose_study
+from pellucid.study.procedures.result import HeldOutEffort
+
+FIRST_SCREEN_PX = 800
+MAX_SECONDS = 15.0
+"""Longest time of `try` on two quiet cores [s]."""
+
+
+def wall_clock(folder):
+    return made_layouts.wall_clock(folder).files
+
+
+def struct_file(folder):
+    return made_layouts.struct_file(folder).files
+
+
+def unit_row(folder):
+    p = made_layouts.swing(20)
+    path = folder / "logger.csv"
+    body = "\n".join(f"{t:.3f};{q:.5f};{tau:.5f}" for t, q, tau in zip(p["t"], p["q"], p["tau"], strict=True))
+    path.write_text(f"Time;knee angle;knee torque\ns;rad;Nm\n{body}\n")
+    return (path,)
+
+
+def two_joints(folder):
+    parts = [made_layouts.swing(seed) for seed in (30, 31)]
+    heads = ["time_s", "hip_angle_rad", "hip_torque_Nm", "knee_angle_rad", "knee_torque_Nm"]
+    columns = [parts[0]["t"], *(p[key] for p in parts for key in ("q", "tau"))]
+    path = folder / "legs.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(heads), comments="", fmt="%.7g")
+    return (path,)
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["try", *map(str, arguments)])
+
+
+@pytest.mark.parametrize("make", [unit_row, wall_clock, struct_file, two_joints])
+def test_a_log_gives_what_init_check_and_identify_give(tmp_path, make):
+    files = make(tmp_path)
+    done = run(*files, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    name = files[0].stem
+    assert f"Page: {tmp_path / 'out' / 'index.html'}" in done.output
+    assert f"Next: pellucid init {name} --from {files[0]}" in done.output
+    assert "assumed worn: no. " in done.output
+    # The same figures as the three commands write.
+    for command in (["init", tmp_path / name, "--from", *files, "--yes"], ["identify", tmp_path / name]):
+        assert CliRunner().invoke(app, list(map(str, command))).exit_code == 0
+    tried, alone = (json.loads((folder / "results.json").read_text())["figures"]
+                    for folder in (tmp_path / "out" / name, tmp_path / name))  # fmt: skip
+    assert tried == alone
+    page = (tmp_path / "out" / "index.html").read_text()
+    for row in tried:
+        if found := re.fullmatch(rf"{name}\.(?:(\w+)\.)?headline\.heldout\.effort_error", row["id"]):
+            assert f"{row['value']:.3g}"[:4] in page, found
+    assert not (tmp_path / "out" / name / "proposal").exists()
+
+
+def test_the_temporary_folder_stays_and_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    done = run(*unit_row(tmp_path), "--answer", "worn=yes")
+    page = Path(re.search(r"^Page: (.*)$", done.output, re.MULTILINE)[1])
+    assert page.is_file()
+    assert page.parent.parent == tmp_path
+    assert "assumed worn" not in done.output
+    assert "--answer worn=yes" in done.output
+
+
+def test_json_has_columns_assumptions_and_figures(tmp_path):
+    done = run(*unit_row(tmp_path), "--json", "-q")
+    table = json.loads(done.output)
+    assert {"column": "knee angle", "role": "position", "unit": "rad", "certain": True} in table["columns"]
+    assert [each["joint"] for each in table["held_out"]] == ["knee"]
+    (held,) = table["held_out"]
+    assert held["error"] < 5.0 < held["constant_error"]
+    figures = {row["id"]: row["value"] for row in table["figures"]}
+    assert figures["logger.headline.gravity"] == pytest.approx(1.6, rel=0.05)
+    assert figures["logger.headline.heldout.effort_error"] == pytest.approx(held["error"], rel=1e-9)
+    assert {"subject", "taken", "why", "question"} == set(table["assumed"][0])
+
+
+def test_a_log_without_effort_is_refused_in_one_sentence_and_a_page(tmp_path):
+    p = made_layouts.swing(20)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack([p["t"], p["q"]]), delimiter=",", header="time_s,q_rad", comments="", fmt="%.6f")
+    done = run(path, "--out", tmp_path / "out")
+    assert isinstance(done.exception, UnfitRecordingError)
+    said = str(done.exception)
+    assert said.startswith("log.csv: no study was made: no effort was recorded: ")
+    assert "\n" not in said
+    page = tmp_path / "out" / "index.html"
+    assert done.exception.__notes__ == [f"What was understood: {page}"]
+    text = page.read_text()
+    assert "No effort was recorded" in text
+    assert "q_rad" in text
+    shell = subprocess.run(
+        [sys.executable, "-m", "pellucid", "init", "s", "--from", path, "--yes"],
+        capture_output=True, text=True, cwd=tmp_path, env={**os.environ, "TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    assert shell.returncode == 1
+    reason, where = shell.stderr.splitlines()[-2:]
+    assert reason.startswith("pellucid: s: no study was made: no effort was recorded: ")
+    assert Path(where.removeprefix("What was understood: ")).is_file()
+    assert not (tmp_path / "s").exists()
+
+
+def test_files_without_a_table_are_refused(tmp_path):
+    (tmp_path / "notes.txt").write_text("nothing here\n")
+    done = run(tmp_path / "notes.txt")
+    assert "found no table of numbers in 1 files: notes.txt" in str(done.exception)
+    done = run(tmp_path / "gone.csv")
+    assert "gone.csv: no such file, expected a recording" in str(done.exception)
+    done = run(*unit_row(tmp_path), "--answer", "worn")
+    assert 'try: found --answer "worn", expected KEY=VALUE' in str(done.exception)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "file").write_text("")
+    done = run(*unit_row(tmp_path), "--out", tmp_path / "full")
+    assert "expected a new or empty folder" in str(done.exception)
+
+
+def test_a_model_that_fails_ends_with_status_1_and_one_sentence(tmp_path):
+    # The effort of a spring that somebody turns has nothing of a joint's inertia.
+    p = made_layouts.swing(20)
+    tau = 0.3 * np.random.default_rng(3).standard_normal(len(p["q"]))
+    path = tmp_path / "log.csv"
+    table = np.column_stack([p["t"], p["q"], tau])
+    np.savetxt(path, table, delimiter=",", header="time [s],q [rad],tau [Nm]", comments="", fmt="%.6f")
+    shell = subprocess.run(
+        [sys.executable, "-m", "pellucid", "try", path, "--out", tmp_path / "out", "-q"], capture_output=True, text=True
+    )
+    assert shell.returncode == 1
+    (said,) = shell.stderr.splitlines()
+    assert said.startswith("pellucid: the parameters do not describe the machine: ")
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_every_default_and_every_guessed_line_is_an_assumption(tmp_path):
+    layout = made_layouts.commanded_motor(tmp_path)
+    proposal = propose_study(read_given(layout.files), "made")
+    text = """\
+# Lines marked GUESS are not decided by the files; lines marked
+# angle_zero: GUESS, not asked: Does the joint hang at 0? Taken: not certain.
+[rig]
+motion = "rotary"  # GUESS
+[channels]
+time = { rate = "100 Hz" }  # GUESS: no file states a rate
+position.knee = { column = "q", unit = "deg" }  # GUESS: its name says position
+torque = { column = "tau", unit = "N*m" }  # the file states it
+# GUESS: the spectrum falls to its floor at 4.3 Hz; above it,
+#   quanta outweigh motion (the page shows the spectrum).
+lowpass = "4.3 Hz"
+order = 4
+"""
+    found = assumptions_of(proposal, text)
+    asked = [each for each in found if each.is_question]
+    assert [each.subject for each in asked] == [q.key for q in (*proposal.asked, *proposal.marked)]
+    assert [(each.subject, each.taken) for each in found if not each.is_question] == [
+        ("motion", "rotary"),
+        ("time", "100 Hz"),
+        ("position.knee", '"q" [deg]'),
+        ("lowpass", "4.3 Hz"),
+    ]
+    assert found[-1].sentence == (
+        "lowpass: 4.3 Hz. The spectrum falls to its floor at 4.3 Hz; above it, quanta outweigh motion."
+    )
+
+
+def test_the_baseline_is_the_best_constant_effort():
+    measured = np.array([1.0, 2.0, 3.0])
+    held = HeldOutEffort("", "N*m", np.arange(3.0), measured, np.array([1.0, 2.0, 4.0]))
+    assert held.error == pytest.approx(100.0 / np.sqrt(14.0))
+    assert held.constant_error == pytest.approx(100.0 * np.sqrt(2.0 / 14.0))
+    assert np.isnan(HeldOutEffort("", "N*m", np.arange(2.0), np.zeros(2), np.ones(2)).error)
+
+
+def first_screen(page):
+    """Return the text that a browser of 1100 by 800 pixels shows of a page before anything is scrolled."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium") or pytest.skip("no browser: chromium is not installed")
+    script = """most => {
+      const found = [];
+      const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+      while (walk.nextNode()) {
+        const range = document.createRange();
+        range.selectNodeContents(walk.currentNode);
+        const box = range.getBoundingClientRect();
+        if (box.height > 0 && box.bottom <= most && box.right <= 1100) found.push(walk.currentNode.textContent.trim());
+      }
+      return found.join(" ").replace(/\\\\s+/g, " ");
+    }"""
+    with playwright.sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        opened = browser.new_page(viewport={"width": 1100, "height": FIRST_SCREEN_PX})
+        opened.goto(page.as_uri())
+        text = opened.evaluate(script, FIRST_SCREEN_PX)
+        browser.close()
+    return text
+
+
+def require_first_screen(page, table):
+    """Require that the first screen names joints, parameters with intervals, errors on held-out data, assumptions."""
+    text = first_screen(page)
+    assert "held-out data" in text
+    for held in table["held_out"]:
+        assert held["joint"] in text
+    assert re.search(r"\d to −?\d|± \d", text), text
+    assert "Assumed" in text
+    for each in table["assumed"][:4]:
+        assert each["subject"][:30] in text, each
+
+
+@pytest.mark.parametrize("make", [unit_row, two_joints])
+def test_the_first_screen_has_the_answer(tmp_path, make):
+    done = run(*make(tmp_path), "--out", tmp_path / "out", "--json", "-q")
+    require_first_screen(tmp_path / "out" / "index.html", json.loads(done.output))
+
+
+@pytest.fixture(scope="module")
+def given_layouts(data_folder, tmp_path_factory):
+    """Folders of the given layouts, written by the program that knows them."""
+    program = data_folder.parent / "cases" / "layouts" / "make_layouts.py"
+    if not program.is_file():
+        pytest.skip("the given layouts are not on this machine")
+    folder = tmp_path_factory.mktemp("layouts")
+    done = subprocess.run(
+        [sys.executable, program.name, folder, "--set", "given"], cwd=program.parent, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return sorted(path.parent for path in folder.glob("*/truth.json"))
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+def test_every_given_layout_is_tried(given_layouts, tmp_path):
+    late, wrong = [], []
+    for folder in given_layouts:
+        truth = json.loads((folder / "truth.json").read_text())
+        options = [each.replace("{folder}", str(folder)) for each in truth.get("options", [])]
+        out = tmp_path / folder.name
+        command = [sys.executable, "-m", "pellucid", "try", *(folder / f for f in truth["files"]), *options]
+        before, began = os.times(), time.perf_counter()
+        done = subprocess.run([*command, "--out", out, "--json", "-q"], capture_output=True, text=True)
+        # Time of the processor does not depend on what else the machine does.
+        spent = min(time.perf_counter() - began, sum(os.times()[2:4]) - sum(before[2:4]))
+        late += [f"{folder.name}: {spent:.1f} s"] if spent > MAX_SECONDS else []
+        if truth["outcome"] == "refused" and done.returncode not in (1, 2):
+            wrong.append(f"{folder.name}: status {done.returncode}, expected a refusal")
+        elif done.returncode == 0:
+            require_first_screen(out / "index.html", json.loads(done.stdout))
+        elif done.returncode not in (1, 2) or not done.stderr.startswith("pellucid: "):
+            wrong.append(f"{folder.name}: status {done.returncode}: {done.stderr}")
+    assert not late
+    assert not wrong
+
+
+def test_the_example_log_is_every_tenth_row_of_the_virtual_bench(tmp_path):
+    bench = tmp_path / "bench"
+    pl.init(bench, rig="bench-joint")
+    pl.simulate(bench)
+    for example, recording in (("first", "multisine"), ("second", "heldout_multisine")):
+        log = pl.read(Path(__file__).parents[2] / "examples" / "elbow" / f"{example}.csv")
+        made = pl.read(bench / "recordings" / f"{recording}.csv")
+        # Gear ratio times torque constant, in N*m/A.
+        columns = (made["time"], np.degrees(made["position"]), 28.0 * 0.060 * made["current"])
+        for own, whole in zip(log.values.values(), columns, strict=True):
+            assert own == pytest.approx(whole[::10], abs=0.02 * np.abs(whole).max())
