@@ -93,6 +93,8 @@ class ProposedStudy:
         Roles of all columns with their reasons, recordings, questions and answers.
     faults : tuple of Fault
         What `check` finds in the study; it refuses nothing.
+    text : str
+        Text of its study.toml as it was written.
     """
 
     folder: Path
@@ -100,6 +102,7 @@ class ProposedStudy:
     page: Path | None
     proposal: Proposal
     faults: tuple[Fault, ...] = ()
+    text: str = ""
 
     @property
     def questions(self) -> tuple[Question, ...]:
@@ -220,7 +223,7 @@ def make_study(
         require_known_units(proposal)
         require_agreeing_units(proposal)
         with _draft_of(folder) as draft:
-            _write(draft, proposal, put)
+            text = _write(draft, proposal, put)
             faults = _require_accepted(draft, named or folder, proposal, check_folder)
             if with_page:
                 page = write_page(draft / PAGE_FOLDER, proposal_page(proposal, folder)).relative_to(draft)
@@ -228,7 +231,7 @@ def make_study(
     except PellucidError as error:
         note_understood(error, proposal, page_folder)
         raise
-    return ProposedStudy(folder, folder / STUDY_FILE, None if page is None else folder / page, proposal, faults)
+    return ProposedStudy(folder, folder / STUDY_FILE, None if page is None else folder / page, proposal, faults, text)
 
 
 def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> Path | None:
@@ -289,8 +292,11 @@ def _require_accepted(
     return faults
 
 
-def _write(folder: Path, proposal: Proposal, put: Callable[[Path, Path], None]) -> None:
-    """Write a proposal's recordings and study.toml into a folder; `put` writes each recording."""
+def _write(folder: Path, proposal: Proposal, put: Callable[[Path, Path], None]) -> str:
+    """Write a proposal's recordings and study.toml into a folder; `put` writes each recording.
+
+    Returns the text of study.toml.
+    """
     used = {recording.table.path for recording in proposal.recordings}
     used |= {table.path for recording in proposal.recordings for table in recording.streams.values()}
     places = _places(sorted(used))
@@ -305,7 +311,9 @@ def _write(folder: Path, proposal: Proposal, put: Callable[[Path, Path], None]) 
         for recording in proposal.recordings
         for table in (recording.table, *recording.streams.values())
     }
-    write_text_atomically(folder / STUDY_FILE, study_text(proposal, files))
+    text = study_text(proposal, files)
+    write_text_atomically(folder / STUDY_FILE, text)
+    return text
 
 
 def _places(paths: Iterable[Path]) -> dict[Path, str]:

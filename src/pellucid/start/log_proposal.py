@@ -190,6 +190,8 @@ class LogProposal:
 
         Raises
         ------
+        PellucidError
+            If `folder` is no path.
         StudyError
             If the folder is not empty, or a stated unit is not known.
         UnfitRecordingError

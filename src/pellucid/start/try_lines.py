@@ -7,7 +7,7 @@ from typing import Any
 from ..study.results import finite_row, row_table
 from .propose_study import Layout
 from .study_text import channel_name
-from .try_log import TriedLog
+from .tried_log import TriedLog
 from .try_page import parameter_rows, try_headline
 
 MAX_LISTED_COLUMNS = 12

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from .._errors import PellucidError
@@ -16,63 +15,15 @@ from ..models.estimates import Parameter
 from ..study.pages.page import write_page
 from ..study.procedures.procedure import Progress, quiet
 from ..study.procedures.registry import asked, open_study
-from ..study.procedures.result import HeldOutEffort, ParameterTable, Result
+from ..study.procedures.result import ParameterTable, Result
 from ..study.procedures.run import run
 from ..study.study import Study
-from .assumptions import Assumption, assumptions_of
+from .assumptions import assumptions_of
 from .given_files import GivenFiles, read_given
 from .init_from_files import make_study, note_understood, study_name
-from .propose_study import Proposal, propose_study
-
-
-@dataclass(frozen=True)
-class TriedJoint:
-    """What was found of one joint."""
-
-    name: str
-    parameters: tuple[Parameter, ...]
-    held_out: HeldOutEffort | None  # None if no recording was held out, or the joint did not move in one
-
-
-@dataclass(frozen=True, eq=False)
-class TriedLog:
-    """What was understood of a log, and what was identified from it.
-
-    Attributes
-    ----------
-    folder : Path
-        Folder of the page and the study.
-    page : Path
-        Page with the answer.
-    proposal : Proposal
-        Roles of all columns, questions and answers.
-    study : Study
-        The study that was made.
-    result : Result
-        What its command found.
-    joints : tuple of TriedJoint
-        Parameters and held-out efforts by joint; empty where the command does not identify joints.
-    assumptions : tuple of Assumption
-        Defaults and guesses on which the result depends.
-    next_command : str
-        Command that makes a study of the same files in a folder of the user's.
-    """
-
-    folder: Path
-    page: Path
-    proposal: Proposal
-    study: Study
-    result: Result
-    joints: tuple[TriedJoint, ...]
-    assumptions: tuple[Assumption, ...]
-    next_command: str
-
-    @property
-    def flaw(self) -> str:
-        """Sentence that says why the parameters do not describe the machine; "" if nothing says so."""
-        said = next((verdict.said for verdict in self.result.verdicts if verdict.kind == "wrong"), "")
-        first = re.split(r"(?<=[.!?]) (?=[A-Z])", said, maxsplit=1)[0]
-        return first[:1].lower() + first[1:]
+from .propose_study import propose_study
+from .tried_log import TriedJoint, TriedLog
+from .try_page import try_page
 
 
 def try_log(
@@ -126,8 +77,6 @@ def try_log(
         raise
     result.save(study)
     on_progress("drawing the page", 0.92)
-    from .try_page import try_page
-
     tried = TriedLog(
         folder,
         folder,
@@ -135,7 +84,7 @@ def try_log(
         study,
         result,
         _joints_of(study, result),
-        assumptions_of(proposal, made.study_file.read_text(encoding="utf-8")),
+        assumptions_of(proposal, made.text),
         _next_command(name, files, answers or {}, urdf),
     )
     return replace(tried, page=write_page(folder, try_page(tried)))

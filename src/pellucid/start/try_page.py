@@ -32,7 +32,7 @@ from ..study.procedures.study_page import figure_tables, parameter_tables
 from .proposal_page import layout_tables
 
 if TYPE_CHECKING:
-    from .try_log import TriedJoint, TriedLog
+    from .tried_log import TriedJoint, TriedLog
 
 MAX_DRAWN_JOINTS = 8
 """At most so many joints are drawn."""

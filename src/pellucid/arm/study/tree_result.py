@@ -164,6 +164,7 @@ class TreeResult(Result):
 
     @property
     def held_out(self) -> tuple[HeldOutEffort, ...]:
+        """Efforts of joints on held-out recordings, measured and predicted."""
         traces = [trace for trace in self.traces if trace.use == "validate"]
         if not traces:
             return ()

@@ -33,9 +33,8 @@ class EachJointResult(Result):
 
     @property
     def held_out(self) -> tuple[HeldOutEffort, ...]:
-        return tuple(
-            replace(held, joint=joint) for joint, found in self.joints.items() for held in found.held_out
-        )
+        """Efforts of joints on held-out recordings, measured and predicted."""
+        return tuple(replace(held, joint=joint) for joint, found in self.joints.items() for held in found.held_out)
 
     @property
     def prose(self) -> str:

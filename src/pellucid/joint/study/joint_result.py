@@ -94,6 +94,7 @@ class JointResult(Result):
 
     @property
     def held_out(self) -> tuple[HeldOutEffort, ...]:
+        """Efforts of joints on held-out recordings, measured and predicted."""
         parts = [p for p in self.headlined.predictions if p.split == "heldout"]
         if not parts:
             return ()

@@ -1,0 +1,63 @@
+"""What was understood of a tried log, and what was identified from it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..models.estimates import Parameter
+from ..study.procedures.result import HeldOutEffort, Result
+from ..study.study import Study
+from .assumptions import Assumption
+from .propose_study import Proposal
+
+
+@dataclass(frozen=True)
+class TriedJoint:
+    """What was found of one joint."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    held_out: HeldOutEffort | None  # None if no recording was held out, or the joint did not move in one
+
+
+@dataclass(frozen=True, eq=False)
+class TriedLog:
+    """What was understood of a log, and what was identified from it.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the page and the study.
+    page : Path
+        Page with the answer.
+    proposal : Proposal
+        Roles of all columns, questions and answers.
+    study : Study
+        The study that was made.
+    result : Result
+        What its command found.
+    joints : tuple of TriedJoint
+        Parameters and held-out efforts by joint; empty where the command does not identify joints.
+    assumptions : tuple of Assumption
+        Defaults and guesses on which the result depends.
+    next_command : str
+        Command that makes a study of the same files in a folder of the user's.
+    """
+
+    folder: Path
+    page: Path
+    proposal: Proposal
+    study: Study
+    result: Result
+    joints: tuple[TriedJoint, ...]
+    assumptions: tuple[Assumption, ...]
+    next_command: str
+
+    @property
+    def flaw(self) -> str:
+        """Sentence that says why the parameters do not describe the machine; "" if nothing says so."""
+        said = next((verdict.said for verdict in self.result.verdicts if verdict.kind == "wrong"), "")
+        first = re.split(r"(?<=[.!?]) (?=[A-Z])", said, maxsplit=1)[0]
+        return first[:1].lower() + first[1:]
