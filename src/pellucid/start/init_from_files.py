@@ -10,7 +10,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,12 +18,12 @@ from .._atomic import write_text_atomically
 from .._errors import PellucidError, StudyError, UnfitRecordingError
 from .._given import require_empty_folder
 from ..files.fault import Fault, grouped_messages
-from ..study.pages.page import write_page
+from ..study.pages.page import Page, write_page
 from ..study.procedures.registry import open_study
 from ..study.procedures.run import check
 from ..study.study import STUDY_FILE
 from .given_files import GivenFiles, read_given
-from .proposal_page import proposal_page, unmade_page
+from .proposal_page import files_page, proposal_page, unmade_page
 from .propose_study import (
     Proposal,
     Question,
@@ -161,18 +161,26 @@ def propose_with_answers(
     name: str,
     answers: Mapping[str, str] | None = None,
     ask: Callable[[Question], str] | None = None,
+    page_folder: Path | None = None,
 ) -> Proposal:
-    """Return the proposal for files; `ask` is called with each question that `answers` do not have."""
-    proposal = propose_study(given, name, answers)
-    if ask is None:
-        return proposal
-    said = dict(answers or {})
-    for question in proposal.asked:
-        if question.key not in said:
-            answer = ask(question).strip()
-            if answer and answer != question.default:
-                said[question.key] = answer
-    return propose_study(given, name, said) if said != dict(answers or {}) else proposal
+    """Return the proposal for files; `ask` is called with each question that `answers` do not have.
+
+    An error has a note with the path of a page of the columns, in `page_folder` or a new one for temporary files.
+    """
+    try:
+        proposal = propose_study(given, name, answers)
+        if ask is None:
+            return proposal
+        said = dict(answers or {})
+        for question in proposal.asked:
+            if question.key not in said:
+                answer = ask(question).strip()
+                if answer and answer != question.default:
+                    said[question.key] = answer
+        return propose_study(given, name, said) if said != dict(answers or {}) else proposal
+    except PellucidError as error:
+        _note_page(error, name, files_page(given, name, str(error)), page_folder)
+        raise
 
 
 def check_folder(folder: Path) -> list[Fault]:
@@ -234,19 +242,17 @@ def make_study(
     return ProposedStudy(folder, folder / STUDY_FILE, None if page is None else folder / page, proposal, faults, text)
 
 
-def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> Path | None:
-    """Draw what was understood of files of which no study can be made, and add the page's path to the error's notes.
+def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> None:
+    """Draw what was understood of files of which no study can be made, and add the page's path to the error's notes."""
+    reason = str(error).rpartition(f"{REFUSAL}: ")[2]
+    _note_page(error, proposal.name, unmade_page(proposal, reason), page_folder)
 
-    Returns the page; None where no folder for it can be written.
-    """
-    try:
-        target = page_folder or Path(tempfile.mkdtemp(prefix=f"pellucid-{proposal.name}-proposal-"))
-        reason = str(error).rpartition(f"{REFUSAL}: ")[2]
-        page = write_page(target, unmade_page(proposal, reason))
-    except OSError:
-        return None
-    error.add_note(f"What was understood: {page}")
-    return page
+
+def _note_page(error: PellucidError, name: str, page: Page, page_folder: Path | None) -> None:
+    """Write a page, and add its path to an error's notes; nothing where no folder for it can be written."""
+    with suppress(OSError):
+        target = page_folder or Path(tempfile.mkdtemp(prefix=f"pellucid-{name}-proposal-"))
+        error.add_note(f"What was understood: {write_page(target, page)}")
 
 
 @contextmanager

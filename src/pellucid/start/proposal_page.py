@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from .._printed_command import printed_command
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
-from ..study.pages.forest import Row, Table
+from ..study.pages.forest import Row, Table, number_table
 from ..study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
-from .given_files import GivenTable
+from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
 from .propose_study import Layout, Proposal
@@ -141,6 +141,30 @@ def unmade_page(proposal: Proposal, reason: str) -> Page:
         "Can a study be made of these files?",
         "no",
         tuple(f"{q.text} Answer with `--answer {q.key}=...`." for q in open_questions[:3]),
+    )
+
+
+def files_page(given: GivenFiles, name: str, reason: str) -> Page:
+    """Return the page of files for which nothing can be proposed, for a `reason` of one sentence."""
+    rows = tuple(
+        Row((table.path.name, column, table.units.get(column, ""), str(len(values))))
+        for table in given.tables
+        for column, values in table.columns.items()
+    )
+    unread = tuple(Row((path.name, why)) for path, why in given.unread)
+    sections = [
+        Section("columns", "Columns", tables=(number_table(("File", "Column", "Unit", "Rows"), rows, words=3),))
+    ]
+    if unread:
+        sections.append(Section("unread", "Files that were not read", tables=(Table(("File", "Reason"), unread),)))
+    return Page(
+        f"Files: {name}",
+        "Pellucid init",
+        _sentence(reason),
+        (),
+        tuple(sections),
+        f"Written by pellucid {version('pellucid')}. No study was written.",
+        answer=Answer("Can a study be made of these files?", "no"),
     )
 
 

@@ -20,8 +20,7 @@ from ..study.procedures.run import run
 from ..study.study import Study
 from .assumptions import assumptions_of
 from .given_files import GivenFiles, read_given
-from .init_from_files import make_study, note_understood, study_name
-from .propose_study import propose_study
+from .init_from_files import make_study, note_understood, propose_with_answers, study_name
 from .tried_log import TriedJoint, TriedLog
 from .try_page import try_page
 
@@ -64,8 +63,8 @@ def try_log(
         given = given.with_robot(Path(urdf))
     name = _name_of(given)
     on_progress("looking at columns", 0.1)
-    proposal = propose_study(given, name, answers)
     folder = Path(tempfile.mkdtemp(prefix="pellucid-try-")) if out is None else Path(out)
+    proposal = propose_with_answers(given, name, answers, page_folder=folder)
     on_progress("checking the recordings", 0.3)
     made = make_study(folder / name, proposal, named=_named(given), page_folder=folder, with_page=False)
     study = open_study(made.folder)

@@ -37,8 +37,11 @@ if TYPE_CHECKING:
 MAX_DRAWN_JOINTS = 8
 """At most so many joints are drawn."""
 
+FIRST_PARAMETERS = ("inertia", "gravity", "viscous", "coulomb")
+"""Parameters of which a table of several joints has a column each."""
+
 MAX_PARAMETER_COLUMNS = 3
-"""A table of several joints has at most so many parameters; those that most joints have are shown."""
+"""Number of the most frequent parameters in such a table where no joint has one of the first ones."""
 
 MAX_DETAILED_JOINTS = 1
 """Up to so many joints, each parameter has a row of its own."""
@@ -107,8 +110,8 @@ def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ..
         heads = ("Parameter", "Value", "Unit", f"{share} interval", "")
         return heads, [_row(p, level) for joint in joints for p in joint.parameters]
     counts = Counter((p.name, p.unit) for joint in joints for p in joint.parameters)
-    most = [which for which, _ in counts.most_common(MAX_PARAMETER_COLUMNS)]
-    shown = [which for which in counts if which in most]
+    wanted = [which for name in FIRST_PARAMETERS for which in counts if which[0] == name]
+    shown = wanted or [which for which, _ in counts.most_common(MAX_PARAMETER_COLUMNS)]
     units = (f" ({unit_text(unit)})" if unit_text(unit) else "" for _, unit in shown)
     parameters = (f"{parameter_label(name)}{unit}" for (name, _), unit in zip(shown, units, strict=True))
     heads = ("Joint", "Held-out error (%)", "Constant effort (%)", *parameters)
