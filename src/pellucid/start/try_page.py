@@ -126,10 +126,16 @@ def _row(p: Parameter, level: float) -> tuple[str, ...]:
 
 def _joint_row(joint: TriedJoint, shown: Sequence[tuple[str, str]], level: float) -> tuple[str, ...]:
     own = {(p.name, p.unit): p for p in joint.parameters}
-    cells = [value_and_half_interval(own[which], level) if which in own else "–" for which in shown]
+    cells = [_cell(own[which], level) if which in own else "–" for which in shown]
     held = joint.held_out
     errors = ("–", "–") if held is None else (percent(held.error), percent(held.constant_error))
     return joint.name, *errors, *cells
+
+
+def _cell(p: Parameter, level: float) -> str:
+    if p.at_bound:
+        return f"{number(p.value, digits=3)}, at its bound"
+    return value_and_half_interval(p, level)
 
 
 def _parameters(tried: TriedLog) -> Section:
