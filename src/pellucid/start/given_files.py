@@ -180,9 +180,6 @@ def tables_of_columns(columns: Columns) -> list[GivenTable]:
             if len(part) > 1 or len(keys) == 1
         ]
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
-    if columns.recordings:
-        own = {key: {name: x for name, x in long.items() if name.startswith(f"{key}.")} for key in columns.recordings}
-        parts = [(key, part) for key in own for _, part in _parts(own[key], has_sheets=False)]
     return [replace(empty, columns=part, key=key) for key, part in parts]
 
 
