@@ -17,7 +17,7 @@ A `domain.py` holds references and imports nothing of its domain, so that none o
     Functions that make the body against which a wearer's torque is computed of cards, as
     `emg.study.emg_torque.trial_sources.WornBody`.
 
-References are relative to the domain: ``"fit.fit_joint:fit_joint"``.
+References are relative to the domain: ``"fit.joint_estimate:JointEstimate"``.
 """
 
 from __future__ import annotations

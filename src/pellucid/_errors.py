@@ -15,6 +15,10 @@ class PellucidError(ValueError):
     """
 
 
+class ArgumentError(PellucidError, TypeError):
+    """An argument of a function has a wrong type or unit. The message names the function and the argument."""
+
+
 def missing_package(part: str, package: str, extra: str) -> PellucidError:
     """Return the error that an optional library is not installed, with the command that installs it."""
     return PellucidError(

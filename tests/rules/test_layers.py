@@ -197,7 +197,7 @@ def test_only_the_layers_that_compute_reach_into_the_core():
             "only study/pages, study/drawing and files of pages may import matplotlib",
         ),
         ("study/a.py", "from .. import _core", "study may not import _core"),
-        ("study/a.py", "from ..joint.fit.fit_joint import fit_joint", "study may not import joint.fit.fit_joint"),
+        ("study/a.py", "from ..joint.fit.replay import replay", "study may not import joint.fit.replay"),
         ("emg/a.py", "from ..orthosis.strap.fit_strap import fit_strap", "emg may not import orthosis.strap.fit_strap"),
         ("joint/fit/a.py", "from ..study.joint_case import JointCase", "expected arrays"),
         ("helpful/a.py", "", "the room 'helpful' has no entry"),

@@ -9,7 +9,7 @@ import numpy as np
 import pellucid as pl
 from pellucid import _core
 from pellucid.controllers.supervised import SupervisedLaw
-from pellucid.joint.fit.fit_joint import JointEstimate
+from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.models.joint import FAMILIES
 
 SUBSTEPS = 3

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .._errors import RecordingError
+from .arguments import real_column
 
 MAX_STEP_DEVIATION_SHARE = 0.05
 """Where samples must be even, a time step may differ from the mean step by at most this share."""
 
 
-def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, **signals) -> tuple[np.ndarray, ...]:
+def sampled(where: str, time: Any, *, least: int = 2, even: bool = True, **signals: Any) -> tuple[np.ndarray, ...]:
     """Time [s] and signals as arrays of floats, each of shape (n,), examined. `time` (n,) [s]; `signals` (n,); gives
     (n,)."""
-    columns = {name: _column(where, name, values) for name, values in {"time": time, **signals}.items()}
+    columns = {name: real_column(where, name, values) for name, values in {"time": time, **signals}.items()}
     t = columns["time"]
     if len(t) < least:
         raise RecordingError(f"{where}: time: found {len(t)} samples, expected at least {least}")
@@ -42,14 +45,3 @@ def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, 
         )
     return tuple(columns.values())
 
-
-def _column(where: str, name: str, values: np.ndarray) -> np.ndarray:
-    try:
-        column = np.asarray(values, float)
-    except (TypeError, ValueError) as error:
-        raise RecordingError(f"{where}: {name}: {error}; expected an array of real numbers") from None
-    if column.ndim == 2 and column.shape[1] == 1:
-        column = column[:, 0]
-    if column.ndim != 1:
-        raise RecordingError(f"{where}: {name}: found shape {column.shape}, expected (n,) or (n, 1)")
-    return np.ascontiguousarray(column)

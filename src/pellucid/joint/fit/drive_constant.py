@@ -43,8 +43,8 @@ from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, least_squares_within
 from ...numerics.uncertainty import correlation_time, sandwich_covariance
 from .discrepancy import COMMON_LOAD_COEFFICIENT, LOAD_SHARE_SPREAD_RATIO, estimate_discrepancy
-from .fit_joint import JointEstimate, joint_states
 from .friction_solver import solve_family
+from .joint_estimate import JointEstimate, joint_states
 
 MAX_STEPS = 30
 """Gauss-Newton steps; a model without load friction needs two."""

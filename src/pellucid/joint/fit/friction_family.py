@@ -41,7 +41,6 @@ from .estimators import (
     solve_instrumental,
     solve_output_error,
 )
-from .fit_joint import JointEstimate, make_estimate
 from .friction_solver import (
     cross_validate_family,
     solve_family,
@@ -50,7 +49,8 @@ from .friction_solver import (
     solve_weighted,
     with_known_stribeck_velocity,
 )
-from .recording_agreement import enforce_pseudo_inertia
+from .joint_estimate import JointEstimate, make_estimate
+from .recording_agreement import enforce_pseudo_inertia, is_pseudo_inertia_bounded, least_inertia
 from .replay import (
     Machine,
     Prediction,
@@ -187,6 +187,7 @@ class SolvedFamily:
     solved: Mapping[str, SolvedMethod]
     data: Stack[Motion]  # motions on which the methods other than least squares were solved
     level: float  # confidence level of the intervals [1]
+    moving_mass: float | None = None  # upper limit of the moving mass [kg], if it is stated
 
     def choose_estimator(self, purpose: str, machine: Machine) -> EstimatorChoice:
         """Choose one of the methods for a `purpose`, by blocks of the fitted data alone.
@@ -194,8 +195,19 @@ class SolvedFamily:
         Positions are simulated from the commands that a `machine` recorded.
         """
         estimates = {"ls": self.fit.estimate, **self.fit.others}
-        compared = {name: each for name, each in self.solved.items() if estimates[name].converged}
+        compared = {
+            name: each
+            for name, each in self.solved.items()
+            if name == "ls" or (estimates[name].converged and self._has_possible_body(each))
+        }
         return choose_estimator(purpose, compared, self.data, machine)
+
+    def _has_possible_body(self, solved: SolvedMethod) -> bool:
+        """Return whether a method finds an inertia that a body of the stated mass can have."""
+        model, values = solved.model, solved.found.values
+        if self.moving_mass is None or not is_pseudo_inertia_bounded(model):
+            return True
+        return bool(values[model.names.index("inertia")] >= least_inertia(model, values, self.moving_mass))
 
     def with_estimator(self, choice: EstimatorChoice, everything: Sequence[Motion]) -> FamilyFit:
         """Return the fit with the chosen method, which predicts `everything`."""
@@ -270,7 +282,7 @@ def fit_family(
         model, estimate, others, predictions, simulations, failures, *fitted, *heldout,
         EstimatorChoice(predictions=predictions), crossed, said, band,
     )  # fmt: skip
-    return SolvedFamily(fit, solved, part, level)
+    return SolvedFamily(fit, solved, part, level, moving_mass)
 
 
 def _apply_other_methods(

@@ -512,6 +512,11 @@ def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
     return float(amplitude2 / (mass * GRAVITY**2))
 
 
+def is_pseudo_inertia_bounded(model: JointModel) -> bool:
+    """Return whether a mass bounds the inertia of a model: that of a rotary joint whose effort is known in SI."""
+    return "inertia" in model.names and model.motion == "rotary" and model.effort_unit == "N*m"
+
+
 def enforce_pseudo_inertia(
     model: JointModel, data: Stack[Motion], found: Solution, mass: float
 ) -> tuple[Solution, tuple[str, ...]]:
@@ -519,7 +524,7 @@ def enforce_pseudo_inertia(
 
     The body has at most `mass` [kg]. Returns the solution, and a note if it was moved.
     """
-    if "inertia" not in model.names or model.motion != "rotary" or model.effort_unit != "N*m":
+    if not is_pseudo_inertia_bounded(model):
         return found, ()
     i = model.names.index("inertia")
     if found.values[i] >= least_inertia(model, found.values, mass):

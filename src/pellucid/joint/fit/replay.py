@@ -30,7 +30,7 @@ from ...numerics.posterior.posterior import LinearisedModel, Noise, Posterior, P
 from ...numerics.regression import Stack, predict_effort_rows, regression_rows
 from ...numerics.uncertainty import block_length, correlation_time, degrees_of_freedom, student_to_normal_ratio
 from .discrepancy import neglected_columns
-from .fit_joint import JointEstimate, joint_states
+from .joint_estimate import JointEstimate, joint_states
 
 COMPARED_SIGNALS = ("position", "velocity", "acceleration", "effort")
 """Signals in which a simulation is compared with the recording."""

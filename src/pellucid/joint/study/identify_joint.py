@@ -24,8 +24,8 @@ from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
 from ..fit.estimators import EstimatorChoice
-from ..fit.fit_joint import JointEstimate
 from ..fit.friction_family import FamilyFit, SolvedFamily, choose_family, fit_family
+from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import estimate_presliding
 from ..fit.replay import Machine, joint_posterior
 from ..fit.unknown_payload import UnknownPayload, estimate_payload

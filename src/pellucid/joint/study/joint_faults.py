@@ -26,13 +26,21 @@ from ...study.recorded_motions import (
 )
 from ...study.study import Study
 from ...study.study_file import Processing
-from ..fit.fit_joint import measure_excitation
 from ..fit.friction_solver import solve_family
+from ..fit.joint_estimate import measure_excitation
 from .aligned_motions import align_recordings, find_alignments, find_clocks, simple_model
 from .joint_case import advice, wearer_faults
 
 MIN_ROWS_PER_PARAMETER = 10
 """A single recording's sign is checked only with more than this many rows per parameter."""
+
+
+class ReversedSignError(IdentificationError):
+    """The effort of recordings has the opposite sign of their position: `found`, in words, and what to `do`."""
+
+    def __init__(self, found: str, do: str):
+        super().__init__(f"{found}: {do}")
+        self.found = found
 
 
 def require_sign(model: JointModel, data: Stack, channel: str | None) -> None:
@@ -61,10 +69,11 @@ def _refuse_reversed(model: JointModel, data: Stack, channel: str | None, alone:
     if work < 0.0 and "inertia" in sure:
         whose = f"recording {alone}: " if alone else ""
         unit = "J" if model.effort_unit in ("N*m", "N") else f"{model.effort_unit}*{UNITS[model.motion]['position']}"
-        raise IdentificationError(
+        raise ReversedSignError(
             f"{whose}the drive takes {-work:.3g} {unit} of work out of the joint and the inertia comes out negative "
-            f"({values['inertia']:.3g} {model.unit('inertia')}): the sign of the drive or of the position is reversed; "
-            f"set sign = -1 on channel '{channel}' or 'position' in study.toml"
+            f"({values['inertia']:.3g} {model.unit('inertia')})",
+            f"the sign of the drive or of the position is reversed; set sign = -1 on channel '{channel}' or 'position' "
+            "in study.toml",
         )
 
 

@@ -28,9 +28,9 @@ from ...study.pages.quantities import METHODS, interval_text, number, parameter_
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
 from ..fit.estimators import DECISIVE_ERROR_RATIO
-from ..fit.fit_joint import JointEstimate
 from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
+from ..fit.joint_estimate import JointEstimate
 from ..fit.recording_agreement import (
     BODY_PARAMETERS,
     AngleZero,

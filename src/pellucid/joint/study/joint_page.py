@@ -33,8 +33,8 @@ from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_figures import posterior_figure
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
-from ..fit.fit_joint import JointEstimate
 from ..fit.friction_family import FamilyFit
+from ..fit.joint_estimate import JointEstimate
 from . import joint_figures as figures
 from .joint_figures import by_recording, moving_joint, pooled_error, whole_recordings
 from .joint_result import JointResult, Trace

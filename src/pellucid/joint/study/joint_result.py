@@ -18,8 +18,8 @@ from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTabl
 from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
-from ..fit.fit_joint import JointEstimate
 from ..fit.friction_family import FamilyFit
+from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
 from ..fit.unknown_payload import UnknownPayload

@@ -1,19 +1,24 @@
-"""Identify a joint from arrays: inertia, gravity and friction with intervals, predictions, and the model card."""
+"""An identified joint: parameters with intervals, predicted effort, simulated motion, and the model card.
+
+How well a motion separates the parameters of a model.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ... import _core
 from ..._errors import IdentificationError
-from ..._processes import with_one_blas_thread
 from ...models.card import ModelCard
 from ...models.estimates import Estimates, Whiteness
-from ...models.joint import SYMBOLS_BY_NAME, UNITS, JointModel, joint_model
-from ...numerics.motion import Filtering, Motion, motion_of, shortest
+from ...models.joint import UNITS, JointModel
+from ...models.simulate import JointTrace, LoopSetting, simulate
+from ...numerics.arguments import number
+from ...numerics.motion import Filtering, Motion, motion_of
 from ...numerics.regression import (
     Solution,
     Stack,
@@ -21,24 +26,24 @@ from ...numerics.regression import (
     make_parameters,
     predict_efforts,
     regression_rows,
-    stack,
 )
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
 from .discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
-from .friction_solver import solve_family
 from .recording_agreement import (
     RECORDING_DRIFT_CAUSE,
     ParameterDrift,
     RecordingDrift,
     add_drift,
-    enforce_pseudo_inertia,
     find_parameter_drift,
     find_recording_drift,
 )
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""
+
+MAX_SIMULATED_POSITION = 1e100
+"""A simulated position of this size counts as diverged [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -102,15 +107,17 @@ class JointEstimate(Estimates):
             return self.covariance
         return self.covariance - self.discrepancy.of(self.model.names)[0]
 
-    def predict(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    def predict(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike | None = None) -> np.ndarray:
         """Predict the effort of a motion, filtered as the fitted effort was.
 
         Parameters
         ----------
-        time : ndarray, shape (n,)
+        time : array_like, shape (n,)
             Evenly sampled time [s].
-        position : ndarray, shape (n,) or (n, 1)
+        position : array_like, shape (n,) or (n, 1)
             Position [rad or m].
+        velocity : array_like, shape (n,) or (n, 1), optional
+            Recorded velocity [rad/s or m/s]; by default that of the position.
 
         Returns
         -------
@@ -119,12 +126,55 @@ class JointEstimate(Estimates):
 
         Raises
         ------
+        ArgumentError
+            If an argument is no array of real numbers.
         RecordingError
             If the arrays do not fit together, a number is missing, or there are too few for the filter.
         """
-        time, position = sampled("predict", time, position=position)
-        motion = motion_of(time, position, np.zeros(len(time)), self.filtering)
+        given = {"position": position} | ({} if velocity is None else {"velocity": velocity})
+        time, *signals = sampled("predict", time, **given)
+        speed = None if velocity is None else signals[1]
+        motion = motion_of(time, signals[0], np.zeros(len(time)), self.filtering, velocity=speed)
         return predict_efforts(self.model, self.array, [motion])[0]
+
+    def simulate(self, time: ArrayLike, effort: ArrayLike, position: float = 0.0, velocity: float = 0.0) -> JointTrace:
+        """Simulate the motion that an effort causes, with true stiction.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Evenly sampled time [s].
+        effort : array_like, shape (n,) or (n, 1)
+            Effort at the joint, in the model's effort unit; each sample is held until the next one.
+        position : float
+            Position at the first sample [rad or m].
+        velocity : float
+            Velocity at the first sample [rad/s or m/s].
+
+        Returns
+        -------
+        JointTrace
+            `position` [rad or m], `velocity`, `acceleration` and `effort`, each of shape (n,).
+
+        Raises
+        ------
+        ArgumentError
+            If an argument is no array of real numbers, or no number.
+        RecordingError
+            If the arrays do not fit together, or a number is missing.
+        IdentificationError
+            If the simulated joint diverges.
+        """
+        time, drive = sampled("simulate", time, effort=effort)
+        units = UNITS[self.model.motion]
+        start = number("simulate", "position", position, unit=units["position"])
+        speed = number("simulate", "velocity", velocity, unit=units["velocity"])
+        period = float(time[-1] - time[0]) / (len(time) - 1)
+        vector = self.model.vector(self.array)
+        trace = simulate(vector, drive, period, loop=LoopSetting(), position0=start, velocity0=speed)
+        if not (np.abs(trace.position) < MAX_SIMULATED_POSITION).all():
+            raise IdentificationError("simulate: effort: found one at which the simulated joint diverges")
+        return trace
 
     def card(self, name: str = "joint", lifts: str = "") -> ModelCard:
         """Return the model card that `pellucid export` and `pellucid.controller` read.
@@ -279,148 +329,6 @@ def make_estimate(
         between_recordings=between,
         notes=notes,
     )
-
-
-SETTLING_PERIODS = 2.0
-"""Default length that is trimmed at either end, in periods of the low-pass cut-off."""
-
-
-@with_one_blas_thread
-def fit_joint(
-    time: np.ndarray,
-    position: np.ndarray,
-    effort: np.ndarray,
-    *,
-    friction: str = "symmetric",
-    lowpass: float | None,
-    order: int = 4,
-    decimate: int = 1,
-    dead_band: float = 0.0,
-    trim: int | None = None,
-    motion: str = "rotary",
-    gravity: str | None = None,
-    effort_unit: str | None = None,
-    known: Mapping[str, float] | None = None,
-    moving_mass: float | None = None,
-    confidence: float = 0.95,
-) -> JointEstimate:
-    r"""Identify a joint from a recorded motion and the effort it took.
-
-    Least squares on filtered data, with physical bounds,
-
-    .. math::  \tau = J\ddot q + g_s\sin q + g_c\cos q + f(\dot q, \cdot) + \tau_0 ,
-
-    with both sides passed through the same zero-phase low-pass. Standard errors allow for coloured residuals.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Evenly sampled time [s].
-    position : ndarray, shape (n,) or (n, 1)
-        Angle [rad], 0 where the joint hangs; or displacement [m].
-    effort : ndarray, shape (n,) or (n, 1)
-        Effort at the joint [N*m or N], or in the drive's own unit (see `effort_unit`); positive drives positive motion.
-    friction : {"symmetric", "directional", "load", "stribeck", "combined"}
-        Friction family.
-    lowpass : float or None
-        Cut-off of the low-pass [Hz], about five times the fastest motion. None if the arrays are smooth already.
-    order : int
-        Order of one pass of the filter.
-    decimate : int
-        Decimation factor after filtering. Samples 1 / (2 `lowpass`) apart lose nothing.
-    dead_band : float
-        Speed below which samples are left out [rad/s or m/s], because a sticking joint does not show its friction.
-    trim : int, optional
-        Number of samples dropped at either end; two periods of `lowpass` by default.
-    motion : {"rotary", "prismatic"}
-        Kind of joint.
-    gravity : {"sine", "sine+cosine", "none"}, optional
-        Variation of gravity with position; by default "sine" for a rotary joint and "none" for a prismatic one.
-    effort_unit : {"N*m", "N", "A", "V"}, optional
-        Unit of `effort`; "N*m" or "N", by `motion`, by default. With "A" or "V" parameters are per ampere or per volt.
-    known : mapping of str to float, optional
-        Parameters that are known beforehand, SI, such as ``{"gravity": 1.5}``.
-    moving_mass : float, optional
-        Upper limit of the moving mass [kg]. It bounds the inertia from below by this gravity torque.
-    confidence : float
-        Confidence level of the intervals.
-
-    Returns
-    -------
-    JointEstimate
-        Parameters by name (``fit["inertia"].value``, ``fit["inertia"].interval(0.95)``), their covariance, and
-        `predict`.
-
-    Raises
-    ------
-    RecordingError
-        If arrays differ in shape, hold a number that is not finite, are too short, or time is uneven.
-    IdentificationError
-        If an option is unknown, or the motion cannot tell the parameters apart; the message names them.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pellucid as pl
-    >>> t = np.arange(0.0, 20.0, 0.005)
-    >>> q = 0.6 * np.sin(0.8 * t) + 0.3 * np.sin(3.1 * t) + 0.1 * np.sin(7.0 * t)
-    >>> v = np.gradient(q, t)
-    >>> a = np.gradient(v, t)
-    >>> effort = 0.05 * a + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v
-    >>> fit = pl.fit_joint(t, q, effort, lowpass=10.0, decimate=5)
-    >>> round(fit["inertia"].value, 3), fit["inertia"].unit
-    (0.05, 'kg*m^2')
-    >>> list(fit)
-    ['inertia', 'gravity', 'viscous', 'coulomb', 'offset']
-    >>> fit.predict(t, q).shape
-    (4000,)
-    """
-    time, position, effort = sampled("fit_joint", time, position=position, effort=effort)
-    units = {"rotary": "N*m", "prismatic": "N"}
-    if motion not in units:
-        raise IdentificationError(f"fit_joint: motion: found {motion!r}, expected one of {', '.join(units)}")
-    own = effort_unit or units[motion]
-    if own not in (units[motion], "A", "V"):
-        raise IdentificationError(
-            f"fit_joint: effort_unit: found {own!r}, expected one of {units[motion]}, A, V for a {motion} joint"
-        )
-    for name, value in (known or {}).items():
-        if name not in SYMBOLS_BY_NAME:
-            raise IdentificationError(f"fit_joint: known: found {name!r}, expected any of {', '.join(SYMBOLS_BY_NAME)}")
-        low, high = SYMBOLS_BY_NAME[name].lower, SYMBOLS_BY_NAME[name].upper
-        if not low <= value <= high:
-            raise IdentificationError(f"fit_joint: known: found {name} = {value:g}, expected {low:g} to {high:g}")
-    for name, value, least in (("decimate", decimate, 1), ("order", order, 1), ("trim", trim or 0, 0)):
-        if value != int(value) or value < least:
-            raise IdentificationError(f"fit_joint: {name}: found {value}, expected an integer of {least} or more")
-    if not 0.0 < confidence < 1.0:
-        raise IdentificationError(f"fit_joint: confidence: found {confidence:g}, expected between 0 and 1")
-    fs = (len(time) - 1) / float(time[-1] - time[0])
-    if lowpass is not None and not 0.0 < lowpass < 0.5 * fs:
-        raise IdentificationError(
-            f"fit_joint: lowpass: found {lowpass:g} Hz, expected above 0 and below {fs / 2:g} Hz, half the rate"
-        )
-    if trim is None:
-        trim = 0 if lowpass is None else int(np.ceil(SETTLING_PERIODS * fs / lowpass))
-    filtering = Filtering(lowpass, int(order), int(decimate), float(dead_band), int(trim))
-    sampled("fit_joint", time, least=shortest(filtering))
-    taken = motion_of(time, position, effort, filtering)
-    plain = joint_model(
-        friction,
-        motion=motion,
-        effort_unit=own,
-        gravity=gravity or {"rotary": "sine", "prismatic": "none"}[motion],
-        known=known,
-        separate_load="gravity" in (known or {}) or "inertia" in (known or {}),
-        velocity_range=float(np.abs(taken.velocity[taken.inner]).max()),
-    )
-    model = replace(plain, payload_scale=1.0 if own == units[motion] else 0.0)
-    data = stack([taken])
-    found = solve_family(model, data)
-    notes: tuple[str, ...] = ()
-    if moving_mass is not None:
-        found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
-    return make_estimate(model, data, found, "ls", notes, level=confidence)
 
 
 @dataclass(frozen=True)

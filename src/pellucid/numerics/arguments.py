@@ -1,0 +1,173 @@
+"""Arguments of public functions as users give them: numbers, texts with a unit, arrays of any library.
+
+Each function returns the value in SI, or raises an error that names the function and the argument, what was found and
+what was expected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from datetime import date, timedelta
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from .._errors import ArgumentError, IdentificationError, PellucidError, RecordingError
+from ..units import parse_quantity, to_si_factor
+
+MAX_SHOWN_LENGTH = 60
+"""A value in a message has at most this many characters."""
+
+
+def shown(value: object) -> str:
+    """Return a value for a message: short values as they are, others by their type."""
+    if isinstance(value, (str, bytes, Real, complex, type(None))):
+        return repr(value)[:MAX_SHOWN_LENGTH]
+    return f"a value of type {type(value).__name__}"
+
+
+def number(where: str, name: str, value: Any, *, unit: str = "1", above: float = -np.inf) -> float:
+    """Return a finite number above `above`. A text states its unit, such as ``"10 Hz"`` for the `unit` Hz."""
+    such = "a number" if unit == "1" else f'a number [{unit}] or a text with its unit, such as "10 {unit}"'
+    if isinstance(value, str):
+        try:
+            found = parse_quantity(value, unit, "")
+        except PellucidError as error:
+            raise ArgumentError(f"{where}: {name}: {error}") from None
+    else:
+        if isinstance(value, np.ndarray) and value.ndim == 0:
+            value = value[()]
+        if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):
+            raise ArgumentError(f"{where}: {name}: found {shown(value)}, expected {such}")
+        found = float(value)
+    if not np.isfinite(found):
+        raise IdentificationError(f"{where}: {name}: found {found:g}, expected a finite number")
+    if not found > above:
+        raise IdentificationError(f"{where}: {name}: found {found:g}, expected above {above:g}")
+    return found
+
+
+def whole_number(where: str, name: str, value: Any, least: int, most: int = 10**9) -> int:
+    """Return a whole number from `least` to `most`."""
+    found = number(where, name, value)
+    if found != int(found) or not least <= found <= most:
+        upto = "" if most == 10**9 else f", at most {most}"
+        raise IdentificationError(f"{where}: {name}: found {found:g}, expected an integer of {least} or more{upto}")
+    return int(found)
+
+
+def choice(where: str, name: str, value: Any, options: Iterable[str]) -> str:
+    """Return one of some texts."""
+    options = tuple(options)
+    if not isinstance(value, str) or value not in options:
+        wrong = IdentificationError if isinstance(value, str) else ArgumentError
+        raise wrong(f"{where}: {name}: found {shown(value)}, expected one of {', '.join(options)}")
+    return value
+
+
+def is_table(value: Any) -> bool:
+    """Return whether a value has columns by name: a mapping, a data frame, or a structured array."""
+    if isinstance(value, Mapping):
+        return True
+    if isinstance(value, np.ndarray):
+        return value.dtype.names is not None
+    return hasattr(value, "columns") and hasattr(value, "__getitem__")
+
+
+def table_columns(value: Any) -> tuple[str, ...]:
+    """Return the names of the columns of a table."""
+    if isinstance(value, np.ndarray):
+        return tuple(value.dtype.names or ())
+    return tuple(map(str, value.keys() if isinstance(value, Mapping) else value.columns))
+
+
+def real_array(where: str, name: str, values: Any, *, unit: str = "") -> np.ndarray:
+    """Return values as an array of floats of any shape, in which a masked or missing sample is NaN.
+
+    `unit` is the SI unit of values that state their own, such as Pint's. Times may be dates and durations, which become
+    seconds [s] from the first one.
+    """
+
+    def refuse(found: str) -> ArgumentError:
+        return ArgumentError(f"{where}: {name}: found {found}, expected an array of real numbers")
+
+    if values is None or isinstance(values, (str, bytes, Mapping, set, frozenset)):
+        raise refuse(shown(values))
+    if hasattr(values, "units") and hasattr(values, "magnitude"):
+        factor, offset = _stated_factor(where, name, str(values.units), unit)
+        return factor * real_array(where, name, values.magnitude) + offset
+    try:
+        array = values if isinstance(values, np.ndarray) else np.ma.asarray(_without_markers(values))
+    except (TypeError, ValueError, RuntimeError, AttributeError) as error:
+        raise refuse(f"{shown(values)} that is no array ({error})") from None
+    missing = np.ma.getmaskarray(array)
+    array = np.asarray(np.ma.getdata(array))
+    if array.dtype.kind == "O":
+        array, missing = _of_objects(array, missing, refuse)
+    if array.dtype.kind in "mM":
+        if name != "time":
+            raise refuse("dates or durations")
+        array = _seconds(array, missing)
+    elif array.dtype.kind not in "iuf":
+        kinds = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "text", "V": "a structured array"}
+        raise refuse(kinds.get(array.dtype.kind, f"values of type {array.dtype}"))
+    return np.where(missing, np.nan, array.astype(float)) if missing.any() else array.astype(float)
+
+
+def _without_markers(values: Any) -> Any:
+    """Return values of pandas as an array in which a missing one is NaN; other values as they are."""
+    if not hasattr(values, "to_numpy"):
+        return values
+    kind = getattr(getattr(values, "dtype", None), "kind", "O")
+    return values.to_numpy(dtype=float, na_value=np.nan) if kind in "iuf" else values.to_numpy()
+
+
+def _of_objects(array: np.ndarray, missing: np.ndarray, refuse: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return an array of Python's objects as one of numbers or of durations, and where a sample is missing."""
+    flat = array.ravel().tolist()
+    gone = missing.ravel() | np.array([x is None or str(x) in ("<NA>", "NaT") for x in flat], bool)
+    known = [x for x, g in zip(flat, gone, strict=True) if not g]
+    first = known[0] if known else 0.0
+    try:
+        if isinstance(first, date | timedelta):
+            start = first if isinstance(first, date) else timedelta()
+            lasts = [timedelta() if g else x - start for x, g in zip(flat, gone, strict=True)]
+            made = np.array([each // timedelta(microseconds=1) for each in lasts], "timedelta64[us]")
+        else:
+            odd = next((x for x in known if isinstance(x, bool | np.bool_ | str | bytes)), None)
+            if odd is not None:
+                raise refuse(shown(odd))
+            made = np.array([np.nan if g else float(x) for x, g in zip(flat, gone, strict=True)])
+    except ArgumentError:
+        raise
+    except (TypeError, ValueError, ArithmeticError):
+        odd = next((x for x in known if not isinstance(x, Real)), None)
+        raise refuse(shown(odd)) from None
+    return made.reshape(array.shape), gone.reshape(array.shape)
+
+
+def _seconds(array: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Return dates or durations as seconds from the first one, NaN where there is none."""
+    known = array[~(missing | np.isnat(array))]
+    first = known[0] if known.size else array.dtype.type(0, "s")
+    if array.dtype.kind == "m":
+        return array / np.timedelta64(1, "s")
+    return (array - first) / np.timedelta64(1, "s")
+
+
+def _stated_factor(where: str, name: str, stated: str, unit: str) -> tuple[float, float]:
+    try:
+        return to_si_factor(stated.replace(" ", "").replace("**", "^"), unit or None, "")
+    except PellucidError as error:
+        raise ArgumentError(f"{where}: {name}: {error}") from None
+
+
+def real_column(where: str, name: str, values: Any, *, unit: str = "") -> np.ndarray:
+    """Return values as one column of floats, shape (n,), in which a masked or missing sample is NaN."""
+    column = real_array(where, name, values, unit=unit)
+    if column.ndim == 2 and column.shape[1] == 1:
+        column = column[:, 0]
+    if column.ndim != 1:
+        raise RecordingError(f"{where}: {name}: found shape {column.shape}, expected (n,) or (n, 1)")
+    return np.ascontiguousarray(column)
