@@ -11,9 +11,10 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
 from ...files.fault import Fault, warn_if_held_out
 from ...files.recording import Recording
+from ...models.friction_terms import COULOMB_FRICTION
 from ...models.joint import UNITS, JointModel
 from ...numerics.motion import differentiate, lowpassed, shortest
-from ...numerics.regression import Stack, stack
+from ...numerics.regression import Solution, Stack, stack
 from ...study.drive_channel import drive_channel
 from ...study.procedures.dead_effort import dead_effort_faults
 from ...study.quality import inspect
@@ -33,6 +34,15 @@ from .joint_case import advice, wearer_faults
 
 MIN_ROWS_PER_PARAMETER = 10
 """A single recording's sign is checked only with more than this many rows per parameter."""
+
+
+MIN_REVERSED_POWER_SHARE = 0.1
+"""Friction alone shows that the effort is reversed only if it gives this share of RMS effort times RMS speed. A delay
+of some milliseconds makes a few hundredths."""
+
+MAX_REVERSED_UNEXPLAINED_SHARE = 0.1
+"""Friction alone shows that the effort is reversed only if the model leaves at most this share of its variance. Chosen
+by judgement; no measurement is recorded."""
 
 
 class ReversedSignError(IdentificationError):
@@ -66,15 +76,33 @@ def _refuse_reversed(model: JointModel, data: Stack, channel: str | None, alone:
     noise = np.sqrt(np.mean(found.residual**2) / np.maximum(np.sum(found.jacobian**2, axis=0), 1e-300))
     sure = {n for n, v, s in zip(model.names, found.values, noise, strict=True) if v < -10.0 * s}
     work = sum(float(np.sum(m.effort * m.velocity)) / m.fs for m in data.motions)
-    if work < 0.0 and "inertia" in sure:
-        whose = f"recording {alone}: " if alone else ""
-        unit = "J" if model.effort_unit in ("N*m", "N") else f"{model.effort_unit}*{UNITS[model.motion]['position']}"
-        raise ReversedSignError(
-            f"{whose}the drive takes {-work:.3g} {unit} of work out of the joint and the inertia comes out negative "
-            f"({values['inertia']:.3g} {model.unit('inertia')})",
-            f"the sign of the drive or of the position is reversed; set sign = -1 on channel '{channel}' or 'position' "
-            "in study.toml",
-        )
+    evidence = _reversed_parameter(model, data, found, sure) if work < 0.0 else ""
+    if not evidence:
+        return
+    whose = f"recording {alone}: " if alone else ""
+    unit = "J" if model.effort_unit in ("N*m", "N") else f"{model.effort_unit}*{UNITS[model.motion]['position']}"
+    raise ReversedSignError(
+        f"{whose}the drive takes {-work:.3g} {unit} of work out of the joint and the {evidence} comes out negative "
+        f"({values[evidence]:.3g} {model.unit(evidence)})",
+        f"the sign of the drive or of the position is reversed; set sign = -1 on channel '{channel}' or 'position' "
+        "in study.toml",
+    )
+
+
+def _reversed_parameter(model: JointModel, data: Stack, found: Solution, negative: set[str]) -> str:
+    """Return which of the `negative` parameters, `found` without bounds, shows that the effort is reversed; else "".
+
+    It is the inertia; or dry friction, if it gives much of the power and the model explains the effort. Where a person
+    drives the joint, the model does not. A delay makes viscous friction alone negative.
+    """
+    if "inertia" in negative:
+        return "inertia"
+    dry = next((name for name in model.names if name in negative and name.startswith(COULOMB_FRICTION.name)), "")
+    effort, velocity = data.target, data.reduced([m.velocity for m in data.motions])
+    share = float(np.mean(effort * velocity)) / float(np.sqrt(np.mean(effort**2) * np.mean(velocity**2)))
+    unexplained_share = float(np.sum(found.residual**2)) / float(np.sum((effort - effort.mean()) ** 2))
+    is_sure = share < -MIN_REVERSED_POWER_SHARE and unexplained_share < MAX_REVERSED_UNEXPLAINED_SHARE
+    return dry if is_sure else ""
 
 
 MIN_CORRELATION = 0.7
