@@ -187,7 +187,7 @@ def test_a_joint_that_never_moves_is_refused_in_words(make_study, effort):
 
 def test_arrays_with_no_effort_are_refused_in_words(make_study):
     columns = make_study.swing()
-    with pytest.raises(PellucidError, match="an effort of 0 in every row"):
+    with pytest.raises(PellucidError, match=r"found the one value 0 N\*m in every sample"):
         pl.fit_joint(columns["t"], columns["q"], np.zeros(2000), lowpass=20.0)
 
 

@@ -148,3 +148,82 @@ def test_examples_run(module):
     found = doctest.testmod(import_module(f"pellucid.{module}"))
     assert found.attempted
     assert not found.failed
+
+
+def sines(hertz, inertia, gravity):
+    """Position of slow or fast sines, and the effort of a joint with dry and viscous friction."""
+    w, size = 2.0 * np.pi * np.array(hertz), np.array([0.5, 0.3, 0.15])
+    phase = T[:, None] * w + [0.0, 1.0, 2.0]
+    q, v, a = np.sin(phase) @ size, np.cos(phase) @ (size * w), -np.sin(phase) @ (size * w**2)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(len(T))
+    return q, inertia * a + gravity * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v + noise
+
+
+@pytest.mark.parametrize(
+    ("hertz", "inertia", "gravity", "named"),
+    [
+        ((0.13, 0.47, 1.1), 0.05, 1.5, "inertia comes out negative"),
+        ((0.05, 0.11, 0.17), 0.001, 1.5, "coulomb comes out negative"),
+        ((0.05, 0.11, 0.17), 0.001, 0.0, "coulomb comes out negative"),
+    ],
+)
+@pytest.mark.parametrize("reversed_position", [False, True])
+def test_an_effort_of_the_opposite_sign_is_named(hertz, inertia, gravity, named, reversed_position):
+    q, effort = sines(hertz, inertia, gravity)
+    assert pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5)["coulomb"].value == pytest.approx(0.3, rel=0.05)
+    q, effort = (-q, effort) if reversed_position else (q, -effort)
+    with pytest.raises(PellucidError, match=rf"effort: .*{named}.* the effort has the opposite sign of the position"):
+        pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"lowpass": "10"}, 'lowpass: found "10" without a unit, expected e.g. "10 Hz"'),
+        ({"lowpass": "10 s"}, 'lowpass: found the unit "s", expected "Hz"'),
+        ({"position": "degrees"}, r"position: found a magnitude of 54.* rad, which looks like deg taken for rad"),
+        ({"units": {"position": "m"}}, "units: position: found 'm', expected a unit of rad"),
+        ({"units": {"angle": "deg"}}, "units: found 'angle', expected any of time, position, velocity, effort"),
+        ({"effort": "complex"}, "effort: found complex numbers, expected an array of real numbers"),
+        ({"effort": None}, "effort: found None, expected an array of real numbers"),
+        ({"time": [], "position": [], "effort": []}, "time: found 0 samples, expected at least"),
+        ({"held_out": 1.5}, "held_out: found 1.5, expected a share above 0 and below 1"),
+        ({"held_out": 4}, "held_out: found 4, expected a number from 0 to 0 or one of recording_1"),
+        ({"held_out": 0}, "held_out: found all recordings, expected at least one that is fitted"),
+        ({"known": {"gravity": "1 A"}}, 'known: gravity: found the unit "A"'),
+    ],
+)
+def test_wrong_units_and_types_are_named(recorded, changes, said):
+    q, effort = recorded
+    odd = {"degrees": np.degrees(q), "complex": effort + 1j}
+    given = {"time": T, "position": q, "effort": effort, "lowpass": 10.0, "decimate": 5} | changes
+    given = {n: odd.get(x, x) if isinstance(x, str) else x for n, x in given.items()}
+    with pytest.raises(PellucidError, match=said):
+        pl.fit_joint(given.pop("time"), given.pop("position"), given.pop("effort"), **given)
+
+
+def test_arrays_of_other_kinds_are_taken(recorded, fit):
+    q, effort = recorded
+    options = {"lowpass": "0.01 kHz", "decimate": 5}
+    stamps = np.datetime64("2026-01-01T12:00:00", "us") + (T * 1e6).round().astype("timedelta64[us]")
+    for given in (
+        (list(T), q.tolist(), tuple(effort)),
+        (stamps, q, effort),
+        (1e3 * T, np.degrees(q), 1e3 * effort),
+        (T.astype(object), q[:, None], effort.astype(object)),
+        (np.ma.masked_array(T), np.ma.masked_array(q), np.ma.masked_array(effort)),
+    ):
+        units = {"time": "ms", "position": "deg", "effort": "mN*m"} if given[0][1] == 5.0 else None
+        assert pl.fit_joint(*given, units=units, **options).array == pytest.approx(fit.array, rel=1e-6, abs=1e-6)
+
+
+def test_masked_samples_are_missing_and_cut_out(recorded, fit):
+    q, effort = recorded
+    gone = np.zeros(len(T), bool)
+    gone[1000:1100] = True
+    wild = np.where(gone, 1e6, effort)
+    found = pl.fit_joint(T, q, np.ma.masked_array(wild, gone), lowpass=10.0, decimate=5)
+    assert found["gravity"].value == pytest.approx(fit["gravity"].value, rel=0.01)
+    assert any("missing samples (NaN)" in v.text for v in found.verdicts)
+    again = pl.fit_joint(T, q, np.where(gone, np.nan, effort), lowpass=10.0, decimate=5)
+    assert np.array_equal(again.array, found.array)
