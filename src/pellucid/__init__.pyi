@@ -3,7 +3,7 @@
 import pellucid_lab
 
 from ._errors import PellucidError as PellucidError
-from .arm.fit.fit_robot import fit_robot as fit_robot
+from .arm.study.fit_robot import fit_robot as fit_robot
 from .arm.urdf import read_robot as read_robot
 from .controllers.control_law import Limits as Limits
 from .controllers.controller import controller as controller

@@ -14,7 +14,6 @@ from ...study.recorded_motions import filtering_of
 from ...study.study import Study
 from ..fit import fit_tree as identification
 from ..fit.consistent_inertias import ConsistentSolution, make_consistent_estimate, solve_consistent
-from ..fit.fit_robot import published_parameters
 from ..fit.fit_tree import (
     TreeIdentification,
     cross_validate_segments,
@@ -26,6 +25,7 @@ from ..fit.fit_tree import (
 )
 from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
 from ..fit.inertia_prior import fit_with_prior
+from ..fit.published_parameters import published_parameters
 from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
 from ..tree_motion import TreeMotion

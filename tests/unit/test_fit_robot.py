@@ -1,0 +1,166 @@
+"""A robot from arrays: predicted, simulated and scored; wrong types, units and signs of its arguments are named."""
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid import _core
+from pellucid._errors import ArgumentError, PellucidError
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid.models.robot import Robot
+
+RATE = 200.0
+NAMES = ("shoulder", "elbow")
+FRICTION = {"coulomb_positive": 0.8, "coulomb_negative": 0.8, "viscous_positive": 0.3, "viscous_negative": 0.3}
+OPTIONS = {"lowpass": "10 Hz", "decimate": 5, "dead_band": 0.1, "plain": True}
+URDF = """<robot name="arm"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 -0.2"/><mass value="1.0"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="fore"><inertial><origin xyz="0 0 -0.2"/><mass value="1.0"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="100" velocity="10"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+<origin xyz="0 0 -0.4"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="100" velocity="10"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def robot():
+    joints = [
+        TreeJoint("shoulder", "base", "upper", axis=(0.0, 1.0, 0.0)),
+        TreeJoint("elbow", "upper", "fore", axis=(0.0, 1.0, 0.0), place=(0.0, 0.0, -0.4)),
+    ]
+    bodies = [
+        Link.about_centre(name, 1.0, (0.0, 0.0, -0.2), (0.02, 0.0, 0.0, 0.02, 0.0, 0.01)) for name in ("upper", "fore")
+    ]
+    return Robot(Tree(joints, bodies))
+
+
+def plant(robot, period=1.0 / RATE):
+    rows = np.zeros((2, len(_core.TREE_JOINT_PARAMETER_NAMES)))
+    for name, value in FRICTION.items():
+        rows[:, _core.TREE_JOINT_PARAMETER_NAMES.index(name)] = value
+    return _core.DrivenTree(robot.tree.links_array, robot.tree.gravity, rows, period=period, substeps=20)
+
+
+def swing(robot, seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 30.0, 1.0 / RATE)
+    w = 2.0 * np.pi * np.array([0.13, 0.37, 0.8])
+    phase = time[:, None, None] * w + rng.uniform(0.0, 2.0 * np.pi, (2, 3))
+    size = np.array([0.6, 0.3, 0.15])
+    q, v, a = np.sin(phase) @ size, np.cos(phase) @ (size * w), -np.sin(phase) @ (size * w**2)
+    effort = plant(robot).motor_effort(q, v, a) + 0.01 * rng.standard_normal(q.shape)
+    return {"time": time, "position": q, "effort": effort}
+
+
+@pytest.fixture(scope="module")
+def recorded(robot):
+    return swing(robot, 1)
+
+
+@pytest.fixture(scope="module")
+def fit(robot, recorded):
+    return pl.fit_robot(robot, recorded, **OPTIONS)
+
+
+def test_it_predicts_at_full_rate_and_is_scored_on_others(fit, robot, recorded):
+    predicted = fit.predict(recorded["time"], recorded["position"])
+    assert predicted.shape == recorded["effort"].shape
+    inner = slice(100, -100)
+    assert np.std((predicted - recorded["effort"])[inner]) < 0.2
+    score = fit.score([swing(robot, 2), swing(robot, 3)])
+    assert list(score.errors) == list(score.r2) == list(NAMES)
+    assert 0.0 < score.mean_error < 5.0
+    assert min(score.r2.values()) > 0.98
+
+
+def test_a_score_is_the_command_s_measure(fit, robot):
+    from pellucid.arm.fit.fit_tree import heldout_errors
+    from pellucid.arm.tree_motion import tree_motion_of
+
+    other = swing(robot, 2)
+    motion = tree_motion_of(*other.values(), fit.filtering, dead_band=0.1, recording="other", use="validate")
+    assert list(fit.score(other).errors.values()) == pytest.approx(heldout_errors(fit, [motion]), rel=1e-12)
+
+
+def test_it_simulates_what_the_robot_does(fit, robot):
+    time = np.arange(0.0, 1.0, 1e-3)
+    effort = np.column_stack([3.0 * np.sin(4.0 * time), 1.5 * np.cos(3.0 * time)])
+    truth = plant(robot, 1e-3)
+    truth.reset(np.array([0.2, -0.1]), np.zeros(2))
+    position, _ = truth.run(effort)
+    made = fit.simulate(time, effort, position=[0.2, -0.1])
+    assert made.position.shape == made.velocity.shape == (1000, 2)
+    assert np.abs(made.position - position).max() < 0.1 * np.ptp(position)
+
+
+def test_a_file_and_other_units_and_tables_are_taken(tmp_path, fit, recorded):
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    degrees = {**recorded, "position": np.degrees(recorded["position"]), "time": 1e3 * recorded["time"]}
+    again = pl.fit_robot(str(path), degrees, units={"position": "deg", "time": "ms"}, **OPTIONS)
+    assert again.array == pytest.approx(fit.array, rel=1e-6)
+    by_joint = {"time": recorded["time"]} | {
+        f"{key}.{name}": recorded[key][:, k] for key in ("position", "effort") for k, name in enumerate(NAMES)
+    }
+    assert pl.fit_robot(path, [by_joint], **OPTIONS).array == pytest.approx(fit.array, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"robot": 3}, "robot: found 3, expected a Robot, a Tree, or the path"),
+        ({"robot": "nothing.urdf"}, "nothing.urdf"),
+        ({"recordings": None}, "recordings: found None, expected mappings"),
+        ({"recordings": []}, "found no recording"),
+        ({"recordings": [1.0]}, "recordings: found 1.0, expected mappings"),
+        ({"lowpass": "10"}, 'lowpass: found "10" without a unit'),
+        ({"lowpass": [10.0]}, "lowpass: found a value of type list"),
+        ({"order": "four"}, "order: "),
+        ({"decimate": 2.5}, "decimate: found 2.5, expected an integer"),
+        ({"trim": -1}, "trim: found -1, expected an integer of 0 or more"),
+        ({"dead_band": [0.1]}, "dead_band: found 1 numbers, expected 1 or 2"),
+        ({"dead_band": "1 m/s"}, 'dead_band: found the unit "m/s"'),
+        ({"velocity_width": None}, "velocity_width: found None, expected a number"),
+        ({"plain": "yes"}, "plain: found 'yes', expected True or False"),
+        ({"units": {"position": "m"}}, "units: position: found the unit"),
+        ({"units": "deg"}, "units: found 'deg', expected a mapping"),
+        ({"time": "2026"}, "time: found '2026', expected an array of real numbers"),
+        ({"position": "complex"}, "position: found complex numbers"),
+        ({"position": "degrees"}, "position: found a magnitude of .* which looks like deg taken for rad"),
+        ({"position": "masked"}, "position: found missing samples"),
+        ({"effort": "reversed"}, "effort: found friction of joint .* the effort has the opposite sign of the position"),
+        ({"effort": "short"}, r"effort: found shape \(100, 2\), expected \(6000, 2\)"),
+        ({"short": True}, "found 50 samples, expected at least"),
+    ],
+)
+def test_what_is_wrong_is_named(robot, recorded, change, said):
+    ((key, value),) = change.items()
+    own = {
+        "complex": recorded["position"] + 1j,
+        "degrees": np.degrees(recorded["position"]),
+        "masked": np.ma.masked_greater(recorded["position"], 0.5),
+        "reversed": -recorded["effort"],
+    }
+    table, options = dict(recorded), dict(OPTIONS)
+    given = {"robot": robot, "recordings": table}
+    if key == "short" or value == "short":
+        length = 50 if key == "short" else 100
+        table |= {n: x[:length] for n, x in table.items() if key in ("short", n)}
+    elif key in recorded:
+        table[key] = own.get(value, value)
+    elif key in given:
+        given[key] = value
+    else:
+        options[key] = value
+    with pytest.raises(PellucidError, match=said):
+        pl.fit_robot(given["robot"], given["recordings"], **options)
+
+
+def test_wrong_types_are_type_errors_too(robot, recorded):
+    with pytest.raises(ArgumentError):
+        pl.fit_robot(robot, 3, lowpass=10.0)
+    assert issubclass(ArgumentError, TypeError)
+    assert issubclass(ArgumentError, ValueError)
