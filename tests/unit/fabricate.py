@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.joint.fit.friction_family import FamilyFit
+from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.joint.fit.replay import Prediction, Simulation
 from pellucid.joint.study.joint_result import JointResult, Trace
 from pellucid.models.estimates import Parameter, Verdict, Whiteness

@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.joint_estimate import measure_excitation
 from pellucid.joint.fit.friction_family import fit_family
+from pellucid.joint.fit.joint_estimate import measure_excitation
 from pellucid.joint.fit.replay import Machine
 from pellucid.joint.study import joint_findings
 from pellucid.joint.study.joint_case import JointCase

@@ -14,8 +14,8 @@ from pellucid.joint.fit.drive_constant import (
     estimate_drive_constant,
     widen_for_unknown_shares,
 )
-from pellucid.joint.fit.joint_estimate import make_estimate
 from pellucid.joint.fit.friction_solver import solve_family
+from pellucid.joint.fit.joint_estimate import make_estimate
 from pellucid.joint.study import joint_findings
 from pellucid.joint.study.identify_joint import identify_joint
 from pellucid.joint.study.joint_findings import report_drive_constant
