@@ -37,17 +37,17 @@ _UNITS_BY_TEXT = {
     "mps": "m/s", "mps2": "m/s^2", "g": "g0", "g0": "g0", "mg": "mg0", "t": "T", "ut": "uT", "mt": "mT",
     "hz": "Hz", "khz": "kHz", "%": "%", "percent": "%", "pct": "%", "%mvc": "%MVC", "% mvc": "%MVC", "mvc": "MVC",
     "‰": "permille", "permille": "permille", "per mille": "permille", "per thousand": "permille",
-    "per mil": "permille", "gon": "gon", "r/min": "rpm", "1/min": "rpm", "min-1": "rpm", "pulse": "counts",
+    "per mil": "permille", "gon": "gon", "1/min": "rpm", "min-1": "rpm", "pulse": "counts",
     "pulses": "counts", "puls": "counts", "pls": "counts", "increments": "counts", "steps": "counts", "bit": "counts",
     "arms": "A", "a rms": "A", "a_rms": "A", "a (rms)": "A", "ma rms": "mA", "apk": "A", "a pk": "A", "a peak": "A",
     "%mvic": "%MVC", "percent mvc": "%MVC", "counts": "counts", "count": "counts", "cts": "counts", "qc": "counts",
-    "inc": "counts", "pulse": "counts", "pulses": "counts",
+    "inc": "counts",
     "ticks": "counts", "tick": "counts", "lsb": "counts", "adc": "counts", "dots": "counts",
     "px": "counts", "pixels": "counts", "degc": "degC", "°c": "degC", "celsius": "degC", "degf": "degF", "°f": "degF",
     "fahrenheit": "degF", "k": "K", "kelvin": "K", "w": "W", "watt": "W", "watts": "W", "kw": "kW", "mw": "mW",
     "j": "J", "joule": "J", "joules": "J", "kg": "kg", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ohm": "ohm",
     "ohms": "ohm", "Ω": "ohm", "ω": "ohm", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1", "unitless": "1",
-    "dimensionless": "1", "n m": "N*m", "pulse": "counts", "pulses": "counts", "pls": "counts",
+    "dimensionless": "1", "n m": "N*m",
 }  # fmt: skip
 """Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case."""
 
