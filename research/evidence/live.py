@@ -143,7 +143,8 @@ def tell(text: str) -> None:
 
 def _run_part(name: str, max_s: float, folder: Path) -> bool:
     """Run one part in a process of its own; return whether it came to its end in time."""
-    process = subprocess.Popen([sys.executable, "-m", "research.evidence.live", name, str(folder)], start_new_session=True)
+    words = [sys.executable, "-m", "research.evidence.live", name, str(folder)]
+    process = subprocess.Popen(words, start_new_session=True)
     try:
         return process.wait(max_s) == 0
     except subprocess.TimeoutExpired:

@@ -466,7 +466,12 @@ def _names_people(table: GivenTable, *, shows_people: bool) -> bool:
     named = [e for e in found if e.joint is not None or e.muscle is not None]
     if any(e.quantity in ("current", "voltage", "duty") or e.is_command for e in found):
         return False
-    return shows_people and len(named) >= 0.4 * len(found)
+    # A dynamometer or an orthosis turns a joint, and EMG stands beside it: its own columns name no joint.
+    moved = [e for e in found if e.quantity in ("position", "torque", "force")]
+    is_machine = bool(moved) and table.quantity is None and not any(
+        e.joint is not None or PERSON_WORDS & set(words_of(e.bare)) for e in moved
+    )
+    return shows_people and not is_machine and len(named) >= 0.4 * len(found)
 
 
 def _completed(roles: TableRoles, other: TableRoles) -> TableRoles:

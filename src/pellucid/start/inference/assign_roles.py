@@ -237,10 +237,11 @@ class _Assignment:
             self._find_derivatives()
             self._refute_units()
         self._take_names()
-        if any(role.quantity == "motor_position" for role in self.roles.values()):
-            for name, role in self.roles.items():
-                if role.quantity == "position":
-                    self.roles[name] = replace(role, quantity="motor_position")
+        # Of columns that a number alone tells apart, one motor's position makes all of them motors'.
+        turning = {_stem(name) for name, role in self.roles.items() if role.quantity == "motor_position"}
+        for name, role in self.roles.items():
+            if role.quantity == "position" and _stem(name) in turning:
+                self.roles[name] = replace(role, quantity="motor_position")
         is_inertial = any((role.quantity or "").endswith(".acceleration") for role in self.roles.values())
         if not is_inertial:
             self._find_anonymous_motion()
@@ -481,7 +482,8 @@ class _Assignment:
         """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
         found = self._angle(name)
         known = self.values[name][np.isfinite(self.values[name])]
-        return found.is_certain and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
+        is_wound = "wrap" in self.keys.get(name, {})
+        return found.is_certain and not is_wound and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
 
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
@@ -957,6 +959,9 @@ class _Assignment:
         merit += 0.5 * (role.unit != "counts")
         # What is identified is the joint, behind its gear; a motor's own torque and current stand before it.
         merit += 2.5 * (side == "output") - 2.5 * (side == "motor" and role.quantity in ("position", "velocity"))
+        # An electrical angle turns several times for each turn, and the direct current makes no torque.
+        merit -= 4.0 * bool({"elec", "electrical"} & words)
+        merit -= 3.0 * (role.quantity == "current" and "d" in words)
         if role.quantity in DRIVE_QUANTITIES:
             merit += 3.0 * self._explained(name)
         return merit, -self.roughly_still(name)
@@ -1045,6 +1050,11 @@ class _Assignment:
             quantity = "interaction"
         unit = evidence.unit or DEFAULT_UNITS.get(quantity, "1")
         self.roles[name] = ColumnRole(name, quantity, unit, why, "", certain, True, label)
+
+
+def _stem(name: str) -> str:
+    """Return a name without its digits."""
+    return "".join(letter for letter in name.casefold() if not letter.isdigit())
 
 
 def _is_larger(other: np.ndarray, own: np.ndarray) -> bool:
