@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from pellucid import check, identify, open, report
-from pellucid._errors import IdentificationError
+from pellucid import check, compare, identify, open, report
+from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
 from pellucid.study.pages.page import write_page
 
@@ -181,11 +181,21 @@ def test_the_page_and_the_terminal_tell_all_joints(make_leg, columns, tmp_path):
     assert report(open(study.folder), only_kept=True).is_file()
 
 
-def test_a_command_that_takes_one_joint_says_what_to_do(make_leg, columns):
+@pytest.mark.parametrize("more", [[], ["--to", "mjcf"]])
+def test_a_command_that_takes_one_joint_says_what_to_do(make_leg, columns, more):
     study = make_leg(columns, ["hip", "knee"])
-    ran = CliRunner().invoke(app, ["export", str(study.folder)])
+    ran = CliRunner().invoke(app, ["export", str(study.folder), *more])
     assert ran.exit_code not in (0, 70)
     assert "URDF" in str(ran.output) + str(ran.exception)
+
+
+def test_studies_are_compared_joint_by_joint(make_leg, columns):
+    study = make_leg(columns, ["hip", "knee"])
+    identify(study, **FAST).save(study)
+    with pytest.raises(PellucidError, match=r"cards of several joints \(joint_hip.json, joint_knee.json\)"):
+        compare(study.folder, study.folder)
+    card = study.models_dir / "joint_hip.json"
+    assert not any(row.changed for row in compare(card, card).rows)
 
 
 def test_a_joint_may_have_a_dead_band_of_its_own(make_leg, columns):

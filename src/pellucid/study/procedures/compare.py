@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from ..._errors import IdentificationError
+from ..._errors import IdentificationError, PellucidError
 from ...models.card import Card, read_card
 from ...models.estimates import Verdict
 from ...models.slider_joint import read_slider_card
@@ -140,6 +140,12 @@ def _card(path: Path, family: str | None) -> Card | TreeCard:
     slider = path / "models" / f"slider.{family or 'load'}.json"
     if slider.is_file():
         return read_slider_card(slider)
+    several = [each.name for each in sorted((path / "models").glob("joint_*.json")) if each.name.count(".") == 1]
+    if several:
+        raise PellucidError(
+            f"{path}: found the cards of several joints ({', '.join(several)}), expected one: name the cards of a "
+            f"joint in both studies, such as {path / 'models' / several[0]}"
+        )
     # The chosen estimators may differ, so least-squares estimates are compared.
     family = family or read_card(path / "models" / "joint.json").family
     return read_card(path / "models" / f"joint.{family}.json")
