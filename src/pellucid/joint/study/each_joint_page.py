@@ -17,6 +17,8 @@ from .joint_coupling import ROBOT_ADVICE
 from .joint_page import answer_verdict, headline_error, joint_section
 from .joint_result import JointResult
 from .joint_views import joint_views
+from .spring_result import SpringResult
+from .static_postures import PostureResult
 
 MAX_TILES = 6
 """At most so many joints have a tile at the head of the page; the table has all."""
@@ -66,7 +68,7 @@ def _sections(view: Study, joint: str, found: Result) -> list[Section]:
     if isinstance(found, JointResult):
         made = [joint_section(view, found)]
     else:
-        # Postures and springs have short pages.
+        assert isinstance(found, PostureResult | SpringResult)  # they have short pages
         whole = procedure.page(view, found)
         made = [replace(s, id=f"{joint}-{s.id}", heading=f"{joint}: {s.heading}") for s in whole.sections]
     return [replace(s, drawings=tuple(replace(d, name=f"{joint}-{d.name}") for d in s.drawings)) for s in made]

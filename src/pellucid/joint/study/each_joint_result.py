@@ -13,6 +13,7 @@ from ...study.pages.quantities import percent, unit_text, value_and_half_interva
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
 from ...study.study import Study
 from .joint_result import JointResult
+from .joint_views import joint_views
 
 MAX_PARAMETER_COLUMNS = 6
 """The table of joints has at most so many parameters; those that most joints have are shown."""
@@ -104,13 +105,15 @@ def joint_table(
     most = {name for name, _ in counts.most_common(MAX_PARAMETER_COLUMNS)}
     names = [name for name in counts if name in most]
     level, rows = study.model.confidence, []
-    for joint in (each.joint for each in study.rig.joints):
+    for joint in joint_views(study):
         own = found.get(joint, {})
         cells = [_cell(own.get(name), level) for name in names]
         state = heldout_text(joints[joint]) if joint in joints else "not moved" if joint in resting else "left out"
         rows.append((joint, *cells, state))
     heads = ("joint", *(name.replace("_", " ") for name in names), "held-out error")
-    return FigureTable(f"Joints, each identified on its own, with half their {100 * level:g} % intervals", heads, rows)
+    return FigureTable(
+        f"Joints, each identified on its own, with half their {100 * level:g} % intervals", heads, tuple(rows)
+    )
 
 
 def _cell(parameter: Parameter | None, level: float) -> str:

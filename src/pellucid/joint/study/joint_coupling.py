@@ -87,7 +87,8 @@ def find_coupling(found: JointResult, others: Mapping[str, tuple[Motion, ...]]) 
     parts = [p for p in found.headlined.predictions if p.split == "fitted"]
     rows = sum(len(p.time) for p in parts)
     step = max(1, -(-rows // COUPLING_LIMITS.max_rows))
-    own, moved, effort, left = [], {name: [] for name in others}, [], []
+    own, effort, left = [], [], []
+    moved: dict[str, list[np.ndarray]] = {name: [] for name in others}
     for p in parts:
         time, q, v, a, measured = (x[::step] for x in (p.time, p.position, p.velocity, p.acceleration, p.effort))
         own.append(_own_features(q, v, a, found.motion == "rotary"))

@@ -20,8 +20,12 @@ def joint_views(study: Study) -> Mapping[str, Study]:
     """
     key = ("joint_views", study.left_out)
     if key not in study.found:
-        study.found[key] = {joint.joint: _view(study, joint) for joint in study.rig.joints}
+        study.found[key] = {joint.name: _view(study, joint) for joint in _joints(study.config)}
     return study.found[key]
+
+
+def _joints(config: StudyFile) -> tuple[RigJoint, ...]:
+    return tuple(joint for joint in config.rig.joints if isinstance(joint, RigJoint))
 
 
 def _view(study: Study, joint: RigJoint) -> Study:
@@ -53,10 +57,10 @@ def _channels_of(channels: Mapping[str, ChannelSpec], config: StudyFile, joint: 
     made = {}
     for name, spec in channels.items():
         head, _, last = name.rpartition(".")
-        owner = next((other for other in config.rig.joints if other.joint == last), None)
+        owner = next((other for other in _joints(config) if other.name == last), None)
         if owner is None or not (head in JOINT_CHANNELS or (owner.loop is not None and head == owner.loop.injected)):
             made[name] = spec
-        elif owner.joint == joint.joint:
+        elif owner.name == joint.name:
             made[head] = spec.model_copy(update={"name": head})
     return made
 
