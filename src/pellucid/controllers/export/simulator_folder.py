@@ -83,8 +83,7 @@ def simulator_model(study: Study, card: str | None = None) -> tuple[str, Simulat
             return name, tree_simulator_model(tree)
         except PellucidError as error:
             raise PellucidError(f"{name}: {error}") from None
-    if study.config.identifies_each_joint:
-        raise PellucidError(study.rig.refusal)
+    study.rig.limits  # noqa: B018  # a machine of several joints without [tree] refuses, and says what to do
     name = card or "joint.json"
     path = study.card(name)
     kind = read_table(path).get("kind")
