@@ -108,12 +108,14 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
         if not by_name and score < TIME_LIMITS.min_unnamed_score:
             continue
         is_counter = _counts_rows(values) and not by_name
-        candidates.append((by_name, not is_counter, score, evidence))
+        # The times of one signal are of that signal, if there are others.
+        is_shared = evidence.name.rpartition(".")[0] not in columns
+        candidates.append((by_name, not is_counter, is_shared, score, evidence))
     candidates = [c for c in candidates if c[0] or c[1]]
     if not candidates:
         return FoundClock(None, "s", None, "no column advances like a clock", False)
-    _, _, score, best = max(candidates, key=lambda c: (c[0], c[1], c[2]))
-    others = tuple(c[3].name for c in candidates if c[3] is not best)
+    best = max(candidates, key=lambda c: c[:4])[4]
+    others = tuple(c[4].name for c in candidates if c[4] is not best)
     clocks = {best.name, *others}
     beside = [x for name, x in columns.items() if name not in clocks and len(x) == len(columns[best.name])]
     found = _clock_of(columns[best.name], best, others, beside)
