@@ -791,7 +791,8 @@ def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
         return "prismatic", all(r.unit_is_certain for r in lengths), None
     if not positions or any(r.unit_is_certain for r in positions) or drive is None:
         sliding = [r for r in main.channels if r.quantity == "force" or r.unit in ("m/s", "mm/s", "cm/s")]
-        if not positions and sliding:
+        turning = [r for r in main.channels if r.quantity == "torque" or r.unit in ("rad/s", "deg/s", "rpm", "turn/s")]
+        if not positions and sliding and not turning:
             return "prismatic", False, None
         return "rotary", True, _gravity(main, drive)
     if any(r.unit == "counts" for r in positions):
@@ -841,11 +842,7 @@ def _decoded(table: GivenTable, role: ColumnRole) -> np.ndarray:
 def _in_unit(table: GivenTable, role: ColumnRole) -> np.ndarray:
     """Return a position's numbers in the unit of its role, without jumps."""
     scale = 1.0 if role.unit == "counts" else float(str(role.keys.get("scale", 1.0)))
-    values = scale * decode_counts(table.columns[role.column], role.keys)
-    if "wrap" in role.keys:
-        known = np.isfinite(values)
-        values[known] = np.unwrap(values[known], period=float(str(role.keys["wrap"]).split()[0]))
-    return values
+    return scale * _decoded(table, role)
 
 
 def _in_metres(main: Layout) -> Layout:

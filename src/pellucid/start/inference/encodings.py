@@ -70,24 +70,28 @@ def find_encoding(values: np.ndarray, unit: str | None = None) -> Encoding | Non
             return Encoding(decode_counts(values, keys), keys, f"a count that rolls over after {rolling} bits")
     for name, period in VALUE_PERIODS.items():
         if unit in (None, name) and rolls_over(values, period):
-            unwrapped = np.array(values, float)
-            known = np.isfinite(unwrapped)
-            unwrapped[known] = np.unwrap(unwrapped[known], period=period)
-            return Encoding(unwrapped, {"wrap": f"{period:.12g} {name}"}, f"it rolls over after {period:.4g}")
+            keys = {"wrap": f"{period:.12g} {name}"}
+            return Encoding(decode_counts(values, keys), keys, f"it rolls over after {period:.4g}")
     return None
 
 
 def decode_counts(values: np.ndarray, keys: Mapping[str, object]) -> np.ndarray:
-    """Return numbers, shape (n,), decoded as a channel's keys `signed_bits`, `sign_bit` and `wrap_bits` say."""
+    """Return stored numbers, shape (n,), without the jumps of their signs and rollovers, as a channel's keys say.
+
+    `signed_bits`, `sign_bit` and `wrap_bits` are of the stored number, `wrap` is of the value after `scale`.
+    """
     decoded = np.array(values, float)
     bits, sign, rolling = (keys.get(name) for name in ("signed_bits", "sign_bit", "wrap_bits"))
     if isinstance(bits, int):
         decoded = np.where(decoded >= 2.0 ** (bits - 1), decoded - 2.0**bits, decoded)
     if isinstance(sign, int):
         decoded = np.where(decoded >= 2.0**sign, 2.0**sign - decoded, decoded)
-    if isinstance(rolling, int):
+    period = 2.0**rolling if isinstance(rolling, int) else None
+    if "wrap" in keys:
+        period = float(str(keys["wrap"]).split()[0]) / abs(float(str(keys.get("scale", 1.0))))
+    if period is not None:
         known = np.isfinite(decoded)
-        decoded[known] = np.unwrap(decoded[known], period=2.0**rolling)
+        decoded[known] = np.unwrap(decoded[known], period=period)
     return decoded
 
 
