@@ -30,7 +30,10 @@ def __getattr__(name: str):
     if name == "open":
         return _load("open_study")
     if name not in __all__:
-        raise AttributeError(f"module 'pellucid' has no attribute {name!r}; it has {', '.join(__dir__())}")
+        from difflib import get_close_matches
+
+        near = "".join(f"; did you mean {each!r}?" for each in get_close_matches(name, __dir__(), 1))
+        raise AttributeError(f"module 'pellucid' has no attribute {name!r}{near}; it has {', '.join(__dir__())}")
     try:
         return _lab_name(name) if name in _LAB_NAMES else _load(name)
     except ModuleNotFoundError as error:

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ._errors import PellucidError, StudyError
+from ._errors import ArgumentError, PellucidError, StudyError
 
 MAX_FILE_BYTES = 50_000_000
 """A file that is read as one text has at most this size, such as a card, a rig or a model of muscles [B]."""
@@ -24,6 +24,13 @@ STEM_PATTERN = r"^[\w(+=][\w .()+,=-]{0,199}$"
 """Pattern of the stem of a file's name."""
 
 _INVISIBLE_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def require_path(path: Any, where: str) -> Path:
+    """Return a path that was given as a text or a path; raise an ArgumentError for anything else."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise ArgumentError(f"{where}: found a value of type {type(path).__name__}, expected a path")
+    return Path(path)
 
 
 def read_given(path: Path, most: int = MAX_FILE_BYTES) -> bytes:

@@ -113,9 +113,9 @@ def test_a_file_and_other_units_and_tables_are_taken(tmp_path, fit, recorded):
     [
         ({"robot": 3}, "robot: found 3, expected a Robot, a Tree, or the path"),
         ({"robot": "nothing.urdf"}, "nothing.urdf"),
-        ({"recordings": None}, "recordings: found None, expected mappings"),
+        ({"recordings": None}, "recordings: found None, expected a sequence or a mapping"),
         ({"recordings": []}, "found no recording"),
-        ({"recordings": [1.0]}, "recordings: found 1.0, expected mappings"),
+        ({"recordings": [1.0]}, "recordings: found 1.0, expected a mapping"),
         ({"lowpass": "10"}, 'lowpass: found "10" without a unit'),
         ({"lowpass": [10.0]}, "lowpass: found a value of type list"),
         ({"order": "four"}, "order: "),

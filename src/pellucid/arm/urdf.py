@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from .._errors import IdentificationError, RecordingError
+from .._given import require_path
 from ..files.readers._xml import read_xml
 from ..models.kinematic_tree import GRAVITY, Link, Pose, Tree, TreeJoint, hold_joint, weld_fixed_joints
 from ..models.robot import Robot
@@ -173,7 +174,7 @@ def read_robot(path: str | os.PathLike, *, held: Mapping[str, float] | None = No
     >>> robot = pl.read_robot("arm.urdf")                                    # doctest: +SKIP
     >>> robot.names                                                          # doctest: +SKIP
     """
-    return Robot(read_urdf(Path(path)).tree(held)[0])
+    return Robot(read_urdf(require_path(path, "read_robot: path")).tree(held)[0])
 
 
 def _joint(path: Path, element: Element, links: set[str]) -> TreeJoint:

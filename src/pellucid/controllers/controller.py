@@ -22,6 +22,7 @@ from ..models.card import Card
 from ..models.fields import largest_friction, model_fields
 from ..models.slider_joint import SliderCard
 from ..models.tree_card import TreeCard
+from ..numerics.arguments import with_checked_arguments
 from .control_law import ControlLaw, Limits
 from .elbow_controllers import ELBOW_CONTROLLERS
 from .joint_compensation import compensation, place_on_rail
@@ -82,6 +83,7 @@ def controllers() -> tuple[str, ...]:
     return tuple(CONTROLLER_BUILDERS)
 
 
+@with_checked_arguments
 def controller(
     found: object,
     name: str = "compensation",

@@ -21,8 +21,9 @@ from functools import cached_property
 import numpy as np
 
 from .. import _core
-from .._errors import PellucidError
+from .._errors import ArgumentError, PellucidError
 from ..models.fields import friction_coefficients, model_fields
+from ..numerics.arguments import shown, with_checked_arguments
 from .control_law import LAWS, ControlLaw
 from .elbow_laws import LOOP_BANDWIDTH
 from .instruments import (
@@ -555,6 +556,7 @@ class SupervisedLaw:
         return self._running.log
 
 
+@with_checked_arguments
 def supervised(
     law: ControlLaw,
     *,
@@ -614,6 +616,8 @@ def supervised(
     >>> safe.supervision["raw_speed_limit"]
     10.0
     """
+    if not isinstance(law, ControlLaw):
+        raise ArgumentError(f"supervised: law: found {shown(law)}, expected what pellucid.controller returns")
     known = dict(body_of(law) if body is None else loaded_body(body, law))
     made = supervision_of(law, instruments or Instruments(), known, start_up, rest_friction)
     if shaking:

@@ -6,10 +6,14 @@ what was expected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import ast
+import inspect
+from collections.abc import Callable, Iterable, Mapping
 from datetime import date, timedelta
-from numbers import Real
-from typing import Any
+from functools import wraps
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -171,3 +175,120 @@ def real_column(where: str, name: str, values: Any, *, unit: str = "") -> np.nda
     if column.ndim != 1:
         raise RecordingError(f"{where}: {name}: found shape {column.shape}, expected (n,) or (n, 1)")
     return np.ascontiguousarray(column)
+
+
+Parameters = ParamSpec("Parameters")
+Returned = TypeVar("Returned")
+
+
+def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
+    """Return a public `function` that refuses an argument of another type than its annotation with an `ArgumentError`.
+
+    Numbers, texts, paths, truth values, arrays, mappings and sequences are checked. Arguments of other classes are the
+    function's own to check. An array with masked samples becomes one with NaN, and times that are dates become seconds.
+    """
+    signature = inspect.signature(function)
+    parsed = {
+        name: _alternatives(ast.parse(each.annotation, mode="eval").body)
+        for name, each in signature.parameters.items()
+        if isinstance(each.annotation, str) and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+    }
+
+    @wraps(function)
+    def checked(*arguments: Parameters.args, **options: Parameters.kwargs) -> Returned:
+        bound = signature.bind(*arguments, **options)
+        for name, value in bound.arguments.items():
+            if name in parsed:
+                bound.arguments[name] = _checked(function.__name__, name, value, parsed[name])
+        return function(*bound.args, **bound.kwargs)
+
+    return checked
+
+
+def _alternatives(node: ast.expr) -> list[ast.expr]:
+    """Return the types that an annotation ``A | B`` allows."""
+    if isinstance(node, ast.BinOp):
+        return [*_alternatives(node.left), *_alternatives(node.right)]
+    return [node]
+
+
+def _type_name(node: ast.expr) -> str:
+    """Return the last part of a type's name; "None" for None."""
+    if isinstance(node, ast.Subscript):
+        return _type_name(node.value)
+    if isinstance(node, ast.Attribute):
+        return node.attr
+    return node.id if isinstance(node, ast.Name) else str(getattr(node, "value", ""))
+
+
+_TYPES: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "None": ("None", lambda x: x is None),
+    "bool": ("True or False", lambda x: isinstance(x, (bool, np.bool_)) or (isinstance(x, Integral) and x in (0, 1))),
+    "int": ("an integer", lambda x: _is_number(x) and float(x).is_integer()),
+    "float": ("a number", lambda x: _is_number(x)),
+    "str": ("a text", lambda x: isinstance(x, str)),
+    "Literal": ("a text", lambda x: isinstance(x, str)),
+    "PathLike": ("a path", lambda x: isinstance(x, (str, PathLike))),
+    "Path": ("a path", lambda x: isinstance(x, (str, PathLike))),
+    "Callable": ("a function", callable),
+    "ArrayLike": ("an array of real numbers", lambda x: True),
+    "ndarray": ("an array of real numbers", lambda x: True),
+    "Mapping": ("a mapping", lambda x: isinstance(x, Mapping) or (hasattr(x, "keys") and hasattr(x, "__getitem__"))),
+    "Sequence": ("a sequence", lambda x: _is_sequence(x)),
+    "Iterable": ("a sequence", lambda x: hasattr(x, "__iter__") and not isinstance(x, (str, bytes))),
+    "tuple": ("a tuple", lambda x: _is_sequence(x)),
+}
+"""What each type of an annotation is called in messages, and whether a value is of it."""
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    return isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+
+
+def _is_sequence(value: Any) -> bool:
+    is_other = isinstance(value, (str, bytes, Mapping, set, frozenset, type))
+    return hasattr(value, "__len__") and hasattr(value, "__getitem__") and not is_other and np.ndim(value) > 0
+
+
+def _checked(where: str, name: str, value: Any, allowed: list[ast.expr]) -> Any:
+    """Return a value that one of the `allowed` types admits; raise an ArgumentError if none does."""
+    wrong: ArgumentError | None = None
+    for node in allowed:
+        kind = _type_name(node)
+        if kind not in _TYPES:
+            return value
+        if not _TYPES[kind][1](value):
+            continue
+        try:
+            return _checked_parts(where, name, value, kind, node)
+        except ArgumentError as error:
+            wrong = wrong or error
+    if wrong is not None:
+        raise wrong
+    expected = dict.fromkeys(_TYPES[_type_name(node)][0] for node in allowed)
+    raise ArgumentError(f"{where}: {name}: found {shown(value)}, expected {' or '.join(expected)}")
+
+
+def _checked_parts(where: str, name: str, value: Any, kind: str, node: ast.expr) -> Any:
+    """Return a value of a type whose parts are checked, too; an array as one of floats if it was none before."""
+    if kind in ("ArrayLike", "ndarray"):
+        found = real_array(where, name, value)
+        # An array of numbers stays as it is, with its type and its memory.
+        is_plain = isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and not np.ma.isMaskedArray(value)
+        return value if is_plain else found
+    if not isinstance(node, ast.Subscript):
+        return value
+    parts = list(node.slice.elts) if isinstance(node.slice, ast.Tuple) else [node.slice]
+    if kind == "Mapping" and isinstance(value, Mapping):
+        return {key: _checked(where, f"{name}: {key}", x, _alternatives(parts[1])) for key, x in value.items()}
+    if kind in ("Sequence", "Iterable") and isinstance(value, (list, tuple, set, np.ndarray)):
+        return [_checked(where, name, x, _alternatives(parts[0])) for x in value]
+    if kind == "tuple":
+        is_endless = any(getattr(part, "value", None) is Ellipsis for part in parts)
+        if not is_endless and len(value) != len(parts):
+            raise ArgumentError(f"{where}: {name}: found {len(value)} values, expected {len(parts)}")
+        kinds = [parts[0]] * len(value) if is_endless else parts
+        return tuple(_checked(where, name, x, _alternatives(part)) for x, part in zip(value, kinds, strict=True))
+    return value

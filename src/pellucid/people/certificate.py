@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import PellucidError
+from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
 from .comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
 from .curves import CurveComparison
@@ -229,6 +230,7 @@ def certificate_from_tests(
     return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, people)
 
 
+@with_checked_arguments
 def certify(
     values: Mapping[str, tuple[ArrayLike, ArrayLike]],
     margins: Mapping[str, float | tuple[float, float]],

@@ -49,6 +49,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._tabular import html_table, text_table
+from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_ranks, tied_signs
 
@@ -463,6 +464,7 @@ class ConditionComparison:
         return html_table(self.headline, *self._table())
 
 
+@with_checked_arguments
 def compare_conditions(
     values: ArrayLike,
     conditions: Sequence[str],

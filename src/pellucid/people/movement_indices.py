@@ -18,6 +18,7 @@ from scipy import stats
 
 from .._errors import RecordingError
 from .._tabular import html_table, text_table
+from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import TIE_TOLERANCE
 from ..units import COORDINATES_BY_UNIT, Coordinate
 from .certificate import ESTIMAND_METHODS, Estimand
@@ -80,6 +81,7 @@ class MovementIndices(Mapping[str, np.ndarray]):
         return html_table(f"{self.count} movements", *self._table())
 
 
+@with_checked_arguments
 def movement_indices(
     time: ArrayLike,
     angle: ArrayLike,

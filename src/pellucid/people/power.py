@@ -28,6 +28,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._processes import processes
+from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
 from .certificate import Estimand, require_people
 from .comparison import rank_sums, two_sided_p
@@ -73,6 +74,7 @@ class Power:
         return None
 
 
+@with_checked_arguments
 def power_curve(
     pilot: np.ndarray,
     participants: Sequence[int],

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .._errors import IdentificationError, RecordingError, StudyError
-from .._given import require_folder, require_inside
+from .._given import require_folder, require_inside, require_path
 from .results import read_rows
 from .study_place import RESULTS_FILE, STUDY_FILE, StudySource, checksum
 
@@ -214,7 +214,7 @@ def open_folder(
     """Open a study's folder. Recordings are read only when they are used."""
     from .study_file import StudyFile, parse_study_file
 
-    folder = Path(folder)
+    folder = require_path(folder, "open: folder")
     require_folder(folder, f"a study: the folder with a {STUDY_FILE} in it", StudyError)
     if out is not None:
         require_folder(Path(out), "a folder to write to")

@@ -17,7 +17,15 @@ from ...files.recording import Channel
 from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ...models.simulate import substeps_for
-from ...numerics.arguments import is_table, number, real_array, shown, table_columns, whole_number
+from ...numerics.arguments import (
+    is_table,
+    number,
+    real_array,
+    shown,
+    table_columns,
+    whole_number,
+    with_checked_arguments,
+)
 from ...numerics.motion import Filtering, shortest
 from ...numerics.sampled import sampled
 from ...units import to_si_factor
@@ -230,6 +238,7 @@ class RobotFit(TreeEstimate):
         return RobotScore(dict(zip(self.robot.names, errors.tolist(), strict=True)), r2)
 
 
+@with_checked_arguments
 def fit_robot(
     robot: Robot | Tree | str | os.PathLike,
     recordings: Sequence[Mapping[str, ArrayLike]] | Mapping[str, ArrayLike],

@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..._errors import PellucidError
+from ...numerics.arguments import with_checked_arguments
 from ...study.exporter import ExportRequest, find_exporter
+from ...study.procedures.registry import as_study
 from ...study.study import Study
 from ..supervisor_faults import warn_of_unmeasured_drive
 from .c_folder import read_constants
@@ -14,6 +16,7 @@ from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
 
 
+@with_checked_arguments
 def export(
     study: Study,
     to: str = "c",
@@ -99,6 +102,7 @@ def export(
     >>> folder.name
     'controller'
     """
+    study = as_study(study, "export")
     if accept_stale:
         study = replace(study, accept_stale=True)
     request = ExportRequest(

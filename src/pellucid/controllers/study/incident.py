@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...numerics.arguments import with_checked_arguments
 from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS, number, unit_text
 from ..incident import Incident, read_incident
 from ..supervisor_faults import NO_FAULT, SUPERVISOR_FAULTS_BY_NAME
@@ -257,6 +258,7 @@ class IncidentAccount:
         return self.record.to_frame()
 
 
+@with_checked_arguments
 def incident(path: str | Path) -> IncidentAccount:
     """Read the file that a controller's recorder wrote, and say why the supervisor stopped.
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
 from ...models.estimates import Estimates
+from ...numerics.arguments import with_checked_arguments
 from ..fit.muscle_posterior import muscle_parameters, reported_covariance
 from .hill import HillMap, fit_hill
 from .torque_trial import MuscleSource, TorqueTrial, divide_rows
@@ -64,6 +65,7 @@ class CalibratedTorque(Estimates):
         )
 
 
+@with_checked_arguments
 def calibrate_muscles(
     time: ArrayLike,
     envelopes: Mapping[str, ArrayLike],

@@ -23,6 +23,7 @@ from scipy import stats
 from scipy.signal import welch
 
 from ..._errors import RecordingError
+from ...numerics.arguments import with_checked_arguments
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ class ElectromechanicalDelay:
     correlation: float  # Correlation of envelope and torque at this delay
 
 
+@with_checked_arguments
 def electromechanical_delay(
     envelope: ArrayLike, torque: ArrayLike, *, fs: float, level: float = 0.95
 ) -> ElectromechanicalDelay:
@@ -195,6 +197,7 @@ class FrequencyTrend:
     median_frequency: np.ndarray = field(repr=False)
 
 
+@with_checked_arguments
 def median_frequency_trend(
     emg: ArrayLike, *, rate: float, window: float = 1.0, confidence: float = 0.95
 ) -> FrequencyTrend:

@@ -29,6 +29,7 @@ from scipy import signal
 
 from ... import _core
 from ..._errors import RecordingError
+from ...numerics.arguments import with_checked_arguments
 
 
 @dataclass(frozen=True)
@@ -473,6 +474,7 @@ def emg_chain(
     return chain if mains is None else chain.with_mains(mains)
 
 
+@with_checked_arguments
 def envelope(
     emg: ArrayLike,
     *,
@@ -552,6 +554,7 @@ MAX_CONTRACTION_COUNT = 100
 """More contractions than this are samples that were meant as one array."""
 
 
+@with_checked_arguments
 def maximal_envelope(
     contractions: Sequence[ArrayLike], *, rate: float, chain: str | EmgChain = "able"
 ) -> np.ndarray | float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._errors import RecordingError
+from ...numerics.arguments import with_checked_arguments
 from ...numerics.filters import runs, zero_phase_lowpass
 
 
@@ -168,6 +169,7 @@ class StrideEnsemble:
     duration: np.ndarray
 
 
+@with_checked_arguments
 def stride_ensemble(
     samples: ArrayLike, *, rate: float, events: ArrayLike, points: int = DEFAULT_POINT_COUNT
 ) -> StrideEnsemble:

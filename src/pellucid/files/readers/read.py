@@ -21,6 +21,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from ..._errors import DamagedRowsWarning, PellucidError, PluginError, RecordingError, TruncatedFileWarning
+from ..._given import require_path
 from ..._plugins import load_plugins, require_attributes
 from ..stated_units import unit_from_text
 from ._caps import require_few_columns, require_file_size, require_short_names
@@ -88,7 +89,7 @@ def needs_process(path: Path) -> bool:
 
 def read_columns(path: str | os.PathLike) -> Columns:
     """Return the columns of a file, as `read` does, without a warning about a truncated one."""
-    path = Path(path)
+    path = require_path(path, "read: path")
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     require_file_size(path)

@@ -19,7 +19,7 @@ from ..._processes import with_one_blas_thread
 from ...models.card import ModelCard
 from ...models.estimates import Verdict
 from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
-from ...numerics.arguments import choice, number, shown, whole_number
+from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
 from ...numerics.motion import Filtering, shortest
 from ...study.array_study import ArrayStudy, array_study, parse_tables
 from ...study.procedures.run import run
@@ -205,6 +205,7 @@ class JointFit(JointEstimate):
         return (*super()._facts(), *held, *told)
 
 
+@with_checked_arguments
 @with_one_blas_thread
 def fit_joint(
     time: Any,

@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 
 from ..._errors import RecordingError
 from ..._tabular import data_frame
+from ...numerics.arguments import with_checked_arguments
 from ...numerics.filters import runs
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_length
@@ -399,6 +400,7 @@ class HingeFit:
         return data_frame({"time": found.time, "angle": found.angle, "standard_error": found.standard_error})
 
 
+@with_checked_arguments
 def fit_hinge(
     time: ArrayLike,
     proximal: tuple[ArrayLike, ArrayLike],

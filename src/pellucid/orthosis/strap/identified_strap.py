@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError, RecordingError
 from ...models.estimates import Estimates, Parameter
+from ...numerics.arguments import with_checked_arguments
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import correlation_time
 from .coupled_impedance import CouplingFit, Instrument, decay_time, fit_coupling
@@ -246,6 +247,7 @@ class StrapEstimate(Estimates):
         )
 
 
+@with_checked_arguments
 def fit_strap(
     swings: Sequence[Mapping[str, ArrayLike]] | Mapping[str, ArrayLike],
     orthosis: Orthosis | Mapping[str, float],

@@ -26,6 +26,7 @@ from scipy.linalg import qr
 
 from ..._errors import IdentificationError
 from ...models.estimates import Estimates, Parameter, Whiteness
+from ...numerics.arguments import with_checked_arguments
 from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, sandwich_covariance, whiteness
 from ..input_output import InputOutput
@@ -647,6 +648,7 @@ def _names(experiment: Experiment) -> str:
     return "recording " + ", ".join(f"'{r.recording}'" for r in experiment.records)
 
 
+@with_checked_arguments
 def fit_transfer_function(
     time: np.ndarray,
     input: np.ndarray,

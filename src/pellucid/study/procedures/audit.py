@@ -13,6 +13,7 @@ from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
 from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
 from ...files.readers.read import read_columns, readers_by_ending
+from ...numerics.arguments import with_checked_arguments
 from ..pages.quantities import unit_text
 
 SOUND_VERDICT = "sound"
@@ -160,6 +161,7 @@ class Audit:
         return "\n".join(lines)
 
 
+@with_checked_arguments
 def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float | None = None) -> Audit:
     """Say of any log what is wrong with each channel, without a study.
 

@@ -13,6 +13,7 @@ from ...models.card import Card, read_card
 from ...models.estimates import Verdict
 from ...models.slider_joint import read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
+from ...numerics.arguments import with_checked_arguments
 from ...numerics.block_test import holm
 from ..study import STUDY_FILE
 from .card_sources import require_fresh
@@ -47,6 +48,7 @@ class Comparison:
     verdicts: tuple[Verdict, ...]  # results in plain sentences
 
 
+@with_checked_arguments
 def compare(
     a: Path | str,
     b: Path | str,

@@ -23,6 +23,7 @@ from ..._processes import finished_results, with_one_blas_thread
 from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
+from ...numerics.arguments import with_checked_arguments
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
@@ -41,6 +42,7 @@ CHECK_READING_SHARE = 0.7
 """Share of a check's progress that reading the recordings, and finding their defects, takes."""
 
 
+@with_checked_arguments
 def check(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> list[Fault]:
     """Return the faults of a study's recordings; empty if there are none.
 
@@ -133,6 +135,7 @@ def run(
     return found[0] if len(found) == 1 else CombinedResult.from_parts(found)
 
 
+@with_checked_arguments
 def identify(
     study: Study,
     *,
@@ -186,6 +189,7 @@ def identify(
     return run(study, "identify", on_progress=on_progress, **options)
 
 
+@with_checked_arguments
 def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
     """Calibrate torque from EMG by several methods, and judge them on what was not fitted.
 
@@ -216,6 +220,7 @@ def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = N
     return run(as_study(study, "calibrate"), "calibrate", on_progress=on_progress)
 
 
+@with_checked_arguments
 def assess(
     subject: Study | str | os.PathLike | object,
     on_progress: Callable[[str, float], None] | None = None,
@@ -286,6 +291,7 @@ def assess(
     return run(study, "assess", on_progress=on_progress, assessment={"studies": studies, "executor": executor})
 
 
+@with_checked_arguments
 def onset(
     subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
     on_progress: Callable[[str, float], None] | None = None,
@@ -332,6 +338,7 @@ def onset(
     return array_function("onset")(subject, **_array_options("onset", subject, options))
 
 
+@with_checked_arguments
 def cocontraction(
     subject: Study | str | os.PathLike | ArrayLike,
     second: ArrayLike | Callable[[str, float], None] | None = None,
@@ -384,6 +391,7 @@ def cocontraction(
     return array_function("cocontraction")(subject, second, **given)
 
 
+@with_checked_arguments
 def synergies(
     subject: Study | str | os.PathLike | Mapping[str, ArrayLike] | ArrayLike,
     on_progress: Callable[[str, float], None] | None = None,
@@ -430,6 +438,7 @@ def synergies(
     return array_function("synergies")(subject, **_array_options("synergies", subject, options))
 
 
+@with_checked_arguments
 def activations(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
     """Activations of all muscles, near their EMG, with which a measured torque follows; electrodes that are lost.
 
@@ -460,6 +469,7 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
     return run(as_study(study, "activations"), "activations", on_progress=on_progress)
 
 
+@with_checked_arguments
 def report(
     study: Study,
     result: Result | None = None,
