@@ -161,12 +161,12 @@ def hold_out(where: str, given: list[ArrayRecording], held_out: Any, units: Mapp
         )
     names = [each.name for each in given]
     for each in chosen:
-        if each not in names if isinstance(each, str) else not -len(names) <= each < len(names):
+        if each not in names if isinstance(each, str) else not -len(names) <= int(each) < len(names):
             raise IdentificationError(
                 f"{where}: held_out: found {each!r}, expected a number from 0 to {len(names) - 1} or one of "
                 f"{', '.join(names)}"
             )
-    judged = {each if isinstance(each, str) else names[each] for each in chosen}
+    judged = {each if isinstance(each, str) else names[int(each)] for each in chosen}
     if len(judged) == len(names):
         raise IdentificationError(f"{where}: held_out: found all recordings, expected at least one that is fitted")
     return [replace(each, is_held_out=each.name in judged) for each in given]

@@ -163,7 +163,9 @@ class JointFit(JointEstimate):
         for each in given:
             if "velocity" in config.channels and "velocity" not in each.columns:
                 raise RecordingError(f"score: {each.name}: found no velocity, expected one as in the fitted recordings")
-        entries = tuple(RecordingEntry(name=each.name, file=each.name, use="validate") for each in given)
+        entries = tuple(
+            RecordingEntry.model_validate({"name": each.name, "file": each.name, "use": "validate"}) for each in given
+        )
         arrays = {each.name: _read_columns(each, config) for each in given}
         head = self.result.headlined
         try:
@@ -176,9 +178,9 @@ class JointFit(JointEstimate):
             raise _of_arrays("score", config, error) from None
         if not made:
             raise RecordingError("score: found no sample that moves and is long enough, expected a longer recording")
-        error, r2 = pool_errors(made, "heldout")
+        effort_error, r2 = pool_errors(made, "heldout")
         weights = [len(each.effort) for each in made]
-        return JointScore(error, r2, float(np.average([each.coverage for each in made], weights=weights)), made)
+        return JointScore(effort_error, r2, float(np.average([each.coverage for each in made], weights=weights)), made)
 
     def card(self, name: str = "joint", lifts: str = "") -> ModelCard:
         """Return the model card that `pellucid export` and `pellucid.controller` read.
@@ -345,8 +347,7 @@ def fit_joint(
     kind, channel = EFFORT_CHANNELS[own]
     gravity_options = ("none",) if motion == "prismatic" else ("none", "sine", "sine+cosine")
     if gravity is not None and gravity not in gravity_options:
-        found = repr(gravity) if isinstance(gravity, str) else shown(gravity)
-        raise IdentificationError(f"{where}: gravity is {found}; expected one of {', '.join(gravity_options)}")
+        raise IdentificationError(f"{where}: gravity is {shown(gravity)}; expected one of {', '.join(gravity_options)}")
     level = number(where, "confidence", confidence)
     if not 0.0 < level < 1.0:
         raise IdentificationError(f"{where}: confidence: found {level:g}, expected between 0 and 1")
@@ -376,7 +377,7 @@ def fit_joint(
         if n < least and "resample" not in processing and not recording.is_held_out:
             raise RecordingError(f"{where}: time: found {n} samples, expected at least {least}")
     processing["trim"] = trims[0]
-    raw = {
+    raw: dict[str, Any] = {
         "name": where,
         "rig": {"motion": motion, "drive": {"kind": kind}},
         "channels": {
