@@ -211,9 +211,9 @@ class JointFit(JointEstimate):
 @with_one_blas_thread
 def fit_joint(
     time: Any,
-    position: ArrayLike | Sequence[ArrayLike] | None = None,
-    effort: ArrayLike | Sequence[ArrayLike] | None = None,
-    velocity: ArrayLike | Sequence[ArrayLike] | None = None,
+    position: Any = None,
+    effort: Any = None,
+    velocity: Any = None,
     *,
     held_out: Any = None,
     friction: str | Sequence[str] = "symmetric",
