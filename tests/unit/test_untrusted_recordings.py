@@ -142,7 +142,7 @@ def test_columns_are_counted(tmp_path, ending):
     elif ending == "json":
         path.write_text(json.dumps([{name: 1.0} for name in names]))
     else:
-        scipy.io.savemat(path, {"q": np.ones((3, 20_000))})
+        scipy.io.savemat(path, {name: 1.0 for name in names[:6000]})
     with pytest.raises(RecordingError, match=r"\d+ columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
         read_columns(path)
 

@@ -319,6 +319,8 @@ class CommandGroup(TyperGroup):
         found: list[Any] = super().get_params(ctx)
         for each in found:
             each.help = COMPLETION_HELP.get(each.name, getattr(each, "help", None))
+            # `--install-completion` is what people need; the other one works, and takes no line.
+            each.hidden = getattr(each, "hidden", False) or each.name == "show_completion"
         return found
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

@@ -26,8 +26,8 @@ def read_variables(path: Path) -> dict[str, Any]:
 
     with h5py.File(path, "r") as file:
         reading = _Reading(path, file)
-        return {name: value for name in file if not name.startswith("#")
-                and (value := reading.value(file[name], name, 0)) is not None}  # fmt: skip
+        return {name: value for name in _inner_names(file)
+                if (value := reading.value(file[name], name, 0)) is not None}  # fmt: skip
 
 
 class _Reading:
@@ -90,9 +90,20 @@ class _Reading:
         return self.value(self._file[reference], name, depth + 1) if reference else None
 
 
+def _inner_names(group: Any) -> list[str]:
+    """Return the names of what a group itself holds: a link into another file may lead to any file of this computer."""
+    import h5py
+
+    return [
+        key
+        for key in group
+        if not key.startswith("#") and not isinstance(group.get(key, getlink=True), h5py.ExternalLink)
+    ]
+
+
 def _fields(group: Any) -> list[str]:
     """Return the names of a struct's fields, in MATLAB's order where the file states it."""
-    there = [key for key in group if not key.startswith("#")]
+    there = _inner_names(group)
     try:
         stated = ["".join(sign.decode() for sign in name) for name in group.attrs["MATLAB_fields"]]
     except Exception:  # not stated, or in a form that only MATLAB reads
