@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pellucid.files.name_evidence import read_name
 from pellucid.files.readers import read_columns
 from pellucid.start.given_files import read_given
 from pellucid.start.inference.clocks import find_clock_period
@@ -164,3 +165,21 @@ def test_lost_samples_of_one_channel_part_no_rows(tmp_path):
     values = read_columns(tmp_path / "log.csv").values
     assert list(values) == ["time", "q", "tau"]
     assert {len(column) for column in values.values()} == {200}
+
+
+def test_a_unit_stands_before_the_joint_in_a_dotted_name():
+    for name, quantity, unit in (
+        ("velocity_rad_s.pan", "velocity", "rad/s"), ("position_deg.tilt", "position", "deg"), ("tau_N.m", "torque", "N*m"),
+    ):  # fmt: skip
+        found = read_name(name)
+        assert (found.quantity, found.unit) == (quantity, unit)
+
+
+def test_a_droop_in_pulses_is_no_speed(tmp_path):
+    q, v, tau = swing()
+    columns = [T, v * 30.0 / np.pi, 100.0 * tau, np.round(q * 2**22 / (2.0 * np.pi)), np.round(4000.0 * v)]
+    header = "Time [s],Motor speed [r/min],Torque [Nm],Cumulative feedback pulses [pulse],Droop pulses [pulse]"
+    roles = roles_of(proposed(tmp_path, header, columns))
+    assert roles["Motor speed [r/min]"].quantity == "velocity"
+    assert roles["Droop pulses [pulse]"].quantity is None
+    assert roles["Cumulative feedback pulses [pulse]"].keys["counts_per_turn"] == 2**22

@@ -143,6 +143,10 @@ _MAX_SUFFIX_PARTS = 5
 """Units at the end of a name have at most so many parts: Nm_per_rad_per_s."""
 
 
+_OF_RATED = re.compile(r"\s+(?:of\s+)?(?:the\s+)?(?:motor\s+)?(?:rated|nominal)\b.{0,20}$", re.IGNORECASE)
+"""What a share is of, behind its unit, as in "% of rated torque"."""
+
+
 @lru_cache(maxsize=4096)
 def unit_from_text(text: str) -> str | None:
     """Return a unit as study.toml writes it, None if the text is no unit that is known.
@@ -156,6 +160,7 @@ def unit_from_text(text: str) -> str | None:
     if bare.startswith("(") and bare.endswith(")") and bare.count("(") == 1:
         bare = bare[1:-1].strip()
     bare = re.sub(r"^in (?=\S)", "", bare)
+    bare = _OF_RATED.sub("", bare) or bare
     if len(bare) == 1 and bare in _CASE_MATTERS:
         return _CASE_MATTERS[bare] or None
     if len(bare) > 40:
@@ -291,6 +296,12 @@ def _split_suffix(name: str) -> tuple[str, str | None]:
         unit = _suffix_unit(name[start + 1 :], last, name[start] == "_")
         if unit is not None:
             return name[:start].strip(), unit
+    head, dot, last = name.rpartition(".")
+    if dot and len(last) > 1:
+        # "velocity_rad_s.pan": the unit stands before the joint.
+        rest, unit = _split_suffix(head)
+        if unit is not None:
+            return f"{rest}.{last}", unit
     within = list(_UNIT_WITHIN.finditer(name))
     if within and within[-1].start() > 0:
         return _without(name, within[-1].start(), within[-1].end()), unit_from_text(within[-1][1])

@@ -401,10 +401,16 @@ def accepted_units(role: ColumnRole) -> tuple[str, ...]:
     return tuple(dict.fromkeys(unit for unit in found if unit is not None))
 
 
+COUNTED_QUANTITIES = ("position", "motor_position", "reference", "angle", "velocity")
+"""Quantities of which study.toml converts counts."""
+
+
 def has_accepted_unit(role: ColumnRole) -> bool:
     """Whether a role's unit can be converted to one that `check` accepts for its channel."""
     units = accepted_units(role)
-    if not units or role.unit in ("counts", "counts/s"):
+    if role.unit in ("counts", "counts/s") and role.quantity in COUNTED_QUANTITIES:
+        return True
+    if not units:
         return True
     try:
         to_si_factor(role.unit, units)

@@ -72,6 +72,9 @@ DEFAULT_UNITS = {
 }  # fmt: skip
 """Units that are taken, and marked, where nothing tells them."""
 
+FINE_ENCODER_COUNTS = tuple(2**bits for bits in range(21, 25))
+"""Counts of a turn of encoders of servo drives, finer than those that weight tells apart."""
+
 _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torque", "f": "force"}
 """Quantities of drives by the first letter of a short name that is no word."""
 
@@ -416,6 +419,10 @@ class _Assignment:
         taken_by: set[str] = set()
         for pair in found:
             by, of = self.names[pair.by], self.names[pair.of]
+            stated = quantity_of_unit(by.unit) if by.unit not in (None, "1", "counts") else None
+            # Droop, an error or a second angle resembles a speed, and its unit says that it is none.
+            if by.unit == "counts" or (stated and not stated.endswith(("velocity", "acceleration"))):
+                continue
             if pair.by in taken_by or by.quantity in ("current", "voltage", "torque", "force", "duty", "position"):
                 continue
             if of.quantity in ("current", "voltage", "torque", "force", "duty", "velocity"):
@@ -755,7 +762,7 @@ class _Assignment:
                 continue
             per_count = to_si_factor(unit, "rad/s")[0] * self.names[pair.by].scale * abs(pair.ratio)
             counts = 2.0 * np.pi / per_count
-            usual = min(ENCODER_COUNTS, key=lambda known: abs(np.log(known / counts)))
+            usual = min((*ENCODER_COUNTS, *FINE_ENCODER_COUNTS), key=lambda known: abs(np.log(known / counts)))
             return usual if abs(usual / counts - 1.0) < ROLE_LIMITS.counts_tolerance else round(counts)
         return None
 
