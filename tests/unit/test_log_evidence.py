@@ -1,5 +1,7 @@
 """How `init` reads logs that encode, scale, name or sign their numbers in the ways of real loggers."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from pellucid.start.inference.clocks import find_clock_period
 from pellucid.start.inference.encodings import find_encoding
 from pellucid.start.inference.joint_keys import joint_keys, matching_joint
 from pellucid.start.propose_study import propose_study
+from pellucid.start.study_text import study_text
 
 RATE = 100.0
 T = np.arange(3000) / RATE
@@ -169,8 +172,10 @@ def test_lost_samples_of_one_channel_part_no_rows(tmp_path):
 
 def test_a_unit_stands_before_the_joint_in_a_dotted_name():
     for name, quantity, unit in (
-        ("velocity_rad_s.pan", "velocity", "rad/s"), ("position_deg.tilt", "position", "deg"), ("tau_N.m", "torque", "N*m"),
-    ):  # fmt: skip
+        ("velocity_rad_s.pan", "velocity", "rad/s"),
+        ("position_deg.tilt", "position", "deg"),
+        ("tau_N.m", "torque", "N*m"),
+    ):
         found = read_name(name)
         assert (found.quantity, found.unit) == (quantity, unit)
 
@@ -181,5 +186,19 @@ def test_a_droop_in_pulses_is_no_speed(tmp_path):
     header = "Time [s],Motor speed [r/min],Torque [Nm],Cumulative feedback pulses [pulse],Droop pulses [pulse]"
     roles = roles_of(proposed(tmp_path, header, columns))
     assert roles["Motor speed [r/min]"].quantity == "velocity"
-    assert roles["Droop pulses [pulse]"].quantity is None
+    assert roles["Droop pulses [pulse]"].quantity != "velocity"
     assert roles["Cumulative feedback pulses [pulse]"].keys["counts_per_turn"] == 2**22
+
+
+def test_the_dead_band_follows_the_counts_of_a_turn(tmp_path):
+    q, v, tau = swing()
+    bands = {}
+    for bits in (12, 22):
+        path = tmp_path / f"log_{bits}.csv"
+        columns = [T, np.round(q * 2**bits / (2.0 * np.pi)), v * 30.0 / np.pi, tau]
+        header = "Time [s],position [inc],speed [rpm],torque [Nm]"
+        np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.8g")
+        proposal = propose_study(read_given([path]), "made")
+        text = study_text(proposal, {id(recording.table): "log.csv" for recording in proposal.recordings})
+        bands[bits] = float(tomllib.loads(text)["processing"]["dead_band"].split()[0])
+    assert 0.0 < bands[22] <= 1.05 * bands[12] < 0.5

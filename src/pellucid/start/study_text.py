@@ -447,7 +447,7 @@ def _processing(proposal: Proposal) -> list[str]:
     unit = "m/s" if proposal.motion == "prismatic" else "rad/s"
     role = next(r for r in proposal.main.channels if r.quantity in ("position", "motor_position"))
     # A spring shows its stiffness where it is held, too, and has no dead band.
-    factor = 2.0 * math.pi / ANGLE_LIMITS.usual_counts if role.unit == "counts" else to_si_factor(role.unit, None)[0]
+    factor = _position_scale(role, proposal)
     dead_band = f'dead_band = "{choice.dead_band * abs(factor):.3g} {unit}"'
     has_one_for_all = proposal.spring is None and not _dead_bands(proposal)
     why = f"{MARK_GUESS}: {choice.why} (the page shows the spectrum)."
