@@ -76,7 +76,8 @@ _UNIT_SIGN = re.compile(r"\s*(/|\bper\b|[*.-])\s*|\s+")
 """Signs between the units of a compound one."""
 
 _PLAIN_SIGNS = str.maketrans({
-    "µ": "u", "μ": "u", "º": "°", "˚": "°", "·": "*", "⋅": "*", "∙": "*", "•": "*", "×": "*", "‐": "-", "‑": "-",
+    "µ": "u", "μ": "u", "º": "°", "˚": "°", "·": "*", "⋅": "*", "∙": "*", "•": "*", "・": "*", "･": "*", "×": "*", "‐": "-",
+    "‑": "-",
     "–": "-", "−": "-", "⁻": "-", "¹": "1", "²": "2", "³": "3", "⁄": "/", "∕": "/", "\u00a0": " ", "\u202f": " ",
     "\u2009": " ", "\ufeff": "",
 })  # fmt: skip
@@ -262,6 +263,9 @@ def split_unit(name: str) -> tuple[str, str | None]:
 def _split_end(name: str) -> tuple[str, str | None]:
     """Return the end of a name without its unit, and that unit."""
     for match in reversed(list(_BRACKETED_TEXT.finditer(name))):
+        # "q[1]" and "actuators[1].torque" are places in a list; "duty [1]" has no unit.
+        if match[1] == "1" and (match[0][:1] != " " or name[match.end() :].strip()):
+            continue
         unit = _bracketed_unit(match[1])
         if unit is not None or not match[1]:
             return _without(name, match.start(), match.end()), unit

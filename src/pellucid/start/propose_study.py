@@ -228,6 +228,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         known = ", ".join(question.key for question in questions) or "none"
         raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
+    if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
+        gravity = _gravity(main, drive)
     if duty_without_supply([main, *streams], drive, facts) is not None:
         facts["supply"] = UNKNOWN_SUPPLY
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
@@ -824,6 +826,8 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     if found is None or not positions or main.roles.rate is None:
         return "sine+cosine" if drive is not None else None
     role, table = positions[0], main.tables[0]
+    if has_open_counts(role):
+        return "sine+cosine"
     n = min(table.rows, ROLE_LIMITS.max_analysed_rows)
     motion = motion_samples(_in_unit(table, role)[:n], np.arange(n) / main.roles.rate)
     effort = _decoded(table, found[1])[:n]

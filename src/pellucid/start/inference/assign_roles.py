@@ -734,7 +734,9 @@ class _Assignment:
                 keys["counts_per_turn"] = documented.counts_per_turn
                 sure = quantity not in ("position", "motor_position") or documented.side == "output"
             elif unit == "counts" and (by_speed := self._counts_by_speed(name)) is not None:
-                keys["counts_per_turn"], sure = by_speed, True
+                known = self.values[name][np.isfinite(self.values[name])]
+                # A motor's speed tells the turns of the motor: a joint turns less than twice.
+                keys["counts_per_turn"], sure = by_speed, float(np.ptp(known)) < 2.0 * by_speed
             elif unit == "counts" and name in self._counts:
                 keys["counts_per_turn"], sure = self._counts[name]
             if documented is not None and documented.unit == unit and documented.scale is not None:
@@ -881,6 +883,9 @@ class _Assignment:
         if not any(r.quantity == "emg" for r in self.roles.values()):
             return False
         if any(self.roles[n].quantity != "torque" for n in efforts):
+            return False
+        # A torque that was asked for is a drive's.
+        if any(role.is_command and (role.quantity or "").startswith("desired_") for role in self.roles.values()):
             return False
         named = [n for n in efforts if self.names[n].joint is not None or "moment" in words_of(self.names[n].bare)]
         return not efforts or bool(named)
