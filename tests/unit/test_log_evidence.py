@@ -202,3 +202,14 @@ def test_the_dead_band_follows_the_counts_of_a_turn(tmp_path):
         text = study_text(proposal, {id(recording.table): "log.csv" for recording in proposal.recordings})
         bands[bits] = float(tomllib.loads(text)["processing"]["dead_band"].split()[0])
     assert 0.0 < bands[22] <= 1.05 * bands[12] < 0.5
+
+
+def test_a_place_in_a_list_is_no_unit_and_a_motors_speed_leaves_the_counts_open(tmp_path):
+    assert (read_name("actuators[1].torque").unit, read_name("q[1]").unit, read_name("duty [1]").unit) == (None, None, "1")
+    assert read_name("トルク[kgf・cm]").unit == "kgf*cm"
+    q, v, tau = swing()
+    columns = [T, np.round(51.0 * q * 4096 / (2.0 * np.pi)), 51.0 * v * 30.0 / np.pi, tau]
+    header = "Time [s],position [inc],speed [rpm],torque [Nm]"
+    assert "counts_per_turn" in {question.key for question in proposed(tmp_path, header, columns).asked}
+    answered = proposed(tmp_path, header, columns, {"counts_per_turn": str(51 * 4096)})
+    assert answered.gravity == "sine+cosine"

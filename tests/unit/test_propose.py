@@ -216,6 +216,7 @@ def test_a_study_that_cannot_be_made_names_a_page(tmp_path):
     with pytest.raises(pl.PellucidError, match="no effort was recorded") as raised:
         proposal.study(tmp_path / "s")
     assert not (tmp_path / "s").exists()
-    (note,) = raised.value.__notes__
+    *questions, note = raised.value.__notes__
+    assert all(line.startswith("question ") for line in questions)
     page = note.removeprefix("What was understood: ")
     assert "No effort was recorded" in Path(page).read_text(encoding="utf-8")

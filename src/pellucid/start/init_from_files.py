@@ -245,7 +245,18 @@ def make_study(
 def note_understood(error: PellucidError, proposal: Proposal, page_folder: Path | None = None) -> None:
     """Draw what was understood of files of which no study can be made, and add the page's path to the error's notes."""
     reason = str(error).rpartition(f"{REFUSAL}: ")[2]
+    # An answer may be what the study lacks.
+    for question in proposal.asked:
+        error.add_note(question_line(question, proposal.answers.get(question.key)))
     _note_page(error, proposal.name, unmade_page(proposal, reason), page_folder)
+
+
+def question_line(question: Question, answer: str | None) -> str:
+    """Return a question with its answer, or with the default that was taken in its place."""
+    if answer:
+        return f"question {question.key}: {question.text} Answer: {answer}."
+    default = f'Default taken: {question.default}. --answer "{question.key}=..." changes it.'
+    return f"question {question.key}: {question.text} {default}"
 
 
 def _note_page(error: PellucidError, name: str, page: Page, page_folder: Path | None) -> None:
@@ -348,15 +359,7 @@ def proposal_lines(made: ProposedStudy) -> list[str]:
         if len(layout.channels) > MAX_LISTED_CHANNELS:
             lines.append(f"  and {len(layout.channels) - MAX_LISTED_CHANNELS} more channels")
     for question in proposal.asked:
-        answer = proposal.answers.get(question.key)
-        lines.append(
-            f"question {question.key}: {question.text} "
-            + (
-                f"Answer: {answer}."
-                if answer
-                else f'Default taken: {question.default}. --answer "{question.key}=..." changes it.'
-            )
-        )
+        lines.append(question_line(question, proposal.answers.get(question.key)))
     lines += [f"note: {text}" for text in proposal.remarks]
     lines.append(f"{made.page}: every channel drawn beside its role. {made.study_file} marks each guess.")
     return lines
