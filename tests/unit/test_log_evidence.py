@@ -205,7 +205,7 @@ def test_the_dead_band_follows_the_counts_of_a_turn(tmp_path):
 
 
 def test_a_place_in_a_list_is_no_unit_and_a_motors_speed_leaves_the_counts_open(tmp_path):
-    assert (read_name("actuators[1].torque").unit, read_name("q[1]").unit, read_name("duty [1]").unit) == (None, None, "1")
+    assert [read_name(name).unit for name in ("actuators[1].torque", "q[1]", "duty [1]")] == [None, None, "1"]
     assert read_name("トルク[kgf・cm]").unit == "kgf*cm"
     q, v, tau = swing()
     columns = [T, np.round(51.0 * q * 4096 / (2.0 * np.pi)), 51.0 * v * 30.0 / np.pi, tau]
