@@ -161,15 +161,17 @@ def test_a_stop_during_a_reset_wins(rig):
     rig.operator.act("stop")
     rig.until(lambda: rig.session.phase == "judged")
     assert rig.engine.status().state == "stopped"
+    # Until the law gave its torque, a busy computer may have stopped it, and the rig reset that stop.
+    before = len(texts(rig))
     rig.operator.act("reset")
     rig.until(lambda: rig.engine.region.last_command()["token"] != 0)
     rig.participant.act("stop")
     assert rig.engine.region.last_command()["token"] == 0
     time.sleep(3.0)  # longer than the delay of a reset
     assert rig.engine.status().state == "stopped"
-    assert "the stop was reset" not in texts(rig)
+    assert "the stop was reset" not in texts(rig)[before:]
     rig.operator.act("reset")
-    rig.until(lambda: "the stop was reset" in texts(rig))
+    rig.until(lambda: "the stop was reset" in texts(rig)[before:])
     assert rig.engine.status().state == "idle"
     assert "no stop to reset" in rig.operator.act("reset")[0]["why"]
 
