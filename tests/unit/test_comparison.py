@@ -87,7 +87,7 @@ def test_a_comparison_holds_all_its_parts():
 
 def test_kendalls_w_is_one_where_all_agree():
     values = np.arange(4.0) + np.array([[0.1], [0.2], [0.3]])
-    assert compare_conditions(values, "abcd", "a", rng=np.random.default_rng(0)).kendall == pytest.approx(1.0)
+    assert compare_conditions(values, list("abcd"), "a", rng=np.random.default_rng(0)).kendall == pytest.approx(1.0)
 
 
 def test_one_participant_is_described_and_not_tested():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._domains import offered
+from .._errors import PellucidError
 from .._tabular import data_frame, html_table, text_table
 from .card import CardParameter, named
 
@@ -81,7 +82,9 @@ class Parameter:
         return not self.refused
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval at `level`, in the parameter's unit."""
+        """Return the confidence interval at `level`, a share between 0 and 1, in the parameter's unit."""
+        if not 0.0 < level < 1.0:
+            raise PellucidError(f"interval: found level={level!r}, expected a share between 0 and 1, such as 0.95")
         from scipy.special import ndtri
 
         half = float(ndtri(0.5 + level / 2.0)) * self.standard_error

@@ -10,6 +10,7 @@ import ast
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from datetime import date, timedelta
+from difflib import get_close_matches
 from functools import wraps
 from numbers import Integral, Real
 from os import PathLike
@@ -196,7 +197,15 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
 
     @wraps(function)
     def checked(*arguments: Parameters.args, **options: Parameters.kwargs) -> Returned:
-        bound = signature.bind(*arguments, **options)
+        try:
+            bound = signature.bind(*arguments, **options)
+        except TypeError as error:
+            near = [
+                f'; is "{close[0]}" meant?'
+                for name in options
+                if name not in signature.parameters and (close := get_close_matches(name, signature.parameters, 1))
+            ]
+            raise ArgumentError(f"{function.__name__}: {error}{near[0] if near else ''}") from None
         for name, value in bound.arguments.items():
             if name in parsed:
                 bound.arguments[name] = _checked(function.__name__, name, value, parsed[name])
@@ -249,7 +258,8 @@ def _is_number(value: Any) -> bool:
 
 def _is_sequence(value: Any) -> bool:
     is_other = isinstance(value, (str, bytes, Mapping, set, frozenset, type))
-    return hasattr(value, "__len__") and hasattr(value, "__getitem__") and not is_other and np.ndim(value) > 0
+    is_scalar = isinstance(value, np.ndarray) and value.ndim == 0
+    return hasattr(value, "__len__") and hasattr(value, "__getitem__") and not is_other and not is_scalar
 
 
 def _checked(where: str, name: str, value: Any, allowed: list[ast.expr]) -> Any:
