@@ -77,12 +77,20 @@ def test_a_zero_that_is_off_is_told_with_what_to_write(spoilt):
     assert float(re.search(r"offset = ([-\d.]+) ", first.do).group(1)) == pytest.approx(0.0, abs=np.radians(1.5))
 
 
-def test_degrees_declared_as_radians_are_named(sound, rng):
+def test_degrees_and_radians_declared_as_each_other_are_named(sound, rng):
     t = np.arange(0.0, 30.0, 0.005)
     q = 0.8 * np.sin(0.9 * t) + 0.4 * np.sin(3.1 * t) + 0.1 * np.sin(8.0 * t)
     v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
     effort = 0.05 * a + 1.5 * np.sin(q) + 0.2 * np.sign(v) + 0.05 * v + 0.01 * rng.standard_normal(len(t))
-    for angle, expected in ((q, []), (np.degrees(q), ["The position looks like degrees declared as radians"])):
+    cases = (
+        (q, []),
+        (np.degrees(q), ["The position looks like degrees declared as radians"]),
+        (np.radians(q), ["The position looks like radians declared as degrees"]),
+        (0.02 * q, []),
+    )
+    for i, (angle, expected) in enumerate(cases):
+        if i == 3:
+            effort = 0.05 * 0.02 * a + 1.5 * np.sin(angle) + 0.02 * np.sign(v) + 0.001 * v
         motion = motion_of(t, angle, effort, Filtering(10.0, 4, 10, 0.0, 100))
         model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
         data = stack([motion])

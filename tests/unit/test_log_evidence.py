@@ -5,13 +5,15 @@ import tomllib
 import numpy as np
 import pytest
 
+from pellucid._errors import StudyError
 from pellucid.files.name_evidence import read_name
 from pellucid.files.readers import read_columns
+from pellucid.start.assumptions import assumptions_of
 from pellucid.start.given_files import read_given
 from pellucid.start.inference.clocks import find_clock_period
 from pellucid.start.inference.encodings import find_encoding
 from pellucid.start.inference.joint_keys import joint_keys, matching_joint
-from pellucid.start.propose_study import propose_study
+from pellucid.start.propose_study import propose_study, require_agreeing_units
 from pellucid.start.study_text import study_text
 
 RATE = 100.0
@@ -213,3 +215,45 @@ def test_a_place_in_a_list_is_no_unit_and_a_motors_speed_leaves_the_counts_open(
     assert "counts_per_turn" in {question.key for question in proposed(tmp_path, header, columns).asked}
     answered = proposed(tmp_path, header, columns, {"counts_per_turn": str(51 * 4096)})
     assert answered.gravity == "sine+cosine"
+
+
+@pytest.mark.parametrize(("stated", "meant", "factor"), [("deg", "rad", 1.0), ("rad", "deg", 180.0 / np.pi)])
+def test_a_stated_unit_that_the_weight_refutes_is_an_error_that_names_it(tmp_path, stated, meant, factor):
+    q, _, tau = swing()
+    header = f"time [s],angle [{stated}],torque [Nm]"
+    proposal = proposed(tmp_path, header, [T, factor * q, tau])
+    assert roles_of(proposal)[f"angle [{stated}]"].fitting_unit == meant
+    with pytest.raises(StudyError, match=rf'angle \[{stated}\].*found the unit "{stated}".*position_unit={meant}'):
+        require_agreeing_units(proposal)
+    answered = proposed(tmp_path, header, [T, factor * q, tau], {"position_unit": meant})
+    require_agreeing_units(answered)
+    assert roles_of(answered)[f"angle [{stated}]"].unit == meant
+    right = proposed(tmp_path, f"time [s],angle [{meant}],torque [Nm]", [T, factor * q, tau])
+    assert not roles_of(right)[f"angle [{meant}]"].fitting_unit
+    require_agreeing_units(right)
+
+
+def test_a_supply_is_told_from_what_drives(tmp_path):
+    q, _, tau = swing()
+    volts = 7.4 + 0.3 * np.sin(3.0 * T) + 0.05 * RNG.standard_normal(len(T))
+    duty = np.round(885.0 * tau / 6.0)
+    proposal = proposed(tmp_path, "time [s],position [rad],duty,input_volts", [T, q, duty, volts])
+    quantities = {column: role.quantity for column, role in roles_of(proposal).items()}
+    assert quantities["input_volts"] == "supply"
+    assert quantities["duty"] == "duty"
+    assert proposal.drive == "voltage"
+
+
+def test_a_torque_that_no_joint_has_is_in_a_smaller_unit(tmp_path):
+    q, _, tau = swing()
+    role = roles_of(proposed(tmp_path, "t,q,tau", [T, q, 1000.0 * tau]))["tau"]
+    assert (role.quantity, role.unit, role.unit_is_certain) == ("torque", "mN*m", False)
+
+
+def test_a_reversed_effort_is_among_the_assumptions(tmp_path):
+    q, _, tau = swing()
+    for header in ("t,q,tau", "time [s],q [rad],torque [Nm]"):
+        proposal = proposed(tmp_path, header, [T, q, -tau])
+        files = {id(r.table): "log.csv" for r in proposal.recordings}
+        told = [a.sentence for a in assumptions_of(proposal, study_text(proposal, files))]
+        assert any("counts against" in sentence for sentence in told)

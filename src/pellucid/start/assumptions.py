@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ..study.pages.quantities import capitalised
 from .propose_study import Proposal
-from .study_text import MARK_GUESS
+from .study_text import MARK_GUESS, channel_mark, channel_name, is_turned_effort
 
 _GUESS_BEHIND_LINE = re.compile(rf"(?P<line>[^#\s].*?)  # {MARK_GUESS}(?:: (?P<why>.*))?")
 _GUESS_ABOVE_LINE = re.compile(rf"# {MARK_GUESS}: (?P<why>.*)")
@@ -44,7 +44,14 @@ def assumptions_of(proposal: Proposal, text: str) -> tuple[Assumption, ...]:
         if question.key not in proposal.answers
     )
     # Several joints and recordings have the same guess in a line of each.
-    return tuple(dict.fromkeys((*defaults, *_guessed_lines(text))))
+    return tuple(dict.fromkeys((*defaults, *_turned_efforts(proposal), *_guessed_lines(text))))
+
+
+def _turned_efforts(proposal: Proposal) -> Iterator[Assumption]:
+    """Yield the efforts whose sign was reversed, but for those whose line in study.toml is marked as a guess."""
+    for role in proposal.main.channels:
+        if is_turned_effort(role) and channel_mark(role, proposal) != MARK_GUESS:
+            yield Assumption(f"{channel_name(role)}.sign", "-1", f'"{role.column}": {role.why}', False)
 
 
 def _guessed_lines(text: str) -> Iterator[Assumption]:

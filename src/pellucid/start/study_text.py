@@ -84,7 +84,12 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
     }
     if any(hangs.get(key) for key in unsaid_defaults(proposal)):
         return MARK_ASKED
-    return MARK_GUESS if role.is_guess else ""
+    return MARK_GUESS if role.is_guess or is_turned_effort(role) else ""
+
+
+def is_turned_effort(role: ColumnRole) -> bool:
+    """Whether a role is an effort whose sign was reversed: whoever made the log must see it."""
+    return role.quantity in DRIVE_QUANTITIES and role.keys.get("sign") == -1
 
 
 def _notes(proposal: Proposal) -> list[str]:

@@ -57,6 +57,8 @@ def watched_part(
         if drive is not None:
             drives[position] = drive
             limits[drive] = tuple(limit for limit in known if limit is not None)
+            # The drive itself sets a duty: at its largest value it gave just that, and no sensor ended there.
+            accepted |= {drive} if drive.partition(".")[0] == "duty" else set()
     bridged = max_bridged_gap(processing, recording.fs) if processing.resample is not None else 0.0
     readers = [t for t in config.procedures.values() if any(t.reads(n, stream) for n in recording.channels)]
     if readers and not own:

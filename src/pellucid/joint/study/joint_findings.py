@@ -113,6 +113,8 @@ class FindingThresholds:
     min_statistical_share: float = 0.7
     # The unit is wrong only if reading the angle in degrees reduces the error to at most this share.
     max_converted_error_ratio: float = 0.5
+    # Small angles that were radians fit about as well in degrees, but angles in degrees never fit as radians.
+    max_turned_error_ratio: float = 0.8
 
 
 FINDING_THRESHOLDS = FindingThresholds()
@@ -1005,26 +1007,34 @@ def _files_of(faults: Sequence[Fault]) -> str:
     return files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
 
 
+MAX_SUSPICIOUS_RANGE_RAD = 0.1
+"""Largest range of motion that suggests radians declared as degrees [rad]: 5.7 rad, which few joints exceed."""
+
 MIN_SUSPICIOUS_RANGE_RAD = 2.0 * np.pi
 """Smallest range of motion that suggests degrees [rad]. Few joints with a weight have such a range in radians."""
 
 
 def report_wrong_unit(case: JointCase) -> Iterator[Verdict]:
-    """Report a failed fit that succeeds with the angle read in degrees; the sine in gravity makes the difference."""
-    # Radians stated as degrees cannot be detected: gravity is linear at small angles, and inertia absorbs the factor.
-    if not has_free_gravity(case.fit.model) or case.fit.fitted_r2 > FINDING_THRESHOLDS.failed_r2:
+    """Report an angle that fits in the other unit, degrees or radians; the sine in gravity makes the difference."""
+    if not has_free_gravity(case.fit.model):
         return
     position = case.data.reduced([m.position for m in case.data.motions])
-    if np.ptp(position) < MIN_SUSPICIOUS_RANGE_RAD:
+    if np.ptp(position) > MIN_SUSPICIOUS_RANGE_RAD and case.fit.fitted_r2 <= FINDING_THRESHOLDS.failed_r2:
+        stated, meant, factor, most = "rad", "deg", np.pi / 180.0, FINDING_THRESHOLDS.max_converted_error_ratio
+    elif np.ptp(position) < MAX_SUSPICIOUS_RANGE_RAD:
+        # A fit of tiny angles may be good: gravity is nearly linear there, and inertia absorbs the factor.
+        stated, meant, factor, most = "deg", "rad", 180.0 / np.pi, FINDING_THRESHOLDS.max_turned_error_ratio
+    else:
         return
     model = case.fits.get("symmetric", case.fit).model
-    error_in_radians, error_in_degrees = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
-    if error_in_degrees < FINDING_THRESHOLDS.max_converted_error_ratio * error_in_radians:
+    error, error_in_meant = _error(case, model, 1.0), _error(case, model, factor)
+    if error_in_meant < most * error:
+        words = {"rad": "radians", "deg": "degrees"}
         yield Verdict(
             "wrong",
-            f"The position looks like degrees declared as radians: read so, the model misses {error_in_degrees:.3g} % "
-            f"of the effort instead of {error_in_radians:.3g} %.",
-            'Write unit = "deg" in [channels] position.',
+            f"The position looks like {words[meant]} declared as {words[stated]}: read so, the model misses "
+            f"{error_in_meant:.3g} % of the effort instead of {error:.3g} %.",
+            f'Write unit = "{meant}" in [channels] position.',
             weight=11.5,
         )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...files.defects.magnitude import find_implausible
 from ...files.name_evidence import (
     JOINT_WORDS,
     QUANTITY_WORDS,
@@ -17,6 +18,7 @@ from ...files.name_evidence import (
     with_stated_unit,
     words_of,
 )
+from ...files.recording import Channel
 from ...units import to_si_factor
 from .angle_units import (
     ANGLE_LIMITS,
@@ -92,6 +94,8 @@ class RoleLimits:
     max_weighing_efforts: int = 8
     # Commands are looked for in at most this many pairs of columns, those of 60 columns; each takes a millisecond.
     max_compared_commands: int = 2000
+    # A voltage that varies by at most this share of its mean is a supply.
+    max_supply_spread: float = 0.2
     # Counts of a turn that a speed tells are those of a usual encoder within this share.
     counts_tolerance: float = 0.02
     # Fits of efforts to motions are made for at most this many columns.
@@ -116,6 +120,7 @@ class ColumnRole:
     is_command: bool = False  # whether it was asked for and not measured
     keys: Mapping[str, object] = field(default_factory=dict)  # further keys of the channel: signed_bits, scale, wrap
     unknown_unit: str = ""  # text that the file states as the unit, if no such unit is known
+    fitting_unit: str = ""  # unit that the motion fits, if it refutes the one that the file states
 
     @property
     def is_guess(self) -> bool:
@@ -250,6 +255,7 @@ class _Assignment:
             self._find_anonymous_motion()
         if not self.hints.is_person and not is_inertial:
             self._find_anonymous_efforts()
+        self._find_supplies()
         self._find_commands()
         self._settle_units()
         for name, role in list(self.roles.items()):
@@ -598,6 +604,16 @@ class _Assignment:
             return quantity, f"an effort, and the letter {letter} stands for {quantity}"
         return "torque", "an effort"
 
+    def _find_supplies(self) -> None:
+        """Tell the supply of a drive from what drives it: it keeps its sign and its size."""
+        voltages = [name for name, role in self.roles.items() if role.quantity == "voltage"]
+        others = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES and n not in voltages]
+        for name in voltages if others else ():
+            known = self.values[name][np.isfinite(self.values[name])]
+            if len(known) and known.min() > 0.0 and np.std(known) < ROLE_LIMITS.max_supply_spread * np.mean(known):
+                why = "it keeps its sign and its size beside another effort, as a supply does"
+                self.roles[name] = replace(self.roles[name], quantity="supply", why=why, is_certain=True)
+
     def _find_commands(self) -> None:
         """Tell references of positions and commands of efforts from measurements."""
         for name in self._free():
@@ -721,6 +737,11 @@ class _Assignment:
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
                 why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
             decided = None
+            if sure and stated in FULL_TURNS and quantity == "position" and self.names[name].scale == 1.0:
+                by_weight = self._weighed(name)
+                if by_weight is not None and by_weight[0] != stated and by_weight[0] in FULL_TURNS:
+                    why, sure = f"{why}, but {by_weight[1]}", False
+                    role = replace(role, fitting_unit=by_weight[0])
             if stated is None and (not sure or unit == "counts") and quantity != "reference":
                 decided = self._weighed(name)
             if decided is not None:
@@ -797,11 +818,11 @@ class _Assignment:
                 continue
             unit = "counts" if best in divisions else best
             compared = dict.fromkeys((best, *FULL_TURNS))
-            shares = [f"{100 * (1 - weighed.left_share(each)):.1f} % in {each}" for each in compared]
+            shares = [f"{100 * weighed.left_share(each):.2g} % in {each}" for each in compared]
             usual = f"{ANGLE_LIMITS.usual_counts} counts"
             if best in divisions and (weighed.is_decided() or weighed.beats(best, usual)):
                 self._counts[name] = int(divisions[best]), weighed.is_decided()
-            return unit, f'"{other}" weighs it so: gravity and friction explain {", ".join(shares)}', True
+            return unit, f'gravity, friction and inertia leave of "{other}" {", ".join(shares)}', True
         return None
 
     def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
@@ -1132,7 +1153,8 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
             return "mA", f"numbers up to {largest:.4g} are much for amperes", False
         return "A", f"numbers up to {largest:.4g}", False
     if quantity == "torque":
-        return ("mN*m" if whole and largest > 300.0 else "N*m"), f"numbers up to {largest:.4g}", False
+        is_much = find_implausible(Channel("torque", known, "N*m", "")) is not None or (whole and largest > 300.0)
+        return ("mN*m" if is_much else "N*m"), f"numbers up to {largest:.4g}", False
     if quantity in ("voltage", "supply"):
         is_usual = quantity == "supply" and 3 < largest < 60
         return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", is_usual
