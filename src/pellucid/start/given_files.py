@@ -131,7 +131,8 @@ def read_given(files: Iterable[str | os.PathLike]) -> GivenFiles:
     tables = _split_flat_files(tables)
     if not tables:
         reasons = "; ".join(f"{path.name}: {why}" for path, why in unread[:5])
-        raise StudyError(f"found no table of numbers in {len(paths)} files: {reasons or 'none given'}")
+        files = "1 file" if len(paths) == 1 else f"{len(paths)} files"
+        raise StudyError(f"found no table of numbers in {files}: {reasons or 'none given'}")
     return GivenFiles(tuple(tables), tuple(robots), tuple(models), tuple(unread))
 
 

@@ -347,9 +347,7 @@ MAX_LISTED_CHANNELS = 40
 def proposal_lines(made: ProposedStudy) -> list[str]:
     """Return the lines that the command prints."""
     proposal = made.proposal
-    rate = f"{proposal.rate:.5g} Hz" if proposal.rate else "a rate that no file states"
-    count = len(proposal.recordings)
-    lines = [f"{made.folder}: {count} {'recording' if count == 1 else 'recordings'} at {rate}."]
+    lines = [f"{made.folder}: {proposal.summary}."]
     for layout in (proposal.main, *proposal.streams):
         for role in layout.channels[:MAX_LISTED_CHANNELS]:
             mark = channel_mark(role, proposal)

@@ -182,6 +182,14 @@ class Proposal:
         """Sampling rate of the main files [Hz]."""
         return self.main.roles.rate
 
+    @property
+    def summary(self) -> str:
+        """Number of recordings and their rate, in words; parts of one recording are told as such."""
+        whole = len({id(recording.table) for recording in self.recordings})
+        rate = f"{self.rate:.5g} Hz" if self.rate else "a rate that no file states"
+        parts = f", in {len(self.recordings)} parts" if len(self.recordings) > whole else ""
+        return f"{whole} recording{'' if whole == 1 else 's'} at {rate}{parts}"
+
 
 def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | None = None) -> Proposal:
     """Return a proposal for files that were read; `answers` replace the defaults of questions by their keys."""
@@ -483,8 +491,10 @@ def _names_people(table: GivenTable, *, shows_people: bool) -> bool:
         return False
     # A dynamometer or an orthosis turns a joint, and EMG stands beside it: its own columns name no joint.
     moved = [e for e in found if e.quantity in ("position", "torque", "force")]
-    is_machine = bool(moved) and table.quantity is None and not any(
-        e.joint is not None or PERSON_WORDS & set(words_of(e.bare)) for e in moved
+    is_machine = (
+        bool(moved)
+        and table.quantity is None
+        and not any(e.joint is not None or PERSON_WORDS & set(words_of(e.bare)) for e in moved)
     )
     return shows_people and not is_machine and len(named) >= 0.4 * len(found)
 

@@ -17,11 +17,9 @@ MAX_LISTED_COLUMNS = 12
 def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list[tuple[str, ...]]], list[str]]:
     """Return the lines on what was understood, heads and rows of the parameters, and the lines on what was assumed."""
     proposal = tried.proposal
-    rate = f" at {proposal.rate:.5g} Hz" if proposal.rate else ""
-    count = len(proposal.recordings)
     drive = f", driven by a measured {proposal.drive}" if proposal.drive else ""
     before = [
-        f"{tried.study.name}: {proposal.motion} motion{drive}; {count} recording{'' if count == 1 else 's'}{rate}.",
+        f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
         try_headline(tried),
     ]
