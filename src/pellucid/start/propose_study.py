@@ -227,14 +227,14 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         facts["limit"] = limit
     # The same deflection with another torque is another spring, and no payload.
     repeated = _repeated(recordings, main, drive) if spring is None else None
-    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity))
+    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity, bool(given.robots)))
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts":
         possible.add("counts_per_turn")
     unknown = set(answers) - possible
     if unknown:
         known = ", ".join(question.key for question in questions) or "none"
-        raise StudyError(f"init --from: found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
+        raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
         gravity = _gravity(main, drive)
@@ -1048,7 +1048,7 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     return next((each for each in found if each is not None), None)
 
 
-def _questions(main, streams, recordings, drive, facts, person, repeated, gravity):
+def _questions(main, streams, recordings, drive, facts, person, repeated, gravity, has_robot):
     """Yield what only the lab can answer, with defaults."""
     layouts = [main, *streams]
     if any(layout.roles.rate is None for layout in layouts):
@@ -1156,7 +1156,8 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "unknown",
             "a known mass gives the drive's constant; an unknown one must not be fitted together with the rest",
         )
-    if gravity == "sine+cosine" and drive is not None and _measures_angle(main):
+    # A robot's file has the zero of each joint.
+    if gravity == "sine+cosine" and drive is not None and _measures_angle(main) and not has_robot:
         yield Question(
             "angle_zero",
             "Does the joint hang at the angle 0?",
