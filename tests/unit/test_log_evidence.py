@@ -1,6 +1,7 @@
 """How `init` reads logs that encode, scale, name or sign their numbers in the ways of real loggers."""
 
 import tomllib
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -257,3 +258,18 @@ def test_a_reversed_effort_is_among_the_assumptions(tmp_path):
         files = {id(r.table): "log.csv" for r in proposal.recordings}
         told = [a.sentence for a in assumptions_of(proposal, study_text(proposal, files))]
         assert any("counts against" in sentence for sentence in told)
+
+
+def test_a_sweep_is_held_out_by_pieces_and_an_even_motion_at_its_end(tmp_path):
+    q, _, tau = swing()
+    even = proposed(tmp_path, "time [s],q [rad],torque [Nm]", [T, q, tau])
+    assert [r.use for r in even.recordings] == ["fit", "validate"]
+    sweep = 0.5 * np.sin(2.0 * np.pi * (0.1 + 0.03 * T) * T)
+    swept = proposed(tmp_path, "time [s],q [rad],torque [Nm]", [T, sweep, np.gradient(np.gradient(sweep, T), T)])
+    assert [r.use for r in swept.recordings] == ["fit", "validate"] * 3 + ["fit"]
+    windows = [r.window for r in swept.recordings]
+    assert all(a[1] == b[0] for a, b in pairwise(windows))
+    assert (windows[0][0], windows[-1][1]) == (0.0, pytest.approx(T[-1] + 1.0 / RATE))
+    held_out = sum(b - a for (a, b), r in zip(windows, swept.recordings, strict=True) if r.use == "validate")
+    assert held_out == pytest.approx(T[-1] / 3.0)
+    assert "in 7 parts" in swept.summary

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import pellucid as pl
+from pellucid.files.defects.clipped import flat_tops
 from pellucid.files.defects.magnitude import find_implausible
+from pellucid.files.defects.rest import comes_to_rest
 from pellucid.files.defects.worn import find_worn
 from pellucid.files.recording import Channel
 from pellucid.joint.fit.recording_agreement import find_friction_drift
@@ -289,3 +291,17 @@ def test_friction_that_drifts_is_measured(rng):
     steady = find_friction_drift(time, velocity, 0.05 * rng.standard_normal(4000))
     assert abs(steady.z_value) < 4.0
     assert find_friction_drift(time[:50], velocity[:50], velocity[:50]) is None
+
+
+def test_a_joint_that_brakes_at_its_end_rests_there_and_a_sensor_that_ends_does_not():
+    t = np.arange(0.0, 20.0, 0.005)
+    trapezoid = 0.2 * np.maximum(np.abs((t % 8.0) - 4.0) - 0.15, 0.0)  # 0.2 rad/s, and 0.3 s of rest
+    kernel = np.hanning(31) / np.hanning(31).sum()
+    quantum = 2.0 * np.pi / 16384
+    braked = np.round(np.convolve(np.pad(trapezoid, 15, mode="edge"), kernel, "valid") / quantum) * quantum
+    peak = np.minimum(np.round(-np.cos(2.0 * np.pi * 0.5 * t) / quantum) * quantum, 0.8)
+    for x, expected in ((-braked, True), (peak, False)):
+        firsts, lengths = flat_tops(x)
+        assert len(firsts) > 0
+        for first, length in zip(firsts, lengths, strict=True):
+            assert comes_to_rest(x, first, first + length - 1) == expected

@@ -87,6 +87,12 @@ class ProposalLimits:
     held_out_share: float = 0.25
     # This first share of a single recording is fitted.
     single_fit_share: float = 0.6
+    # Where it moves at other speeds than the rest, by more than this ratio, pieces are held out by turns.
+    max_speed_ratio: float = 1.5
+    # The quantile of a part's speeds that is compared.
+    speed_quantile: float = 0.9
+    # Each of the pieces has at least this duration [s], so that filters and the beginning of a motion are little of it.
+    min_piece_s: float = 2.0
     # A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
     # friction.
     min_gravity_share: float = 0.02
@@ -765,13 +771,48 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
         begin, end = 0.0, n / rate
     if not end > begin:
         return [recording]
-    middle = begin + PROPOSAL_LIMITS.single_fit_share * (end - begin)
     step = 1.0 / rate
+    share = PROPOSAL_LIMITS.single_fit_share
+    piece = (end - begin) / PIECES
+    if piece >= PROPOSAL_LIMITS.min_piece_s and not _moves_alike(recording.table, main, share):
+        why = "one recording, whose speeds change: pieces of it are held out by turns and judge what is found"
+        edges = [begin + i * piece for i in PIECE_EDGES] + [end + step]
+        uses = ["validate" if i % 2 else "fit" for i in range(len(edges) - 1)]
+        return [
+            replace(recording, name=f"{recording.name}_{i + 1}", window=(edges[i], edges[i + 1]), use=use, why=why)
+            for i, use in enumerate(uses)
+        ]
+    middle = begin + share * (end - begin)
     why = "one recording, named twice: the last part is held out and judges what is found"
     return [
         replace(recording, name=f"{recording.name}_first", window=(begin, middle), why=why),
         replace(recording, name=f"{recording.name}_last", window=(middle, end + step), use="validate", why=why),
     ]
+
+
+PIECES = 9
+"""Pieces of a single recording whose speeds change, as in a sweep or a map of speeds."""
+
+PIECE_EDGES = (0, 1, 2, 4, 5, 7, 8)
+"""Where pieces begin that are fitted and held out by turns: one of three is held out, and both ends are fitted."""
+
+
+def _moves_alike(table: GivenTable, main: Layout, share: float) -> bool:
+    """Whether each joint moves as fast in the first `share` of a recording as in the rest."""
+    columns = _own_names(table, main.tables[0])
+    first = main.roles.clock.first_sound
+    for role in main.channels:
+        if role.quantity not in ("position", "motor_position") or role.column not in columns or main.roles.rate is None:
+            continue
+        values = decode_counts(columns[role.column], role.keys)[first:]
+        if not np.isfinite(values).any():
+            continue
+        speed = np.abs(motion_samples(values, np.arange(len(values)) / main.roles.rate).velocity)
+        middle = round(share * len(speed))
+        sizes = [float(np.quantile(part, PROPOSAL_LIMITS.speed_quantile)) for part in (speed[:middle], speed[middle:])]
+        if max(sizes) > PROPOSAL_LIMITS.max_speed_ratio * min(sizes):
+            return False
+    return True
 
 
 def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:

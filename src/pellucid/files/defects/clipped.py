@@ -13,7 +13,7 @@ import numpy as np
 
 from ..cut import Cut
 from ..recording import make_cut
-from .rest import is_at_rest, is_own_speed
+from .rest import comes_to_rest, is_at_rest, is_own_speed
 from .scale import Scale
 from .watched import INERTIAL_CHANNELS, WatchedRecording, find_runs, is_out_of_contact, joint_ending
 
@@ -72,7 +72,7 @@ def is_dwell(watched: WatchedRecording, name: str, first: int, last: int) -> boo
         return True
     head, channels = name.partition(".")[0], watched.recording.channels
     if head in INERTIAL_CHANNELS:
-        return is_at_rest(watched, name, first, last)
+        return comes_to_rest(watched.samples(name), first, last) or is_at_rest(watched, name, first, last)
     position = f"position{joint_ending(name)}"
     if head == "velocity" and position in channels:
         arrays = channels[position].samples, channels[name].samples, watched.recording.time

@@ -51,6 +51,27 @@ def is_at_rest(watched: WatchedRecording, position: str, first: int, last: int) 
     return False
 
 
+MAX_BRAKED_SHARE = 0.6
+"""A motion brakes before a rest if the last samples before it move by at most this share of those before them. The peak
+of a smooth motion that is cut off moves by at least 0.8 of it."""
+
+
+def comes_to_rest(x: np.ndarray, first: int, last: int) -> bool:
+    """Whether a motion brakes before samples `first` to `last`, in which it is flat, and speeds up after them.
+
+    A sensor that ends at its largest value leaves the motion at full speed. Short runs do not tell.
+    """
+    width = (last - first + 1) // 8
+    before, after = first - 1, last + 1
+    if width < 4 or before - 2 * width < 0 or after + 2 * width >= len(x):
+        return False
+    for edge, away in ((before, -width), (after, width)):
+        near, far = abs(x[edge] - x[edge + away]), abs(x[edge + away] - x[edge + 2 * away])
+        if not near <= MAX_BRAKED_SHARE * far:
+            return False
+    return True
+
+
 def is_own_speed(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, first: int, last: int) -> bool:
     """Whether the position moves at the flat value of a recorded velocity in samples `first` to `last`.
 
