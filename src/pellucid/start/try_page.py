@@ -194,7 +194,8 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
         axis.axhline(float(held.measured.mean()), color=colour("muted"), linewidth=0.9)
         tidy(axis, first=True, text=unit_text(held.unit), ticks=4)
         heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("fitted"))])
-    key(axes[0], [("measured", colour("measured")), ("predicted", colour("fitted")), ("mean", colour("muted"))])
+    entries = [("measured", colour("measured")), ("predicted", colour("fitted")), ("mean", colour("muted"))]
+    key(axes[0], entries, room=0.2)
     axes[-1].set_xlabel("Time (s)")
     return Drawing(
         "held_out",
