@@ -7,7 +7,10 @@ DEMO   ?= demo
 BIN    := $(VENV)/bin
 # A file's tests stay in one process, for they share what they make; a process per core leaves none for BLAS's threads.
 # Files in their order: by how many tests they have, the long ones with few would come last, one process waiting.
-PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+PYTEST   := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest
+PARALLEL := -n auto --dist loadfile --no-loadscope-reorder
+# Tests of an engine in real time, which runs with nothing beside it.
+REAL_TIME = $(shell grep -l 'mark.real_time' tests/unit/test_*.py)
 # Tests whose figures another BLAS kernel rounds otherwise.
 ARRAYS  = numerics|people|models\.(parameter|estimates)|joint\.(fit|slider)|arm\.(fit|tree_motion)|orthosis\.(strap|swing|transfer|imu)
 NUMERIC = tests/property tests/real \
@@ -21,13 +24,15 @@ demo: $(VENV)/.installed
 
 test: $(VENV)/.tested core-test
 	$(BIN)/ruff check .
-	$(PYTEST)
+	$(PYTEST) $(PARALLEL) -m 'not nightly and not real_time'
+	$(PYTEST) -m 'real_time and not nightly' $(REAL_TIME)
 
 nightly: test
-	$(PYTEST) -m nightly
+	$(PYTEST) $(PARALLEL) -m 'nightly and not real_time'
+	$(PYTEST) -m 'nightly and real_time' $(REAL_TIME)
 
 numeric-test: $(VENV)/.tested
-	$(PYTEST) -q -m 'not slow and not nightly' $(NUMERIC)
+	$(PYTEST) $(PARALLEL) -q -m 'not slow and not nightly and not real_time' $(NUMERIC)
 
 core-test: $(VENV)/.tested
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null

@@ -15,6 +15,8 @@ from pellucid.study.study import Study
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.study import write_study
 
+pytest_plugins = ["real_time"]
+
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
 
 # What a test that was skipped lacks, by words of its reason, and how to have it run.

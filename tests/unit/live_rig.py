@@ -11,6 +11,7 @@ from pellucid.live.engine import LiveEngine
 from pellucid.live.session import run_session
 from pellucid.live.session.run_session import start_session_study
 from pellucid_lab.live import virtual_knee
+from pellucid_lab.session_devices import bridge_stalls
 
 PATIENCE_S = 60.0
 HELD_TORQUE = 2.0
@@ -158,7 +159,8 @@ def live_rig(folder, monkeypatch, *, recorder=True):
     ready, servers, made = threading.Event(), [], []
 
     def start(study, plan):
-        return LiveEngine.start(virtual_knee(conditions=("torque",)), folder / "run", streams=False, recorder=recorder)
+        setup = bridge_stalls(virtual_knee(conditions=("torque",)))
+        return LiveEngine.start(setup, folder / "run", streams=False, recorder=recorder)
 
     def run():
         try:

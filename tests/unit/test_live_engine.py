@@ -1,7 +1,7 @@
 """The engine as it runs: armed, stopped, killed and started again, and computed again from what was recorded.
 
 Every run is of a second or two in real time, at an ordinary priority. On a busy machine a cycle may come so late that
-the supervisor stops the law, as it should; then the test arms again.
+the supervisor stops the law, as it should; then the test arms again, or is run again (see real_time.py).
 """
 
 import gc
@@ -83,6 +83,7 @@ def run_law(engine, condition="carried"):
         rest(engine, 0.1)
 
 
+@pytest.mark.real_time
 def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
     with LiveEngine.start(elbow, tmp_path, streams=False, ordinary=True) as engine:
         assert engine.status().state == "idle"
@@ -126,6 +127,7 @@ def engine_times(samples):
     return samples.time - samples.channels["lateness"]
 
 
+@pytest.mark.real_time
 def test_an_engine_that_was_killed_begins_disarmed_and_loses_no_record(elbow, tmp_path):
     with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
         run_law(engine)
@@ -143,6 +145,7 @@ def test_an_engine_that_was_killed_begins_disarmed_and_loses_no_record(elbow, tm
         run_law(engine)
 
 
+@pytest.mark.real_time
 def test_a_law_stops_when_its_session_is_silent(elbow, tmp_path):
     with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
         run_law(engine)
@@ -287,6 +290,7 @@ def test_no_other_user_can_read_what_a_session_writes(elbow, tmp_path, open_umas
     assert set(modes.values()) == {0o600}, modes
 
 
+@pytest.mark.real_time
 def test_a_second_session_in_a_folder_leaves_the_first_ones_file(elbow, tmp_path):
     for _ in range(2):
         with LiveEngine.start(elbow, tmp_path, streams=False, ordinary=True) as engine:
@@ -298,6 +302,7 @@ def test_a_second_session_in_a_folder_leaves_the_first_ones_file(elbow, tmp_path
         assert (found.gaps, found.unknown) == (0, 0)
 
 
+@pytest.mark.real_time
 def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):
     with LiveEngine.start(elbow, tmp_path, streams=False, recorder=False, ordinary=True) as engine:
         run_law(engine)
@@ -313,6 +318,7 @@ def test_conditions_change_by_way_of_no_effort(elbow, tmp_path):
             engine.set_torque(1.0)
 
 
+@pytest.mark.real_time
 def test_the_knees_slider_is_the_law_s_torque(tmp_path):
     knee = virtual_knee(conditions=("zero", "torque"))
     watched = knee.conditions[1].law
@@ -334,6 +340,7 @@ def test_the_knees_slider_is_the_law_s_torque(tmp_path):
         assert rate <= law.values["rate_limit"] * law.values["period"] * (1.0 + 1e-9)
 
 
+@pytest.mark.real_time
 def test_a_board_in_python_is_heard_and_asked(tmp_path):
     port = 35871 + os.getpid() % 2000
     setup = EngineSetup(

@@ -93,6 +93,7 @@ def test_every_control_of_both_pages_is_used_by_the_scripted_browser():
 
 
 @pytest.mark.nightly
+@pytest.mark.real_time
 def test_a_scripted_browser_plays_a_whole_elbow_session_on_the_engine(tmp_path, monkeypatch):
     folder = tmp_path / "s"
     path = start_session_study(folder, "elbow", "my-elbow")
@@ -154,6 +155,7 @@ def test_a_scripted_browser_plays_a_whole_elbow_session_on_the_engine(tmp_path, 
 
 
 @pytest.mark.nightly
+@pytest.mark.real_time
 def test_a_scripted_browser_plays_a_whole_knee_session_on_the_engine(tmp_path, monkeypatch):
     folder = tmp_path / "s"
     path = start_session_study(folder, "knee", "my-knee")
@@ -183,6 +185,7 @@ def test_a_scripted_browser_plays_a_whole_knee_session_on_the_engine(tmp_path, m
     assert {entry.protocol for entry in study.config.recordings} == {"mvc", "held_angle", "followed_angle"}
 
 
+@pytest.mark.real_time
 def test_a_scripted_browser_plays_a_short_session_on_the_engine(tmp_path, monkeypatch):
     folder = tmp_path / "s"
     path = start_session_study(folder, "knee", "my-knee")

@@ -64,6 +64,7 @@ def test_a_ring_gives_what_was_written_and_counts_what_was_overwritten(tmp_path)
 
 
 @pytest.mark.nightly
+@pytest.mark.real_time
 def test_what_is_sent_over_the_layer_is_on_the_disk_also_when_its_source_was_started_again(tmp_path):
     pytest.importorskip("pylsl", reason="not installed: pylsl")
 

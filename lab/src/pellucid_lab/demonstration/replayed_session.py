@@ -63,6 +63,8 @@ def record_and_replay(cards: Mapping, law: str, folder: Path) -> ReplayedSession
                 raise PellucidError(f"a session of {law}: the law did not run within {MAX_START_S:g} s")
             if engine.status().state == "idle":
                 engine.arm()
+            elif engine.status().state == "stopped":  # a busy computer paused the engine, and the supervisor stopped it
+                engine.reset()
             _rest(engine, STEP_S)
         _rest(engine, SETTLING_S)
         begun = time.monotonic()
