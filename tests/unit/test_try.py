@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import made_layouts
@@ -56,26 +57,41 @@ def run(*arguments):
     return CliRunner().invoke(app, ["try", *map(str, arguments)])
 
 
-@pytest.mark.parametrize("make", [unit_row, wall_clock, struct_file, two_joints])
-def test_a_log_gives_what_init_check_and_identify_give(tmp_path, make):
-    files = make(tmp_path)
-    done = run(*files, "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.output
+@pytest.fixture(scope="module")
+def tried(tmp_path_factory):
+    """Return what `try` did with a layout, once for all tests: its folder, its files and what it printed."""
+
+    @cache
+    def tried(make):
+        folder = tmp_path_factory.mktemp(make.__name__)
+        files = make(folder)
+        done = run(*files, "--out", folder / "out")
+        assert done.exit_code == 0, done.output
+        return folder, files, done.output
+
+    return tried
+
+
+@pytest.mark.parametrize(
+    "make", [unit_row, *(pytest.param(m, marks=pytest.mark.nightly) for m in (wall_clock, struct_file)), two_joints]
+)
+def test_a_log_gives_what_init_check_and_identify_give(tried, make):
+    folder, files, said = tried(make)
     name = files[0].stem
-    assert f"Page: {tmp_path / 'out' / 'index.html'}" in done.output
-    assert f"Next: pellucid init {name} --from {files[0]}" in done.output
-    assert "assumed worn: no. " in done.output
+    assert f"Page: {folder / 'out' / 'index.html'}" in said
+    assert f"Next: pellucid init {name} --from {files[0]}" in said
+    assert "assumed worn: no. " in said
     # The same figures as the three commands write.
-    for command in (["init", tmp_path / name, "--from", *files, "--yes"], ["identify", tmp_path / name]):
+    for command in (["init", folder / name, "--from", *files, "--yes"], ["identify", folder / name]):
         assert CliRunner().invoke(app, list(map(str, command))).exit_code == 0
-    tried, alone = (json.loads((folder / "results.json").read_text())["figures"]
-                    for folder in (tmp_path / "out" / name, tmp_path / name))  # fmt: skip
-    assert tried == alone
-    page = (tmp_path / "out" / "index.html").read_text()
-    for row in tried:
+    here, alone = (json.loads((where / "results.json").read_text())["figures"]
+                   for where in (folder / "out" / name, folder / name))  # fmt: skip
+    assert here == alone
+    page = (folder / "out" / "index.html").read_text()
+    for row in here:
         if found := re.fullmatch(rf"{name}\.(?:(\w+)\.)?headline\.heldout\.effort_error", row["id"]):
             assert f"{row['value']:.3g}"[:4] in page, found
-    assert not (tmp_path / "out" / name / "proposal").exists()
+    assert not (folder / "out" / name / "proposal").exists()
 
 
 def test_the_temporary_folder_stays_and_is_named(tmp_path, monkeypatch):
@@ -235,10 +251,13 @@ def require_first_screen(page, table):
         assert each["subject"][:30] in text, each
 
 
-@pytest.mark.parametrize("make", [unit_row, two_joints])
-def test_the_first_screen_has_the_answer(tmp_path, make):
-    done = run(*make(tmp_path), "--out", tmp_path / "out", "--json", "-q")
-    require_first_screen(tmp_path / "out" / "index.html", json.loads(done.output))
+@pytest.mark.parametrize(("make", "joints"), [(unit_row, ["knee"]), (two_joints, ["hip", "knee"])])
+def test_the_first_screen_has_the_answer(tried, make, joints):
+    folder, _, said = tried(make)
+    subjects = re.findall(r"^ *assumed (.+?): ", said, re.MULTILINE)
+    assert {"worn", "lowpass"} <= set(subjects)
+    table = {"held_out": [{"joint": each} for each in joints], "assumed": [{"subject": each} for each in subjects]}
+    require_first_screen(folder / "out" / "index.html", table)
 
 
 @pytest.fixture(scope="module")
