@@ -24,6 +24,7 @@ demo: $(VENV)/.installed
 
 test: $(VENV)/.tested core-test
 	$(BIN)/ruff check .
+	$(BIN)/python -m compileall -q src/pellucid lab/src/pellucid_lab research
 	$(PYTEST) $(PARALLEL) -m 'not nightly and not real_time'
 	$(PYTEST) -m 'real_time and not nightly' $(REAL_TIME)
 

@@ -14,6 +14,8 @@ from pellucid_lab.papers.hill.torque import BASELINE_FAMILIES
 from pellucid_lab.papers.reproduce import reproduce
 from pellucid_lab.seated import swing_design
 
+pytestmark = pytest.mark.nightly  # half a minute of processor time; tests/unit has a faster test of each of its parts
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):

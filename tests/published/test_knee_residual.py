@@ -35,6 +35,9 @@ from pellucid_lab.papers.knee.swings import last_speed, release_leg, rms_mismatc
 SEED = 41
 """Of swings on which nothing was chosen."""
 
+whole = pytest.mark.nightly
+"""What needs a wearer who was identified from the whole session: half a minute of processor time."""
+
 
 @pytest.fixture(scope="module")
 def rig():
@@ -77,6 +80,7 @@ def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig)
     assert drawn_rig(rig, 501).tables != made[0].tables
 
 
+@whole
 def test_cards_come_from_recordings_and_lie_near_the_truth(rig, worn):
     found, own = worn.coupling, worn.rig
     person = own.subjects[worn.name]
@@ -95,6 +99,7 @@ def test_cards_come_from_recordings_and_lie_near_the_truth(rig, worn):
     assert worn.card(EmgSettings(corner=3.0)).emg.rmse < 3.0
 
 
+@whole
 def test_the_strap_carries_less_than_half_within_the_margins(rows):
     assert rows["zero_impedance"].ratio == 1
     assert rows["no_control"].ratio > 1
@@ -108,6 +113,7 @@ def test_the_strap_carries_less_than_half_within_the_margins(rows):
     assert compensated.ratio < rows["disturbance_observer"].ratio
 
 
+@whole
 def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
     """What the identified card promises the truth keeps: its limb rubs, and its strap is within 30 % of the card's."""
     made = design_reproduced_law(worn.coupling, rig.period, chosen())
@@ -124,6 +130,7 @@ def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
         assert left.delay >= REQUIRED_DELAY_MARGIN_S
 
 
+@whole
 def test_a_relaxed_wearer_is_not_swayed(rig, worn):
     """No limit cycle: a leg let go from half a radian comes to rest, and stays there."""
     controller = WornCompensator(
@@ -135,6 +142,7 @@ def test_a_relaxed_wearer_is_not_swayed(rig, worn):
     assert np.abs(taken.truth.limb_position[-1500:]).max() < 0.25
 
 
+@whole
 def test_detached_electrodes_leave_what_needs_none(rig, worn, rows):
     controller = WornCompensator(
         design_reproduced_law(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build()
@@ -147,11 +155,13 @@ def test_detached_electrodes_leave_what_needs_none(rig, worn, rows):
     assert rms_mismatch_and_torque(taken)[1] < rows["zero_impedance"].strap_torque
 
 
+@whole
 def test_without_control_the_motor_gives_no_torque(worn):
     taken = swing(without_power(worn.rig), worn.name, SEED, None, duration=4.0)
     assert np.abs(taken.truth.motor_torque).max() < 1e-12
 
 
+@whole
 def test_gains_by_phase_never_cost_the_margins(rig, worn):
     made = design_reproduced_law(worn.coupling, rig.period, chosen())
     phased = design_by_phase(made, (2.0, 1.0, 0.9, 1.1, 1.2, 0.8, 1.0, 1.0), (0.58, 4.7))

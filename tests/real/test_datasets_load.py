@@ -9,6 +9,9 @@ from pellucid.study import datasets
 from pellucid.study.procedures.registry import asked
 from pellucid.study.quality import inspect
 
+LARGE_SETS = ("elderly_isometric",)
+"""Data sets whose every recording takes a quarter of a minute to read and inspect."""
+
 
 @pytest.fixture(scope="module")
 def studies(data_folder, tmp_path_factory):
@@ -16,7 +19,9 @@ def studies(data_folder, tmp_path_factory):
     return {name: datasets.init(root / name, dataset=name) for name in datasets.names()}
 
 
-@pytest.mark.parametrize("name", datasets.names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.nightly if n in LARGE_SETS else ()) for n in datasets.names()]
+)
 def test_nothing_is_refused(studies, name):
     study = studies[name]
     joint = [p.name for p in asked(study, "identify")] == ["joint"]

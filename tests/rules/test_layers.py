@@ -3,6 +3,7 @@
 import ast
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -88,8 +89,13 @@ def layer_of(path: Path, root: Path = ROOT) -> str:
     return path.relative_to(root).with_suffix("").parts[0]
 
 
-def imports(path: Path, root: Path = ROOT):
+@cache
+def imports(path: Path, root: Path = ROOT) -> tuple[tuple[int, tuple[str, ...]], ...]:
     """Line and target of every import, anywhere in a file: parts below the package, or ('', a top-level name)."""
+    return tuple(_imports(path, root))
+
+
+def _imports(path: Path, root: Path):
     here = path.relative_to(root).with_suffix("").parts
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.level:

@@ -35,6 +35,7 @@ def loop(controller, tmp_path_factory) -> Path:
     return folder / "loop"
 
 
+@pytest.mark.nightly
 @on_m4
 def test_a_microcontroller_runs_the_loop_and_leaves_its_log(controller, tmp_path):
     build(tmp_path / "m4", f"-DCONTROLLER={controller}", f"-DCMAKE_TOOLCHAIN_FILE={BOARD / 'cortex-m4f.cmake'}")
