@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.arm.fit.consistent_inertias import least_eigenvalue, make_consistent_estimate, solve_consistent
+from pellucid.arm.fit.consistent_inertias import least_eigenvalue
 from pellucid.arm.fit.fit_tree import heldout_errors, make_tree_estimate, plain_model
+from pellucid.arm.fit.inertia_prior import fit_consistent
 from pellucid.arm.fit.payload import gains_from_desired, identify_payload, with_drive_gains
 from pellucid.arm.fit.tree_regression import collect_rows, fit_rows
 from pellucid.arm.study.recorded_tree import recorded_tree
@@ -148,8 +149,7 @@ def test_bodies_that_can_exist_predict_as_well(universal):
     """On movements that took no part, with plain friction."""
     robot, motions = universal
     rows = collect_rows(robot, [m for m in motions if m.recording == "40sec"], width=WIDTH)
-    bodies = solve_consistent(plain_model(rows), rows)
-    consistent = make_consistent_estimate("consistent", rows, bodies)
+    consistent, _ = fit_consistent(plain_model(rows), rows)
     assert min(least_eigenvalue(link[-10:]) for link in consistent.links()) >= 0.0
     judged = [m for m in motions if m.recording == "14harm50sec"]
     base = make_tree_estimate("base", rows, *fit_rows(plain_model(rows), rows))

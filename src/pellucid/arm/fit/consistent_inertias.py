@@ -9,7 +9,7 @@ linear in theta, the pseudo-inertia of link i (`pseudo_inertia`),
 
 is convex [1]_. If possible bodies reproduce the effort of least squares exactly, they are the solution, without loss.
 In directions that the efforts do not determine, where N is flat, the solution is as close as possible to the `nearest`
-bodies.
+bodies. `inertia_prior` prefers stated bodies, and this fit tells what consistency alone costs.
 
 Whether a body can have its ten numbers: the pseudo-inertia of a rigid body [2]_.
 
@@ -21,6 +21,11 @@ With mass m, first moments h and inertia I about one origin,
 
 so that some distribution of mass has these numbers exactly where P is positive semidefinite: the mass is not negative,
 moments about the centre of mass neither, and no moment is larger than the other two together. P is linear in the ten.
+
+Simulators store principal moments with few digits, and refuse bodies whose moments are on the bound. The bound is
+therefore that of the pseudo-inertia with its block S of second moments reduced to :math:`S - \kappa\,\mathrm{tr}(S)1`
+(`reduced_pseudo_inertia`). With :math:`\kappa` half of `TRIANGLE_MARGIN`, two principal moments together exceed the
+third by this share of it.
 
 Fit a robot with physically consistent links and dissipative joints.
 
@@ -69,6 +74,10 @@ SCALING_LENGTH_M = 0.1
 MIN_EIGENVALUE = 1e-8
 """Eigenvalue that a consistent body's pseudo-inertia has at least, with `SCALING_LENGTH_M` [kg m^2]: 1 mg at 10 cm."""
 
+TRIANGLE_MARGIN = 1e-3
+"""Share by which two principal moments of inertia of an estimated body together exceed the third at least. MuJoCo saves
+six digits, and refuses to load bodies whose moments rounding has brought below the bound."""
+
 EIGENVALUE_TOLERANCE = 1e-12
 """A least eigenvalue may be this far below 0: rounding of a body of one point, which is just allowed [kg m^2]."""
 
@@ -90,10 +99,24 @@ def bodies_from_pseudo_inertia(pseudo: np.ndarray) -> np.ndarray:
     return np.stack([p[..., 3, 3], p[..., 0, 3], p[..., 1, 3], p[..., 2, 3], *moments], axis=-1)
 
 
+def reduced_pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
+    """Return P of bodies without half of `TRIANGLE_MARGIN` of the trace of its second moments, (..., 4, 4), in SI.
+
+    Where it is positive semidefinite, the principal moments keep the margin.
+    """
+    p = pseudo_inertia(bodies)
+    trace = p[..., 0, 0] + p[..., 1, 1] + p[..., 2, 2]
+    return p - 0.5 * TRIANGLE_MARGIN * trace[..., None, None] * np.diag([1.0, 1.0, 1.0, 0.0])
+
+
 def scaled_pseudo_inertia(bodies: np.ndarray) -> np.ndarray:
     """P with masses times `SCALING_LENGTH_M`^2 and first moments times `SCALING_LENGTH_M`, (..., 4, 4) [kg m^2]."""
+    return _scaled(pseudo_inertia(bodies))
+
+
+def _scaled(pseudo: np.ndarray) -> np.ndarray:
     scale = np.array([1.0, 1.0, 1.0, SCALING_LENGTH_M])
-    return pseudo_inertia(bodies) * np.outer(scale, scale)
+    return pseudo * np.outer(scale, scale)
 
 
 @cache
@@ -103,14 +126,30 @@ def triangle_matrix() -> np.ndarray:
     The triangle is read column by column. Entries off the diagonal are multiplied by the root of 2, so that the norm of
     the result is the Frobenius norm.
     """
+    return _triangles(scaled_pseudo_inertia(np.eye(10)))
+
+
+@cache
+def reduced_triangle_matrix() -> np.ndarray:
+    """Return the matrix from the ten numbers to the upper triangle of the scaled `reduced_pseudo_inertia`, (10, 10)."""
+    return _triangles(_scaled(reduced_pseudo_inertia(np.eye(10))))
+
+
+def _triangles(units: np.ndarray) -> np.ndarray:
     column, row = np.tril_indices(4)
     root = np.where(row == column, 1.0, np.sqrt(2.0))
-    return np.stack([scaled_pseudo_inertia(unit)[row, column] * root for unit in np.eye(10)], axis=-1)
+    return np.stack([unit[row, column] * root for unit in units], axis=-1)
 
 
 def least_eigenvalue(bodies: np.ndarray) -> np.ndarray:
     """Return the least eigenvalue of `scaled_pseudo_inertia`, (...,) [kg m^2]; below 0 no body has these numbers."""
     return np.linalg.eigvalsh(scaled_pseudo_inertia(bodies))[..., 0]
+
+
+def least_reduced_eigenvalue(bodies: np.ndarray) -> np.ndarray:
+    """Return the least eigenvalue of the scaled `reduced_pseudo_inertia`, (...,) [kg m^2]; below 0 a body is outside
+    the margin."""
+    return np.linalg.eigvalsh(_scaled(reduced_pseudo_inertia(bodies)))[..., 0]
 
 
 BODY_PARAMETER_COUNT = 10
@@ -250,7 +289,7 @@ def solve_consistent_inertias(
         told.loss(values, normal, projected),
         told.told,
         free,
-        least_eigenvalue(bodies)
+        least_reduced_eigenvalue(bodies)
         < 2.0 * MIN_EIGENVALUE + 1e-5 * np.linalg.norm(scaled_pseudo_inertia(bodies), axis=(1, 2)),
         room < nothing,
     )
@@ -265,9 +304,9 @@ def _lift_onto_bound(values: np.ndarray, links: int) -> np.ndarray:
     """Lift pseudo-inertias onto the bound if the solver left them below it by its tolerance."""
     bodies = values[: links * BODY_PARAMETER_COUNT].reshape(links, BODY_PARAMETER_COUNT)
     rounding = 1e-14 * np.linalg.norm(scaled_pseudo_inertia(bodies), axis=(1, 2))
-    short = np.maximum(MIN_EIGENVALUE + rounding - least_eigenvalue(bodies), 0.0)
+    short = np.maximum(MIN_EIGENVALUE + rounding - least_reduced_eigenvalue(bodies), 0.0)
     lift = np.diag([1.0, 1.0, 1.0, SCALING_LENGTH_M**-2])
-    lifted = bodies_from_pseudo_inertia(pseudo_inertia(bodies) + 1.01 * short[:, None, None] * lift)
+    lifted = bodies_from_pseudo_inertia(pseudo_inertia(bodies) + 1.02 * short[:, None, None] * lift)
     return np.concatenate(
         [np.where(short[:, None] > 0.0, lifted, bodies).ravel(), values[links * BODY_PARAMETER_COUNT :]]
     )
@@ -282,10 +321,14 @@ class _Problem:
     lowest: np.ndarray  # lower bounds, (c,)
     highest: np.ndarray  # upper bounds, (c,)
 
-    def _pseudo(self, ways: np.ndarray) -> np.ndarray:
-        """Return the triangles of the links' pseudo-inertias, (10 links, k), for columns of theta, (c, k)."""
+    def _pseudo(self, ways: np.ndarray, triangles: np.ndarray | None = None) -> np.ndarray:
+        """Return the triangles of the links' pseudo-inertias, (10 links, k), for columns of theta, (c, k).
+
+        Another matrix of `triangles` gives those of other forms of the pseudo-inertia.
+        """
+        triangles = triangle_matrix() if triangles is None else triangles
         blocks = ways[: self.links * BODY_PARAMETER_COUNT].reshape(self.links, BODY_PARAMETER_COUNT, -1)
-        return (triangle_matrix() @ blocks).reshape(self.links * BODY_PARAMETER_COUNT, -1)
+        return (triangles @ blocks).reshape(self.links * BODY_PARAMETER_COUNT, -1)
 
     def on_the_way(self, told: SplitObjective) -> np.ndarray | None:
         """Return the consistent least-squares solution nearest to the preferred bodies; None if there is none."""
@@ -329,8 +372,9 @@ class _Problem:
         bounds, slack = bounds[~fixed] / size[~fixed, None], slack[~fixed] / size[~fixed]
         column, row = np.tril_indices(4)
         margin = np.tile(np.where(column == row, MIN_EIGENVALUE, 0.0), self.links)
-        a = np.vstack([-bounds, -self._pseudo(ways)])
-        b = np.concatenate([slack, self._pseudo(base)[:, 0] - margin])
+        reduced = reduced_triangle_matrix()
+        a = np.vstack([-bounds, -self._pseudo(ways, reduced)])
+        b = np.concatenate([slack, self._pseudo(base, reduced)[:, 0] - margin])
         cones = [clarabel.NonnegativeConeT(len(slack))] if len(slack) else []
         cones += [clarabel.PSDTriangleConeT(4)] * self.links
         settings = clarabel.DefaultSettings()
@@ -451,37 +495,32 @@ def solve_consistent(
     return ConsistentSolution(spread, fit, at, equations, start.sd, solver)
 
 
-def fit_consistent(
-    model: TreeModel,
-    rows: TreeRows,
-    *,
-    start: TreeSolution | None = None,
-    nearest: np.ndarray | None = None,
-) -> TreeEstimate:
-    """Fit physically consistent links, with intervals from the jackknife over segments."""
-    found = solve_consistent(model, rows, start=start, nearest=nearest)
-    return make_consistent_estimate("consistent", rows, found, nearest=nearest)
-
-
 def make_consistent_estimate(
     name: str,
     rows: TreeRows,
     found: ConsistentSolution,
     *,
-    nearest: np.ndarray | None = None,
-    told: np.ndarray | None = None,
+    alone: ConsistentSolution | None = None,
+    shares: np.ndarray | None = None,
+    least_share: float = 0.0,
     notes: Sequence[str] = (),
 ) -> TreeEstimate:
     """Build an estimate with intervals from the solution `found`.
 
-    `told`, (c,), marks the parameters that the efforts determine; by default those of the fit. The others come from the
-    `nearest` bodies, if there are any.
+    `alone` is the solution of least squares within the same bounds, whose cost is stated; `found` by default. `shares`,
+    (c,), are those of each parameter's information that come from the efforts, for a solution with a prior: parameters
+    with less than `least_share` are marked as from the prior, and intervals of the others count the prior's part too.
     """
     spread, fit = found.spread, found.fit
-    told = fit.told if told is None else told
+    told = fit.told if shares is None else shares >= least_share
     covariance = jackknife_covariance(found)
     freedom = float(max(len(_segments_with_rows(found.equations)) - 1, 1))
     covariance *= student_ratio(freedom) ** 2
+    if shares is not None:
+        # Segments left out show the efforts' part of the variance, which shrinks with the share squared; all of it
+        # shrinks with the share.
+        wider = 1.0 / np.sqrt(np.maximum(shares, max(least_share, 1e-3)))
+        covariance *= np.outer(wider, wider)
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)
@@ -494,9 +533,9 @@ def make_consistent_estimate(
         at,
         method="consistent",
         uncertainty=TreeUncertainty(covariance, freedom, covariance),
-        notes=(*notes, *_notes(found)),
+        notes=(*notes, *_cost_notes(found if alone is None else alone)),
     )
-    why = UNDETERMINED_REASON if nearest is None else FROM_PRIOR_REASON
+    why = UNDETERMINED_REASON if shares is None else FROM_PRIOR_REASON
     parameters = {
         label: replace(each, refused=why) if each.refused == UNDETERMINED_REASON else each
         for label, each in estimate.parameters.items()
@@ -504,19 +543,26 @@ def make_consistent_estimate(
     return replace(estimate, parameters=parameters)
 
 
-def _notes(found: ConsistentSolution) -> tuple[str, ...]:
+def _cost_notes(found: ConsistentSolution) -> tuple[str, ...]:
     """State in words by how much consistency increases the residuals."""
     if found.fit.free:
         return ("bodies that can exist make just the effort of least squares",)
     names = [
         joint.child for joint, held in zip(found.spread.model.robot.tree.order, found.fit.held, strict=True) if held
     ]
-    least = found.spread.sums(found.equations, found.sd)
-    whole = found.equations.total()
-    square = float(np.sum(whole.square[0] / found.sd**2)) - float(least[1] @ found.fit.values)
-    share = 100.0 * found.fit.loss / max(square, 1e-300)
+    share = 100.0 * found.fit.loss / max(least_sum_of_squares(found), 1e-300)
     held = f"; on the bound: {', '.join(names)}" if names else ""
-    return (f"consistent inertias raise the weighted sum of squared residuals by {share:.2g} %{held}",)
+    return (
+        "no bodies that can exist make just the effort of least squares: the nearest raise the weighted sum of squared "
+        f"residuals by {share:.2g} %{held}",
+    )
+
+
+def least_sum_of_squares(found: ConsistentSolution) -> float:
+    """Return the weighted sum of squared residuals of least squares, on the model linearised at a solution."""
+    normal, projected = found.spread.sums(found.equations, found.sd)
+    best = SplitObjective.of(normal, projected).best
+    return float(np.sum(found.equations.total().square[0] / found.sd**2)) - float(best @ best)
 
 
 def jackknife_covariance(found: ConsistentSolution) -> np.ndarray:

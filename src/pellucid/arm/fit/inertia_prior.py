@@ -1,19 +1,26 @@
-r"""Fit a robot with the maker's inertias as a prior, for parameters that the motion hardly determines.
+r"""Fit physically consistent bodies with a prior that acts where the efforts tell little.
 
-There are two distances of bodies from the maker's. Both are convex in the ten inertial parameters, so normal equations
-suffice:
+Efforts determine some combinations of a robot's inertial parameters exactly, some poorly, and others not at all. Bodies
+of least squares alone, even consistent ones, may therefore have the mass of a neighbour or a centre outside the link.
+The fit minimises the weighted sum of squares plus weight times the entropic distance [1]_ from stated bodies,
 
 .. math::
-   d_E = \sum_i \lVert S(P_i - P_i^0)S \rVert_F^2 \big/ \lVert S P_i^0 S \rVert_F^2, \qquad
-   d_B = \sum_i \mathrm{tr}(P_i {P_i^0}^{-1}) - \ln\det(P_i {P_i^0}^{-1}) - 4
+   d = \sum_i \mathrm{tr}(P_i {P_i^0}^{-1}) - \ln\det(P_i {P_i^0}^{-1}) - 4
 
-with P the pseudo-inertia. The Euclidean distance depends on the length by which masses and moments are compared. The
-entropic one [1]_ is the same in every frame. It grows without bound towards impossible bodies, so its solutions are
-always consistent. The fit minimises the sum of squares plus weight times distance. The weight is chosen by
-cross-validation over the segments of the fitted recordings.
+with P the (reduced) pseudo-inertia of `consistent_inertias`. The distance is the same in every frame, and convex in the
+ten inertial parameters. It grows without bound towards impossible bodies, so its solutions are always consistent.
+
+**Weight.** Near the stated bodies, half of the distance is the negative logarithm of a normal prior with a relative
+standard deviation of 1: bodies may be half or twice as stated. The sum of squares counts every row as independent. Rows
+are not: over a correlation time of T rows, 2 T rows tell as much as one. The weight is therefore 2 T, and not chosen by
+any error. The prior counts as much as one independent measurement of each parameter. It decides where the efforts tell
+nothing, and adds less than a standard error elsewhere.
 
 A parameter counts as coming from the prior if the efforts' share of its information is below one half. This share is
-the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature.
+the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature at the solution.
+
+**Bodies that nobody stated** are guessed from the kinematics: each link is a rod from its joint to the next, all of one
+density, which least squares determines.
 
 .. [1] T. Lee, P. M. Wensing, F. C. Park, "Geometric robot dynamic identification: a convex programming approach", IEEE
    Trans. Robotics 36, 2020.
@@ -21,12 +28,13 @@ the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.kinematic_tree import Link, Tree
+from ..urdf import STAND_IN
 from .consistent_inertias import (
     BODY_PARAMETER_COUNT,
     EIGENVALUE_TOLERANCE,
@@ -39,224 +47,282 @@ from .consistent_inertias import (
     SplitObjective,
     bodies_from_pseudo_inertia,
     least_eigenvalue,
+    least_reduced_eigenvalue,
     make_consistent_estimate,
-    nearest_bodies_solver,
     pseudo_inertia,
-    scaled_pseudo_inertia,
+    reduced_pseudo_inertia,
     solve_consistent,
-    triangle_matrix,
 )
+from .fit_tree import correlation_times, residuals_on
 from .tree_estimate import TreeEstimate
-from .tree_regression import NormalEquations, TreeModel, TreeRows, fit_rows, plain_solution
-
-PRIOR_WEIGHTS = tuple(float(10.0**k) for k in range(-3, 6))
-"""Weights of the prior that are tried, on the scale of the weighted sum of squares."""
+from .tree_regression import NormalEquations, TreeModel, TreeRows, TreeSolution, fit_rows, plain_solution
 
 
 @dataclass(frozen=True)
 class PriorSettings:
-    """Settings of the fit with the maker's inertias as a prior."""
+    """Settings of the fit with a prior."""
 
     max_newton_steps: int = 100  # largest number of Newton steps
-    decrement_tolerance: float = 1e-9  # newton steps stop when the decrement is at most this share of the objective
-    # Strength of the logarithmic barrier at the bounds of other parameters, as a share of the objective per parameter.
-    barrier_share: float = 1e-6
+    decrement_tolerance: float = 1e-5  # Newton steps stop when the decrement is at most this share of the weight
+    # Least weight as a share of the weighted sum of squared efforts, so that rounding does not decide instead.
+    min_weight_share: float = 1e-9
+    barrier_share: float = 0.01  # strength of the logarithmic barrier at other parameters' bounds, over the weight
     # A parameter comes from the prior if the efforts contribute less than this share of its information.
     min_effort_share: float = 0.5
     # Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
     # point masses, which have no entropic distance.
     min_body_extent_m: float = 0.01
+    # Radius of guessed rods as a share of the mean distance between joints, and where all joints are in one place [m].
+    guessed_radius_share: float = 0.2
+    guessed_radius_m: float = 0.05
 
 
 PRIOR_SETTINGS = PriorSettings()
 
 
-@dataclass(frozen=True)
-class PriorChoice:
-    """Choice of a prior's weight."""
+@dataclass(frozen=True, eq=False)
+class InertiaPrior:
+    """Bodies that the efforts may correct, and their weight."""
 
-    distance: str  # "entropic" or "euclidean"
-    weight: float  # chosen weight
-    missed: Mapping[float, float]  # mean weighted squared error on left-out segments, by weight
-
-
-def euclidean_solver(maker: np.ndarray, weight: float) -> Solver:
-    """Return a solver that pulls towards the `maker`'s bodies, (links, 10), by the Euclidean distance."""
-    size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
-    return nearest_bodies_solver(maker, weight / np.maximum(size, 1e-6 * size.max()))
+    bodies: np.ndarray  # (links, 10)
+    weight: float
+    stated: bool  # whether the robot's description states them; otherwise they are guessed from the kinematics
 
 
-def entropic_solver(maker: np.ndarray, weight: float) -> Solver:
-    """Return a solver that pulls towards the `maker`'s bodies, (links, 10), by the entropic distance."""
-    maker = _with_extent(maker)
+def guessed_bodies(tree: Tree) -> np.ndarray:
+    """Return rods of density 1 from each joint to the next, shape (links, 10); their mass is in units of the density.
+
+    A link that carries several joints reaches to their mean. One that carries none continues by the mean distance along
+    its parent's direction.
+    """
+    places = {joint.child: [each.place for each in tree.order if each.parent == joint.child] for joint in tree.order}
+    ends = {link: np.mean(each, axis=0) if each else None for link, each in places.items()}
+    lengths = [length for end in ends.values() if end is not None and (length := float(np.linalg.norm(end))) > 0.0]
+    mean = float(np.mean(lengths)) if lengths else 0.0
+    radius = PRIOR_SETTINGS.guessed_radius_share * mean or PRIOR_SETTINGS.guessed_radius_m
+    made = []
+    for joint in tree.order:
+        end = ends[joint.child]
+        end = np.zeros(3) if end is None else end
+        length = float(np.linalg.norm(end))
+        mass = np.pi * radius**2 * (length + 2.0 * radius)
+        along = np.outer(end, end) / 12.0 + 0.5 * radius**2 * np.eye(3)  # second moments per mass about the centre
+        inertia = mass * (np.trace(along) * np.eye(3) - along)
+        made.append(Link.about_centre(joint.child, mass, tuple(0.5 * end), inertia[np.triu_indices(3)]).numbers)
+    return np.array(made)
+
+
+def make_prior(
+    model: TreeModel, rows: TreeRows, start: TreeSolution, *, stated: bool = True, in_si: bool = True
+) -> InertiaPrior:
+    """Return the prior of a model's bodies at the solution `start` without bounds.
+
+    With `stated` false, the bodies of the robot's description do not count. `in_si` is False if the unit of the efforts
+    is not known; the bodies are then scaled as the efforts require. Links without a stated body have guessed ones.
+    """
+    tree = model.robot.tree
+    maker = FullParametrisation.of(model).maker
+    known = stated & (maker[:, 0] > 0.0) & np.any(maker != STAND_IN.numbers, axis=1)
+    wrong = np.flatnonzero(known & (least_eigenvalue(maker) < -EIGENVALUE_TOLERANCE))
+    if wrong.size:
+        raise IdentificationError(
+            f"found moments of inertia of body {wrong[0] + 1} that no body has, expected each to be at most the sum of "
+            "the other two about the centre of mass: correct the robot's description, or state inertia_prior = false"
+        )
+    bodies = np.where(known[:, None], maker, 0.0)
+    guess = np.where(known[:, None], 0.0, guessed_bodies(tree))
+    if known.any() and not known.all():
+        # The guessed links have the density that gives them the mean mass of stated ones.
+        guess *= maker[known, 0].mean() / guess[~known, 0].mean()
+        bodies = bodies + guess
+    elif not known.any():
+        bodies = guess
+    if not known.any() or not in_si:
+        bodies = bodies * _best_scale(model, rows, start, bodies)
+    times = correlation_times(rows, residuals_on(model, start.values, rows))
+    return InertiaPrior(_with_extent(bodies), float(max(1.0, 2.0 * times.mean())), bool(known.any()))
+
+
+def _best_scale(model: TreeModel, rows: TreeRows, start: TreeSolution, bodies: np.ndarray) -> float:
+    """Return the factor by which `bodies`, (links, 10), come nearest to the base parameters of least squares."""
+    r = len(model.base.names)
+    rigid = model.base.combination[:, : bodies.size] @ bodies.ravel()
+    gram = np.zeros((r, r))
+    for j, lines in enumerate(rows.lines):
+        part = rows.rigid[lines, j] / start.sd[j]
+        gram += part.T @ part
+    top, size = float(rigid @ gram @ start.values[:r]), float(rigid @ gram @ rigid)
+    return top / size if top > 0.0 and size > 0.0 else 1.0
+
+
+def _with_extent(bodies: np.ndarray) -> np.ndarray:
+    """Give points, rods and plates among the bodies the least extent of a prior in every direction."""
+    least = PRIOR_SETTINGS.min_body_extent_m**2
+    flat = least_reduced_eigenvalue(bodies) < bodies[:, 0] * least
+    lift = (flat * np.maximum(bodies[:, 0], MIN_EIGENVALUE / SCALING_LENGTH_M**2))[:, None, None] * np.diag(
+        [1.0, 1.0, 1.0, 0.0]
+    )
+    # What the margin takes from the second moments is given back first.
+    p = pseudo_inertia(bodies)
+    taken = (p - reduced_pseudo_inertia(bodies)) * flat[:, None, None]
+    floor = MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
+    return bodies_from_pseudo_inertia(p + 1.01 * taken + least * lift + floor)
+
+
+def entropic_solver(prior: InertiaPrior) -> Solver:
+    """Return a solver that pulls towards the bodies of a prior by the entropic distance.
+
+    It starts each search from the solution before, if there was one.
+    """
+    before: list[np.ndarray] = []
 
     def solve(spread: FullParametrisation, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
-        return _minimise_entropic(*spread.sums(equations, sd), maker, weight, *spread.numbers.bounds)
+        bounds = spread.numbers.bounds
+        fit = _minimise_entropic(*spread.sums(equations, sd), prior, *bounds, before[-1] if before else None)
+        before[:] = [fit.values]
+        return fit
 
     return solve
 
 
-def _with_extent(maker: np.ndarray) -> np.ndarray:
-    """Give points, rods and plates among the bodies the least extent of a prior in every direction."""
-    wrong = np.flatnonzero(least_eigenvalue(maker) < -EIGENVALUE_TOLERANCE)
-    if wrong.size:
-        raise IdentificationError(
-            f"found moments of inertia of body {wrong[0] + 1} that no body has, expected each to be at most the sum of "
-            "the other two about the centre of mass: mend the robot's description, or take the euclidean distance"
-        )
-    flat = least_eigenvalue(maker) < maker[:, 0] * PRIOR_SETTINGS.min_body_extent_m**2
-    lift = (flat * np.maximum(maker[:, 0], MIN_EIGENVALUE / SCALING_LENGTH_M**2))[:, None, None] * np.diag(
-        [1.0, 1.0, 1.0, 0.0]
-    )
-    return bodies_from_pseudo_inertia(
-        pseudo_inertia(maker)
-        + PRIOR_SETTINGS.min_body_extent_m**2 * lift
-        + MIN_EIGENVALUE * flat[:, None, None] * np.eye(4)
-    )
-
-
-DISTANCE_SOLVERS: Mapping[str, Callable[[np.ndarray, float], Solver]] = {
-    "entropic": entropic_solver,
-    "euclidean": euclidean_solver,
-}
-"""Solvers with a prior, by the name of their distance."""
-
-
 def _minimise_entropic(
-    normal: np.ndarray, projected: np.ndarray, maker: np.ndarray, weight: float, lowest: np.ndarray, highest: np.ndarray
+    normal: np.ndarray,
+    projected: np.ndarray,
+    prior: InertiaPrior,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+    begin: np.ndarray | None = None,
 ) -> ConsistentFit:
     """Minimise theta'N theta / 2 - b'theta + weight / 2 times the entropic distance by a damped Newton method.
 
     Weak logarithmic barriers keep the parameters inside their bounds.
     """
-    k = BODY_PARAMETER_COUNT * len(maker)
-    basis = pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))  # (10, 4, 4)
-    back = np.linalg.inv(pseudo_inertia(maker))
+    bodies = prior.bodies
+    k = BODY_PARAMETER_COUNT * len(bodies)
+    basis = reduced_pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))  # (10, 4, 4)
+    back = np.linalg.inv(reduced_pseudo_inertia(bodies))
     pull = np.einsum("iab,tba->it", back, basis).ravel()
     told = SplitObjective.of(normal, projected)
-    push = PRIOR_SETTINGS.barrier_share * (told.best @ told.best) / max(len(told.best), 1)
+    effort = float(told.best @ told.best)
+    weight = max(prior.weight, PRIOR_SETTINGS.min_weight_share * effort)
+    push = PRIOR_SETTINGS.barrier_share * weight
     below, above = np.isfinite(lowest), np.isfinite(highest)
-    start = told.seen @ told.best
-    room = 1e-3 * np.sqrt((told.best @ told.best) / np.maximum(np.diag(normal), 1e-12 * normal.max()))
-    theta = np.where(below, np.maximum(start, np.where(below, lowest, 0.0) + room), start)
-    both = below & above
-    theta[both] = np.minimum(theta[both], 0.5 * (lowest[both] + highest[both]))
-    theta[above & ~below] = np.minimum(theta, highest - room)[above & ~below]
-    theta[:k] = maker.ravel()
-    theta[k:] = np.where(np.diag(normal)[k:] > 0.0, theta[k:], np.where(below[k:], lowest[k:] + 1.0, 0.0))
+    room = 1e-3 * np.sqrt(effort / np.maximum(np.diag(normal), 1e-12 * normal.max()))
+    if begin is None:
+        start = told.seen @ told.best
+        theta = np.where(below, np.maximum(start, np.where(below, lowest, 0.0) + room), start)
+        both = below & above
+        theta[both] = np.minimum(theta[both], 0.5 * (lowest[both] + highest[both]))
+        theta[above & ~below] = np.minimum(theta, highest - room)[above & ~below]
+        theta[:k] = bodies.ravel()
+        theta[k:] = np.where(np.diag(normal)[k:] > 0.0, theta[k:], np.where(below[k:], lowest[k:] + 1.0, 0.0))
+    else:
+        theta = begin
 
     def value(x: np.ndarray) -> float:
-        p = pseudo_inertia(x[:k].reshape(-1, BODY_PARAMETER_COUNT))
-        sign, log = np.linalg.slogdet(p)
-        if np.any(sign <= 0) or np.any(p[:, 3, 3] <= 0.0) or np.any(np.linalg.eigvalsh(p)[:, 0] <= 0.0):
+        low, high = x[below] - lowest[below], highest[above] - x[above]
+        if np.any(low <= 0.0) or np.any(high <= 0.0):
             return np.inf
-        if np.any(x[below] <= lowest[below]) or np.any(x[above] >= highest[above]):
+        try:
+            factors = np.linalg.cholesky(reduced_pseudo_inertia(x[:k].reshape(-1, BODY_PARAMETER_COUNT)))
+        except np.linalg.LinAlgError:
             return np.inf
-        edges = np.log(x[below] - lowest[below]).sum() + np.log(highest[above] - x[above]).sum()
-        return float(0.5 * x @ normal @ x - projected @ x + 0.5 * weight * (pull @ x[:k] - log.sum()) - push * edges)
+        log = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum()
+        edges = np.log(low).sum() + np.log(high).sum()
+        return float(0.5 * x @ normal @ x - projected @ x + 0.5 * weight * (pull @ x[:k] - log) - push * edges)
 
     now = value(theta)
     for _ in range(PRIOR_SETTINGS.max_newton_steps):
-        inverse = np.linalg.inv(pseudo_inertia(theta[:k].reshape(-1, BODY_PARAMETER_COUNT)))
-        moved = np.einsum("iab,tbc->itac", inverse, basis)  # P^-1 E_t
         slope, hessian = normal @ theta - projected, normal.copy()
-        slope[:k] += 0.5 * weight * (pull - np.trace(moved, axis1=2, axis2=3).ravel())
-        curve = np.einsum("itab,isba->its", moved, moved)
-        for i in range(len(maker)):
-            at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
-            hessian[at, at] += 0.5 * weight * curve[i]
+        trace, curve = _log_determinant_slopes(theta[:k], basis)
+        slope[:k] += 0.5 * weight * (pull - trace)
+        hessian[:k, :k] += 0.5 * weight * curve
         for mask, gap, way in ((below, theta - lowest, -1.0), (above, highest - theta, 1.0)):
             slope[mask] += way * push / gap[mask]
             hessian[mask, mask] += push / gap[mask] ** 2
         step = -plain_solution(hessian, slope, ridge=1e-13)
         decrement = float(-slope @ step)
         share = 1.0
-        while not value(theta + share * step) <= now - 1e-4 * share * decrement and share > 1e-10:
+        while not (after := value(theta + share * step)) <= now - 1e-4 * share * decrement and share > 1e-10:
             share *= 0.5
-        theta = theta + share * step
-        now = value(theta)
-        if decrement <= PRIOR_SETTINGS.decrement_tolerance * (told.best @ told.best):
+        if share <= 1e-10:
+            break  # rounding hides any further decrease
+        theta, now = theta + share * step, after
+        if decrement <= PRIOR_SETTINGS.decrement_tolerance * weight:
             break
     return ConsistentFit(
         theta,
         told.loss(theta, normal, projected),
         told.told,
         False,
-        np.zeros(len(maker), bool),
+        np.zeros(len(bodies), bool),
         np.minimum(theta - lowest, highest - theta) < room,
     )
 
 
-def choose_weight(found: ConsistentSolution, maker: np.ndarray, distance: str = "entropic") -> PriorChoice:
-    """Choose the weight of the `maker`'s bodies, (links, 10), with the smallest error on left-out segments.
-
-    `found` is the solution without prior; `distance` is one of `DISTANCE_SOLVERS`.
-    """
-    equations, spread = found.equations, found.spread
-    whole = equations.total()
-    numbers = np.flatnonzero(equations.count.any(axis=1))
-    if len(numbers) < 2:
-        raise IdentificationError(f"found {len(numbers)} segment to choose a prior's weight by, expected at least 2")
-    missed = {}
-    for weight in PRIOR_WEIGHTS:
-        solver, total = DISTANCE_SOLVERS[distance](maker, weight), 0.0
-        for s in numbers.tolist():
-            part = equations.segment(s)
-            values = spread.matrix @ solver(spread, whole.minus(part), found.sd).values
-            total += float(np.sum(part.squares(values)[0] / found.sd**2))
-        missed[weight] = total / float(whole.count.sum())
-    return PriorChoice(distance, min(missed, key=missed.__getitem__), missed)
+def _log_determinant_slopes(values: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return slope, (10 links,), and negative curvature, (10 links, 10 links), of the log determinants of links."""
+    inverse = np.linalg.inv(reduced_pseudo_inertia(values.reshape(-1, BODY_PARAMETER_COUNT)))
+    moved = np.einsum("iab,tbc->itac", inverse, basis)  # P^-1 E_t
+    each = np.einsum("itab,isba->its", moved, moved)
+    curve = np.zeros((len(values), len(values)))
+    for i, block in enumerate(each):
+        at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
+        curve[at, at] = block
+    return np.trace(moved, axis1=2, axis2=3).ravel(), curve
 
 
-def effort_information_shares(found: ConsistentSolution, maker: np.ndarray, choice: PriorChoice) -> np.ndarray:
+def effort_information_shares(found: ConsistentSolution, prior: InertiaPrior) -> np.ndarray:
     """Return the share of each parameter's information that comes from the efforts, (c,); the rest is from the
     prior."""
-    spread = found.spread
-    normal, _ = spread.sums(found.equations, found.sd)
-    k, c = BODY_PARAMETER_COUNT * len(maker), len(normal)
-    curve = np.zeros((c, c))
-    inverse, basis = None, pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))
-    if choice.distance == "entropic":
-        inverse = np.linalg.inv(pseudo_inertia(_with_extent(maker)))
-    size = np.sum(scaled_pseudo_inertia(maker) ** 2, axis=(1, 2))
-    for i in range(len(maker)):
-        at = slice(BODY_PARAMETER_COUNT * i, BODY_PARAMETER_COUNT * (i + 1))
-        if inverse is None:
-            curve[at, at] = triangle_matrix().T @ triangle_matrix() / max(size[i], 1e-6 * size.max())
-        else:
-            moved = inverse[i] @ basis
-            curve[at, at] = 0.5 * np.einsum("tab,sba->ts", moved, moved)
-    both = normal + choice.weight * curve
+    normal, projected = found.spread.sums(found.equations, found.sd)
+    k, c = prior.bodies.size, len(normal)
+    told = SplitObjective.of(normal, projected)
+    weight = max(prior.weight, PRIOR_SETTINGS.min_weight_share * float(told.best @ told.best))
+    both = normal.copy()
+    basis = reduced_pseudo_inertia(np.eye(BODY_PARAMETER_COUNT))
+    both[:k, :k] += 0.5 * weight * _log_determinant_slopes(found.fit.values[:k], basis)[1]
     scale = np.sqrt(np.maximum(np.diag(both), 1e-300))
     unit = both / np.outer(scale, scale) + 1e-13 * np.eye(c)
-    share = np.diag(np.linalg.solve(unit, normal / np.outer(scale, scale))).copy()
-    share[k:] = np.where(np.diag(normal)[k:] > 0.0, np.maximum(share[k:], 0.0), 0.0)
+    share = np.clip(np.diag(np.linalg.solve(unit, normal / np.outer(scale, scale))), 0.0, 1.0)
+    share[k:] *= np.diag(normal)[k:] > 0.0
     return share
 
 
-def fit_with_prior(
+def solve_with_prior(
+    model: TreeModel, rows: TreeRows, *, start: TreeSolution | None = None, stated: bool = True, in_si: bool = True
+) -> tuple[ConsistentSolution, InertiaPrior]:
+    """Solve a model for consistent bodies near its prior (`make_prior`), from a `start` without bounds."""
+    start = fit_rows(model, rows)[0] if start is None else start
+    prior = make_prior(model, rows, start, stated=stated, in_si=in_si)
+    return solve_consistent(model, rows, start=start, solver=entropic_solver(prior)), prior
+
+
+def fit_consistent(
     model: TreeModel,
     rows: TreeRows,
     *,
-    maker: np.ndarray | None = None,
-    distance: str = "entropic",
-) -> tuple[TreeEstimate, PriorChoice]:
-    """Fit a model with a prior at the `maker`'s bodies, (links, 10), by default those of the robot's description.
+    start: TreeSolution | None = None,
+    stated: bool = True,
+    in_si: bool = True,
+    name: str = "consistent",
+) -> tuple[TreeEstimate, ConsistentSolution]:
+    """Fit physically consistent links, with intervals from the jackknife over segments.
 
-    The prior's weight is chosen within `rows`. Parameters that come from the prior are marked.
+    `stated` and `in_si` are those of `make_prior`. Parameters that come from the prior are marked. The notes say what
+    consistency costs, and what the prior costs beside it.
     """
-    if distance not in DISTANCE_SOLVERS:
-        raise IdentificationError(
-            f"found distance {distance!r} of a prior, expected one of {', '.join(DISTANCE_SOLVERS)}"
-        )
-    start = fit_rows(model, rows)[0]
-    maker = FullParametrisation.of(model).maker if maker is None else maker
-    plain = solve_consistent(model, rows, start=start, nearest=maker)
-    choice = choose_weight(plain, maker, distance)
-    found = solve_consistent(model, rows, start=start, solver=DISTANCE_SOLVERS[distance](maker, choice.weight))
-    share = effort_information_shares(found, maker, choice)
-    note = (
-        f"the maker's inertias weigh {choice.weight:g} ({distance}): what is missed on segments left out is then least"
-    )
-    told = share >= PRIOR_SETTINGS.min_effort_share
-    return make_consistent_estimate("prior", rows, found, nearest=maker, told=told, notes=(note,)), choice
+    start = fit_rows(model, rows)[0] if start is None else start
+    found, prior = solve_with_prior(model, rows, start=start, stated=stated, in_si=in_si)
+    share = effort_information_shares(found, prior)
+    alone = solve_consistent(model, rows, start=start, nearest=prior.bodies)
+    estimate = make_consistent_estimate(
+        name, rows, found, alone=alone, shares=share, least_share=PRIOR_SETTINGS.min_effort_share,
+        notes=(_prior_note(prior),),
+    )  # fmt: skip
+    return estimate, found
+
+
+def _prior_note(prior: InertiaPrior) -> str:
+    source = "the robot's description states" if prior.stated else "are guessed from the places of the joints"
+    return f"where efforts tell little, bodies are near those that {source}"

@@ -13,7 +13,7 @@ from ...study.procedures.procedure import Progress, quiet
 from ...study.recorded_motions import filtering_of
 from ...study.study import Study
 from ..fit import fit_tree as identification
-from ..fit.consistent_inertias import ConsistentSolution, make_consistent_estimate, solve_consistent
+from ..fit.consistent_inertias import ConsistentSolution
 from ..fit.fit_tree import (
     TreeIdentification,
     cross_validate_segments,
@@ -24,9 +24,8 @@ from ..fit.fit_tree import (
     rows_without_maker_effort,
 )
 from ..fit.friction_terms import FURTHER_MOTOR_TERMS, MOTOR_PREFIX
-from ..fit.inertia_prior import fit_with_prior
+from ..fit.inertia_prior import fit_consistent, solve_with_prior
 from ..fit.published_parameters import published_parameters
-from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_regression import TreeModel, TreeRows, TreeSolution, collect_rows, fit_rows
 from ..tree_motion import TreeMotion
 from . import tree_findings
@@ -68,18 +67,15 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     best = TreeModel(robot, found.rows.base, found.best.families, found.choice.speeds, found.best.ripples)
     tell("bodies that can exist", 0.65)
     models, failures, bodies = {"base": found.base, "best": found.best}, {}, None
+    prior = {"stated": table.inertia_prior, "in_si": all(fitted[0].gain_known)}
     try:
-        bodies = solve_consistent(best, found.rows)
-        models["consistent"] = make_consistent_estimate("consistent", found.rows, bodies)
-        if table.inertia_prior:
-            models["prior"] = fit_with_prior(best, found.rows)[0]
+        models["consistent"], bodies = fit_consistent(best, found.rows, **prior)
     except IdentificationError as error:
         # Without consistent bodies, for example after a wrong sign, the base parameters may still show the cause.
-        failures["consistent" if bodies is None else "prior"] = str(error)
+        failures["consistent"] = str(error)
     tell("judging", 0.75)
     errors = [*_baseline_errors(study, found, fitted, judged), *_errors_of_base_and_best(found, fitted, judged)]
-    errors += _errors_of_consistent(found, bodies, judged) if bodies is not None else ()
-    errors += _errors_of_prior(models, fitted, judged)
+    errors += _errors_of_consistent(found, bodies, judged, prior) if bodies is not None else ()
     tell("payloads", 0.9)
     payloads = identify_payloads(study, robot, motions, found.best, gains)
     out = found.best_out
@@ -157,9 +153,12 @@ def _errors_of_base_and_best(
 
 
 def _errors_of_consistent(
-    found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion]
+    found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion], prior: Mapping[str, bool]
 ) -> Iterator[Errors]:
-    """Yield the errors of the consistent model; each left-out segment has the friction chosen without it."""
+    """Yield the errors of the consistent model; each left-out segment has the friction chosen without it.
+
+    `prior` are the keywords of `solve_with_prior`.
+    """
     rows, model = found.rows, bodies.spread.model
     yield _errors("consistent", "fitted", relative_errors(residuals_on(model, bodies.parameters, rows), rows.size))
     if found.best_out is not None:
@@ -168,24 +167,12 @@ def _errors_of_consistent(
         def fit(part: TreeRows) -> tuple[TreeModel, TreeSolution]:
             each = next(chosen)
             start = fit_rows(each, part)[0]
-            return each, replace(start, values=solve_consistent(each, part, start=start).parameters)
+            return each, replace(start, values=solve_with_prior(each, part, start=start, **prior)[0].parameters)
 
         yield _errors("consistent", "segments_out", cross_validate_segments(rows, fit).errors)
     if judged:
         kept = collect_rows(rows.robot, judged, width=rows.width, base=rows.base)
         yield _errors("consistent", "heldout", relative_errors(residuals_on(model, bodies.parameters, kept), kept.size))
-
-
-def _errors_of_prior(
-    models: Mapping[str, TreeEstimate], fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
-) -> Iterator[Errors]:
-    """Yield the errors of the model with a prior.
-
-    Left-out segments chose the prior's weight, so they cannot test the model.
-    """
-    for kind, motions in (("fitted", fitted), ("heldout", judged)) if "prior" in models else ():
-        if motions:
-            yield _errors("prior", kind, heldout_errors(models["prior"], motions))
 
 
 def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:

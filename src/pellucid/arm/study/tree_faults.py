@@ -100,10 +100,6 @@ def _unmet_requests(study: Study, robot: Robot) -> Iterator[Fault]:
     if not any(entry.use == "fit" and entry.payload is None for entry in entries):
         found = 'no recording with use = "fit" and without a payload'
         yield _fault("refuse", "no_fit", "", "", found, "at least one")
-    urdf = file_of(study)
-    if table.inertia_prior and urdf is not None and not urdf.has_bodies:
-        found = f"[tree] inertia_prior = true and no link with a mass in {urdf.path.name}"
-        yield _fault("refuse", "robot", "", "", found, "inertia_prior = false, or <inertial> of each link")
     weighed = [entry for entry in entries if entry.payload is not None and entry.use == "fit"]
     unknown = [entry.name for entry in weighed if entry.payload is not None and entry.payload.mass is None]
     if table.gains == "payload" and unknown:

@@ -480,7 +480,6 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
 
 MODEL_ROLES: Mapping[str, str] = {
     "published": "muted", "stated": "symmetric", "base": "fitted", "best": "heldout", "consistent": "good",
-    "prior": "load",
 }  # fmt: skip
 """Colour roles of the models."""
 

@@ -35,7 +35,6 @@ MODEL_DESCRIPTIONS: Mapping[str, str] = {
     "base": "base parameters, plain friction",
     "best": "friction chosen for each joint",
     "consistent": "the same with bodies that can exist",
-    "prior": "the same, drawn to stated bodies",
 }
 """Models in words, the simplest baselines first."""
 
@@ -359,7 +358,7 @@ def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
         effort_units=found.effort_units,
         ranges=ranges,
         families=model.families,
-        consistent=model.name in ("consistent", "prior"),
+        consistent=model.name == "consistent",
         parameters=tuple(p.on_card(level) for p in model.parameters.values()),
         covariance=_rows(model.covariance),
         heldout_error=() if judged is None else judged.each,

@@ -52,7 +52,8 @@ class TreeTable(ProcedureTable):
     ripple : bool
         Whether a ripple of unknown order is looked for in each drive.
     inertia_prior : bool
-        Whether the bodies that the robot's file states are a prior of the consistent ones.
+        Whether the bodies that the study or the robot's file states are the prior of the consistent ones; otherwise
+        bodies are guessed from the places of the joints.
     gains : str
         Where the drives' gains come from: as ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
         torque and current, or from fitted recordings with and without a known ``"payload"``.
@@ -77,7 +78,7 @@ class TreeTable(ProcedureTable):
     )
     families: tuple[Literal[FURTHER_TERMS], ...] = FURTHER_TERMS
     ripple: bool = True
-    inertia_prior: bool = False
+    inertia_prior: bool = True
     gains: Literal["stated", "desired", "payload"] = "stated"
     confidence: float = Field(0.95, gt=0, lt=1)
     published: dict[str, dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]]] = Field({})

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pellucid._errors import DatasetError
-from pellucid.arm.fit.consistent_inertias import fit_consistent, least_eigenvalue
+from pellucid.arm.fit.consistent_inertias import least_eigenvalue
 from pellucid.arm.fit.fit_tree import fit_best_model, fit_tree, heldout_errors, make_tree_estimate
+from pellucid.arm.fit.inertia_prior import fit_consistent
 from pellucid.arm.fit.payload import gains_from_payload, with_drive_gains
 from pellucid.arm.fit.tree_estimate import TreeEstimate
 from pellucid.arm.fit.tree_regression import collect_rows
@@ -104,7 +105,8 @@ def identified(rig: ArmRig, seed: int = 1) -> IdentifiedArm:
     rows = collect_rows(robot, by_weight)
     _, _, found, at = fit_best_model(rows, by_weight[0].rate)
     best = make_tree_estimate("best", rows, found, at)
-    consistent = fit_consistent(at.model, rows, start=found)
+    # The rig's own bodies are the truth, and no prior.
+    consistent, _ = fit_consistent(at.model, rows, start=found, stated=False)
     errors = {"plain": heldout_errors(plain, judged), "load_stated_gains": heldout_errors(stated, judged)}
     errors |= {e.name: heldout_errors(e, others) for e in (load, best, consistent)}
     every = {"plain": plain, "load_stated_gains": stated, "load": load, "best": best, "consistent": consistent}
