@@ -12,8 +12,8 @@ ten inertial parameters. It grows without bound towards impossible bodies, so it
 
 **Weight.** Near the stated bodies, half of the distance is the negative logarithm of a normal prior with a relative
 standard deviation of 1: bodies may be half or twice as stated. The sum of squares counts every row as independent. Rows
-are not: over a correlation time of T rows, 2 T rows tell as much as one. The weight is therefore 2 T, and not chosen by
-any error. The prior counts as much as one independent measurement of each parameter. It decides where the efforts tell
+are not: over a correlation time of T rows, 2 T rows tell as much as one. The weight is therefore 2 T times the mean
+weighted square of the residuals, and not chosen by any error. The prior counts as much as one independent measurement of each parameter. It decides where the efforts tell
 nothing, and adds less than a standard error elsewhere.
 
 A parameter counts as coming from the prior if the efforts' share of its information is below one half. This share is
@@ -65,8 +65,8 @@ class PriorSettings:
     max_newton_steps: int = 100  # largest number of Newton steps
     decrement_tolerance: float = 1e-5  # Newton steps stop when the decrement is at most this share of the weight
     # Least weight as a share of the weighted sum of squared efforts, so that rounding does not decide instead.
-    min_weight_share: float = 1e-9
-    barrier_share: float = 0.01  # strength of the logarithmic barrier at other parameters' bounds, over the weight
+    min_weight_share: float = 1e-11
+    barrier_share: float = 1e-3  # strength of the logarithmic barrier at other parameters' bounds, over the weight
     # A parameter comes from the prior if the efforts contribute less than this share of its information.
     min_effort_share: float = 0.5
     # Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
@@ -139,8 +139,15 @@ def make_prior(
         bodies = guess
     if not known.any() or not in_si:
         bodies = bodies * _best_scale(model, rows, start, bodies)
-    times = correlation_times(rows, residuals_on(model, start.values, rows))
-    return InertiaPrior(_with_extent(bodies), float(max(1.0, 2.0 * times.mean())), bool(known.any()))
+    return InertiaPrior(_with_extent(bodies), _weight(model, rows, start), bool(known.any()))
+
+
+def _weight(model: TreeModel, rows: TreeRows, start: TreeSolution) -> float:
+    """Return the rows that tell as much as one, times the mean weighted square of the residuals."""
+    residuals = residuals_on(model, start.values, rows)
+    # It is about 1, and less where `fit_rows` bounds the weights of joints that are predicted very well.
+    square = sum(float(np.sum((r / sd) ** 2)) for r, sd in zip(residuals, start.sd, strict=True))
+    return 2.0 * float(correlation_times(rows, residuals).mean()) * square / max(sum(map(len, residuals)), 1)
 
 
 def _best_scale(model: TreeModel, rows: TreeRows, start: TreeSolution, bodies: np.ndarray) -> float:
