@@ -1,8 +1,8 @@
 """What comes in from other programs, what goes out to them, and what an installation needs.
 
 Studies are proposed for a lab's own files, and logs are audited; formats are read back as their own libraries wrote
-them; exports are read by the programs that they are for; an exported servo is replayed in MuJoCo; wheels are installed
-where there is Python and nothing else.
+them; exports are read by the programs that they are for, and MuJoCo saves and reloads them; an exported servo is
+replayed in MuJoCo; wheels are installed where there is Python and nothing else.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
 PARTS = sized(
-    ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_replay", "_installed_wheel"),
-    smallest=("_init_layouts", "_audit_logs", "_read_back", "_exports_read"),
+    ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_reloaded", "_mujoco_replay",
+     "_installed_wheel"),
+    smallest=("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_reloaded"),
 )
 """Files of this folder that measure a part each, the quick ones first."""
 

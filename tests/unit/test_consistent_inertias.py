@@ -10,7 +10,6 @@ from pellucid._errors import IdentificationError
 from pellucid.arm.fit.consistent_inertias import (
     FROM_PRIOR_REASON,
     MIN_EIGENVALUE,
-    TRIANGLE_MARGIN,
     FullParametrisation,
     bodies_from_pseudo_inertia,
     least_eigenvalue,
@@ -37,7 +36,7 @@ from pellucid.arm.fit.tree_estimate import find_base_parameters
 from pellucid.arm.fit.tree_regression import TreeModel, collect_rows, fit_rows
 from pellucid.arm.tree_motion import TreeMotion
 from pellucid.arm.urdf import STAND_IN
-from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid.models.kinematic_tree import TRIANGLE_MARGIN, Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 
 BAR = Link.about_centre("bar", 2.0, (0.1, 0.0, -0.2), (0.03, 0.0, 0.0, 0.03, 0.001, 0.004))
@@ -160,7 +159,7 @@ def test_a_robot_of_true_bodies_is_found_again(identified):
     robot, rows, model = identified
     made = FullParametrisation.of(model)
     start, _ = fit_rows(model, rows)
-    found = solve_consistent(model, rows, start=start, nearest=made.maker)
+    found, _ = solve_with_prior(model, rows, start=start)
     np.testing.assert_allclose(made.matrix[: len(model.base.names), : len(model.base.members)] @ np.append(
         robot.tree.parameters, [0.0, 0.0]), found.parameters[: len(model.base.names)], atol=0.02)  # fmt: skip
     estimate, _ = fit_consistent(model, rows, start=start)
@@ -177,7 +176,7 @@ def test_a_robot_of_true_bodies_is_found_again(identified):
 
 def test_every_leave_one_out_is_consistent(identified):
     _, rows, model = identified
-    found = solve_consistent(model, rows)
+    found, _ = solve_with_prior(model, rows)
     whole = found.equations.total()
     for s in range(len(found.equations.count)):
         fit = found.solver(found.spread, whole.minus(found.equations.segment(s)), found.sd)
@@ -234,7 +233,7 @@ def test_a_wrong_prior_does_not_bias_what_the_efforts_determine(identified, fact
 
 def test_the_entropic_distance_is_least_where_its_slope_is_nothing(identified):
     _, rows, model = identified
-    found = solve_consistent(model, rows)
+    found, _ = solve_with_prior(model, rows)
     maker, weight = found.spread.maker, 50.0
     fit = entropic_solver(InertiaPrior(maker, weight, True))(found.spread, found.equations, found.sd)
     normal, projected = found.spread.sums(found.equations, found.sd)
@@ -259,9 +258,8 @@ def test_principal_moments_keep_a_margin(identified):
     rods = [Link.about_centre(b.name, 1.0, (0.1, 0.0, 0.0), (0.0,) * 6) for b in robot.tree.links]
     slender = Robot(Tree(robot.tree.order, rods))
     rows = collect_rows(slender, [played(slender, np.random.default_rng(4), noise=0.01)])
-    alone = solve_consistent(model, rows)
-    near, _ = solve_with_prior(replace(model, robot=slender), rows)
-    for found in (alone, near):
+    for stated in (True, False):
+        found, _ = solve_with_prior(replace(model, robot=slender), rows, stated=stated)
         for body in found.fit.values[:20].reshape(2, 10):
             low, middle, high = moments_about_the_centre(body)
             assert low + middle >= (1.0 + 0.999 * TRIANGLE_MARGIN) * high

@@ -17,6 +17,7 @@ from research.evidence._exports_read import (
     program_beside,
     tree_card,
 )
+from research.evidence._mujoco_reloaded import flat_card, is_reloaded
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -48,6 +49,15 @@ def test_a_robot_of_several_joints_is_the_same_in_mujoco(tmp_path, rng, load):
     folder = write_simulator_folder(tree_simulator_model(card), "mjcf", tmp_path)
     q, v, a = motions(rng, 4)
     assert difference(our_tree_efforts(card, q, v, a), mujoco_efforts(folder, q, v, a, callback=True)) < EQUAL
+
+
+@pytest.mark.parametrize(("kind", "file"), [("mjcf", "model.xml"), ("urdf", "model.urdf")])
+def test_mujoco_saves_and_reloads_bodies_on_the_bound(tmp_path, rng, kind, file):
+    """Plates, of which two moments together are the third: six digits are not enough to keep them possible."""
+    pytest.importorskip("mujoco")
+    for i in range(4):
+        folder = write_simulator_folder(tree_simulator_model(flat_card(rng)), kind, tmp_path / f"{i}")
+        assert is_reloaded(folder / file)
 
 
 def test_pinocchio_reads_the_urdf(tmp_path, rng):

@@ -28,6 +28,10 @@ KINDS = ("fixed", "revolute", "prismatic")
 BODY_QUANTITIES = tuple(f.name for f in model_fields("link"))[-10:]
 """Ten numbers of a body, in the order of the regressor's columns."""
 
+TRIANGLE_MARGIN = 1e-3
+"""Share by which two principal moments of inertia of a body together exceed the third at least, where it is estimated
+or exported. MuJoCo saves six digits, and refuses to load bodies whose moments rounding has brought below the bound."""
+
 MAX_PLACE_M = 10.0
 """A larger distance between frames is refused as probably given in millimetres [m]."""
 

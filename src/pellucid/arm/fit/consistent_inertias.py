@@ -9,7 +9,7 @@ linear in theta, the pseudo-inertia of link i (`pseudo_inertia`),
 
 is convex [1]_. If possible bodies reproduce the effort of least squares exactly, they are the solution, without loss.
 In directions that the efforts do not determine, where N is flat, the solution is as close as possible to the `nearest`
-bodies. `inertia_prior` prefers stated bodies, and this fit tells what consistency alone costs.
+bodies. This is the fit of a payload. That of a robot prefers stated bodies, see `inertia_prior`.
 
 Whether a body can have its ten numbers: the pseudo-inertia of a rigid body [2]_.
 
@@ -53,7 +53,7 @@ from functools import cache
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.kinematic_tree import BODY_QUANTITIES
+from ...models.kinematic_tree import BODY_QUANTITIES, TRIANGLE_MARGIN
 from .fit_tree import UNDETERMINED_REASON, TreeUncertainty, make_tree_estimate, student_ratio
 from .tree_estimate import BaseParameters, TreeEstimate
 from .tree_regression import (
@@ -63,7 +63,6 @@ from .tree_regression import (
     TreeRows,
     TreeSolution,
     compute_loads,
-    fit_rows,
     linearise_rows,
     sum_normal_equations,
 )
@@ -73,10 +72,6 @@ SCALING_LENGTH_M = 0.1
 
 MIN_EIGENVALUE = 1e-8
 """Eigenvalue that a consistent body's pseudo-inertia has at least, with `SCALING_LENGTH_M` [kg m^2]: 1 mg at 10 cm."""
-
-TRIANGLE_MARGIN = 1e-3
-"""Share by which two principal moments of inertia of an estimated body together exceed the third at least. MuJoCo saves
-six digits, and refuses to load bodies whose moments rounding has brought below the bound."""
 
 EIGENVALUE_TOLERANCE = 1e-12
 """A least eigenvalue may be this far below 0: rounding of a body of one point, which is just allowed [kg m^2]."""
@@ -431,23 +426,6 @@ Solver = Callable[[FullParametrisation, NormalEquations, np.ndarray], Consistent
 """A function from normal equations and the residual standard deviation of each joint, (m,), to a consistent fit."""
 
 
-def nearest_bodies_solver(nearest: np.ndarray | None = None, weight: float | np.ndarray = 0.0) -> Solver:
-    """Return a solver for the consistent bodies with the least sum of squares.
-
-    Among equal ones it takes those `nearest` to stated bodies, (links, 10), or the smallest. A `weight` pulls the
-    solution towards the stated bodies at the cost of the sum of squares.
-    """
-
-    def solve(spread: FullParametrisation, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
-        lowest, highest = spread.numbers.bounds
-        sums = spread.sums(equations, sd)
-        return solve_consistent_inertias(
-            *sums, spread.links, lowest=lowest, highest=highest, nearest=nearest, weight=weight
-        )
-
-    return solve
-
-
 @dataclass(frozen=True, eq=False)
 class ConsistentSolution:
     """Result of a consistent fit."""
@@ -469,17 +447,10 @@ def solve_consistent(
     model: TreeModel,
     rows: TreeRows,
     *,
-    start: TreeSolution | None = None,
-    nearest: np.ndarray | None = None,
-    solver: Solver | None = None,
+    start: TreeSolution,
+    solver: Solver,
 ) -> ConsistentSolution:
-    """Solve a `model` over `rows` for consistent bodies, from a `start` without bounds.
-
-    `nearest` are preferred bodies, (links, 10), as in `solve_consistent_inertias`. Another `solver` may weight them
-    more.
-    """
-    solver = solver or nearest_bodies_solver(nearest)
-    start = fit_rows(model, rows)[0] if start is None else start
+    """Solve a `model` over `rows` for consistent bodies by a `solver`, from a `start` without bounds."""
     spread, values, before = FullParametrisation.of(model), start.values, None
     for _ in range(CONSISTENCY_SETTINGS.max_steps if model.loads else 1):
         load = compute_loads(rows, model, values) if model.loads else None
@@ -500,27 +471,24 @@ def make_consistent_estimate(
     rows: TreeRows,
     found: ConsistentSolution,
     *,
-    alone: ConsistentSolution | None = None,
-    shares: np.ndarray | None = None,
-    least_share: float = 0.0,
+    shares: np.ndarray,
+    least_share: float,
     notes: Sequence[str] = (),
 ) -> TreeEstimate:
     """Build an estimate with intervals from the solution `found`.
 
-    `alone` is the solution of least squares within the same bounds, whose cost is stated; `found` by default. `shares`,
-    (c,), are those of each parameter's information that come from the efforts, for a solution with a prior: parameters
-    with less than `least_share` are marked as from the prior, and intervals of the others count the prior's part too.
+    `shares`, (c,), are those of each parameter's information that come from the efforts. Parameters with less than
+    `least_share` are marked as from the prior, and intervals of the others count the prior's part too.
     """
     spread, fit = found.spread, found.fit
-    told = fit.told if shares is None else shares >= least_share
+    told = shares >= least_share
     covariance = jackknife_covariance(found)
     freedom = float(max(len(_segments_with_rows(found.equations)) - 1, 1))
     covariance *= student_ratio(freedom) ** 2
-    if shares is not None:
-        # Segments left out show the efforts' part of the variance, which shrinks with the share squared; all of it
-        # shrinks with the share.
-        wider = 1.0 / np.sqrt(np.maximum(shares, max(least_share, 1e-3)))
-        covariance *= np.outer(wider, wider)
+    # Segments left out show the efforts' part of the variance, which shrinks with the share squared; all of it shrinks
+    # with the share.
+    wider = 1.0 / np.sqrt(np.maximum(shares, least_share))
+    covariance *= np.outer(wider, wider)
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
     at = replace(found.at, model=spread.numbers, places=(every,) * len(columns), columns=columns)
@@ -533,29 +501,13 @@ def make_consistent_estimate(
         at,
         method="consistent",
         uncertainty=TreeUncertainty(covariance, freedom, covariance),
-        notes=(*notes, *_cost_notes(found if alone is None else alone)),
+        notes=notes,
     )
-    why = UNDETERMINED_REASON if shares is None else FROM_PRIOR_REASON
     parameters = {
-        label: replace(each, refused=why) if each.refused == UNDETERMINED_REASON else each
+        label: replace(each, refused=FROM_PRIOR_REASON) if each.refused == UNDETERMINED_REASON else each
         for label, each in estimate.parameters.items()
     }
     return replace(estimate, parameters=parameters)
-
-
-def _cost_notes(found: ConsistentSolution) -> tuple[str, ...]:
-    """State in words by how much consistency increases the residuals."""
-    if found.fit.free:
-        return ("bodies that can exist make just the effort of least squares",)
-    names = [
-        joint.child for joint, held in zip(found.spread.model.robot.tree.order, found.fit.held, strict=True) if held
-    ]
-    share = 100.0 * found.fit.loss / max(least_sum_of_squares(found), 1e-300)
-    held = f"; on the bound: {', '.join(names)}" if names else ""
-    return (
-        "no bodies that can exist make just the effort of least squares: the nearest raise the weighted sum of squared "
-        f"residuals by {share:.2g} %{held}",
-    )
 
 
 def least_sum_of_squares(found: ConsistentSolution) -> float:

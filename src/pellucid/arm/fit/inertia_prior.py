@@ -13,8 +13,8 @@ ten inertial parameters. It grows without bound towards impossible bodies, so it
 **Weight.** Near the stated bodies, half of the distance is the negative logarithm of a normal prior with a relative
 standard deviation of 1: bodies may be half or twice as stated. The sum of squares counts every row as independent. Rows
 are not: over a correlation time of T rows, 2 T rows tell as much as one. The weight is therefore 2 T times the mean
-weighted square of the residuals, and not chosen by any error. The prior counts as much as one independent measurement of each parameter. It decides where the efforts tell
-nothing, and adds less than a standard error elsewhere.
+weighted square of the residuals. No error decides on it. The prior counts as much as one independent measurement of
+each parameter. It decides where the efforts tell nothing, and adds less than a standard error elsewhere.
 
 A parameter counts as coming from the prior if the efforts' share of its information is below one half. This share is
 the diagonal of :math:`(N + wH)^{-1} N`, with H the distance's curvature at the solution.
@@ -28,7 +28,7 @@ density, which least squares determines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,7 @@ from .consistent_inertias import (
     bodies_from_pseudo_inertia,
     least_eigenvalue,
     least_reduced_eigenvalue,
+    least_sum_of_squares,
     make_consistent_estimate,
     pseudo_inertia,
     reduced_pseudo_inertia,
@@ -72,6 +73,9 @@ class PriorSettings:
     # Smallest root mean square extent of a body of the prior in every direction [m]. A robot's description may contain
     # point masses, which have no entropic distance.
     min_body_extent_m: float = 0.01
+    # The cost of consistency alone is that of a prior with this share of the weight.
+    light_weight_share: float = 1e-3
+    max_negligible_cost_percent: float = 0.01  # increase of the sum of squares that counts as none [%]
     # Radius of guessed rods as a share of the mean distance between joints, and where all joints are in one place [m].
     guessed_radius_share: float = 0.2
     guessed_radius_m: float = 0.05
@@ -322,14 +326,28 @@ def fit_consistent(
     start = fit_rows(model, rows)[0] if start is None else start
     found, prior = solve_with_prior(model, rows, start=start, stated=stated, in_si=in_si)
     share = effort_information_shares(found, prior)
-    alone = solve_consistent(model, rows, start=start, nearest=prior.bodies)
-    estimate = make_consistent_estimate(
-        name, rows, found, alone=alone, shares=share, least_share=PRIOR_SETTINGS.min_effort_share,
-        notes=(_prior_note(prior),),
-    )  # fmt: skip
-    return estimate, found
+    notes = (_prior_note(prior), _cost_note(found, prior))
+    least = PRIOR_SETTINGS.min_effort_share
+    return make_consistent_estimate(name, rows, found, shares=share, least_share=least, notes=notes), found
 
 
 def _prior_note(prior: InertiaPrior) -> str:
     source = "the robot's description states" if prior.stated else "are guessed from the places of the joints"
     return f"where efforts tell little, bodies are near those that {source}"
+
+
+def _cost_note(found: ConsistentSolution, prior: InertiaPrior) -> str:
+    """State by how much consistency and the prior increase the residuals, compared with base parameters alone."""
+    least = max(least_sum_of_squares(found), 1e-300)
+    light = replace(prior, weight=PRIOR_SETTINGS.light_weight_share * prior.weight)
+    start = TreeSolution(found.parameters, found.sd, np.ones(0, bool), np.ones(0, bool))
+    alone = solve_consistent(found.spread.model, found.at.rows, start=start, solver=entropic_solver(light))
+    share, prior_share = (100.0 * each.fit.loss / least for each in (alone, found))
+    if share <= PRIOR_SETTINGS.max_negligible_cost_percent:
+        text = "bodies that can exist make just the effort of least squares"
+    else:
+        text = (
+            "no bodies that can exist make just the effort of least squares: the nearest raise the weighted sum of "
+            f"squared residuals by {share:.2g} %"
+        )
+    return f"{text}; with these bodies it is {prior_share:.2g} % higher"

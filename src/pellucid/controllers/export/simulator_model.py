@@ -21,6 +21,7 @@ from ..._given import visible_text
 from ...models.card import ModelCard
 from ...models.friction_terms import COULOMB_FRICTION, TERMS, VISCOUS_FRICTION
 from ...models.joint import GRAVITY, NAMES, SYMBOLS_BY_NAME
+from ...models.kinematic_tree import TRIANGLE_MARGIN
 from ...models.tree_card import COLUMNS, TreeCard
 from ...study.study_file import JointLimits
 
@@ -351,11 +352,12 @@ def require_bodies(model: SimulatorModel) -> None:
 
 
 def _sound_inertia(inertia: np.ndarray) -> np.ndarray:
-    """Return an inertia that a simulator accepts in spite of rounding."""
+    """Return an inertia that a simulator accepts in spite of rounding, also once it has saved it itself."""
     moments, axes = np.linalg.eigh(inertia)
     moments = np.maximum(moments, MIN_INERTIA)
-    if moments[2] > moments[0] + moments[1]:
-        moments = moments + (moments[2] - moments[0] - moments[1])
+    short = (1.0 + TRIANGLE_MARGIN) * moments[2] - moments[0] - moments[1]
+    if short > 0.0:
+        moments = moments + short / (1.0 - TRIANGLE_MARGIN)
         return (axes * moments) @ axes.T
     return inertia if np.linalg.eigvalsh(inertia)[0] >= MIN_INERTIA else (axes * moments) @ axes.T
 
