@@ -6,6 +6,7 @@ import pytest
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import ArgumentError, PellucidError
+from pellucid.arm.fit.consistent_inertias import least_reduced_eigenvalue
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
 
@@ -74,6 +75,56 @@ def test_it_predicts_at_full_rate_and_is_scored_on_others(fit, robot, recorded):
     assert list(score.errors) == list(score.r2) == list(NAMES)
     assert 0.0 < score.mean_error < 5.0
     assert min(score.r2.values()) > 0.98
+
+
+def test_held_out_recordings_are_not_fitted_and_test_each_joint(robot, recorded, fit):
+    other = swing(robot, 2)
+    held = pl.fit_robot(robot, [recorded, other], held_out=1, **OPTIONS)
+    assert held.array == pytest.approx(fit.array, rel=1e-12)
+    assert held.heldout.errors == pytest.approx(fit.score(other).errors)
+    assert held.heldout_effort_error == pytest.approx(fit.score(other).mean_error)
+    assert held.heldout_r2 > 0.98
+    assert [each.answer for each in held.answers] == ["yes", "yes"]
+    assert "of its effort is missed on held-out recordings" in held.answers[0].reason
+    by_name = pl.fit_robot(robot, {"a": recorded, "b": other}, held_out="b", **OPTIONS)
+    further = pl.fit_robot(robot, recorded, held_out=other, **OPTIONS)
+    for again in (by_name, further):
+        assert again.heldout_effort_error == pytest.approx(held.heldout_effort_error)
+    share = pl.fit_robot(robot, recorded, held_out=0.25, **OPTIONS)
+    assert 0.0 < share.heldout_effort_error < 5.0
+    assert np.isnan(fit.heldout_effort_error)
+    assert [str(each) for each in fit.answers] == ["cannot say: nothing was held out"] * 2
+
+
+@pytest.mark.parametrize(
+    ("held_out", "said"),
+    [
+        (1.5, "held_out: found 1.5, expected a share above 0 and below 1"),
+        (7, "held_out: found 7, expected a number from 0 to 1 or one of recording 1, recording 2"),
+        ([0, 1], "held_out: found all recordings, expected at least one that is fitted"),
+        (True, "held_out: found True, expected recordings, their names or numbers, or a share"),
+        ([], "held_out: found an empty list|held_out: found .*expected recordings, their names"),
+    ],
+)
+def test_what_cannot_be_held_out_is_named(robot, recorded, held_out, said):
+    with pytest.raises(PellucidError, match=said):
+        pl.fit_robot(robot, [recorded, recorded], held_out=held_out, **OPTIONS)
+
+
+def test_a_joint_that_is_predicted_badly_is_answered_with_no(robot, recorded):
+    other = swing(robot, 2)
+    other["effort"] = other["effort"] + np.array([0.0, 3.0]) * np.sign(np.sin(40.0 * other["time"]))[:, None]
+    fit = pl.fit_robot(robot, recorded, held_out=other, **(OPTIONS | {"lowpass": "20 Hz"}))
+    assert [each.answer for each in fit.answers] == ["yes", "no"]
+    assert fit.answers[1].reason.endswith("more than 20 %")
+
+
+def test_its_bodies_are_consistent_and_near_those_stated(fit, robot):
+    bodies = fit.consistent
+    assert least_reduced_eigenvalue(bodies.links()[:, 12:]).min() > 0.0
+    masses = [bodies[f"{name}.mass"].value for name in ("upper", "fore")]
+    assert masses == pytest.approx([1.0, 1.0], rel=0.2)
+    assert bodies["fore.moment_z"].value == pytest.approx(-0.2, rel=0.05)
 
 
 def test_a_score_is_the_command_s_measure(fit, robot):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -30,10 +31,13 @@ from ...numerics.motion import Filtering, shortest
 from ...numerics.sampled import sampled
 from ...units import to_si_factor
 from ..fit.fit_tree import heldout_errors, identify_tree
+from ..fit.inertia_prior import fit_consistent
 from ..fit.tree_estimate import TreeEstimate
 from ..fit.tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS
+from ..fit.tree_regression import TreeModel
 from ..tree_motion import TreeMotion, tree_motion_of
 from ..urdf import read_robot
+from .joint_answers import JointAnswer, answer_joints
 from .recorded_tree import SIGN_THRESHOLDS, friction_power_shares
 
 SETTLING_PERIODS = 2.0
@@ -94,12 +98,36 @@ class RobotFit(TreeEstimate):
     units : mapping of str to str
         Units of the arrays that are not in SI.
 
+    effort_lowpass : float, optional
+        Cut-off of the low-pass on effort, where it is another than the motion's [Hz].
+    consistent : TreeEstimate, optional
+        The same model with physically consistent bodies, near the stated ones where the efforts tell little; None if
+        there are none, with the reason among the notes. `simulate` takes these bodies.
+    heldout : RobotScore, optional
+        Errors on the held-out recordings; None without one.
+    answers : tuple of JointAnswer
+        Whether the model predicts each joint: "yes", "no" or "cannot say", with the reason.
+
     The other attributes are those of `TreeEstimate`.
     """
 
     filtering: Filtering
     dead_band: tuple[float, ...]
     units: Mapping[str, str] = field(default_factory=dict)
+    effort_lowpass: float | None = None
+    consistent: TreeEstimate | None = None
+    heldout: RobotScore | None = None
+    answers: tuple[JointAnswer, ...] = ()
+
+    @property
+    def heldout_effort_error(self) -> float:
+        """Mean of the joints' errors on the held-out recordings [%]; NaN without one."""
+        return float("nan") if self.heldout is None else self.heldout.mean_error
+
+    @property
+    def heldout_r2(self) -> float:
+        """Mean of the joints' coefficients of determination on the held-out recordings; NaN without one."""
+        return float("nan") if self.heldout is None else float(np.mean(list(self.heldout.r2.values())))
 
     def predict(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike | None = None) -> np.ndarray:
         """Predict the efforts of a motion, filtered as the fitted efforts were.
@@ -138,6 +166,8 @@ class RobotFit(TreeEstimate):
     ) -> RobotTrace:
         """Simulate the motion that efforts cause, with true stiction and without drive ripple.
 
+        The bodies are those of `consistent`, if there are any.
+
         Parameters
         ----------
         time : array_like, shape (n,)
@@ -175,8 +205,8 @@ class RobotFit(TreeEstimate):
                     f"of {', '.join(self.robot.names)}"
                 )
         period = float(clock[-1] - clock[0]) / (len(clock) - 1)
-        turns = self.robot.turns_array
-        masses = _core.KinematicTree(self.links(), np.array(self.robot.tree.gravity, float)).mass_matrix(
+        turns, model = self.robot.turns_array, self.consistent or self
+        masses = _core.KinematicTree(model.links(), np.array(self.robot.tree.gravity, float)).mass_matrix(
             start["position"][None]
         )
         if not np.linalg.eigvalsh(masses[0]).min() > 0.0:
@@ -185,8 +215,8 @@ class RobotFit(TreeEstimate):
                 "determine efforts, and not every division among the links can move"
             )
         plant = _core.DrivenTree(
-            self.links(), np.array(self.robot.tree.gravity, float), self.joints(), period=period,
-            substeps=substeps_for(period), turns=turns if self.robot.shared else None, motors=self.motors(),
+            model.links(), np.array(self.robot.tree.gravity, float), model.joints(), period=period,
+            substeps=substeps_for(period), turns=turns if self.robot.shared else None, motors=model.motors(),
         )  # fmt: skip
         plant.reset(start["position"], start["velocity"])
         made, speed = plant.run(drive)
@@ -219,29 +249,29 @@ class RobotFit(TreeEstimate):
         motions = [
             _motion_of(
                 self.robot, _columns_of(self.robot, each, f"score, {name}", self.units), name, self.filtering,
-                self.dead_band, use="validate",
+                self.dead_band, use="validate", effort_lowpass=self.effort_lowpass,
             )
             for name, each in _recordings_of("score", recordings)
         ]  # fmt: skip
-        errors = heldout_errors(self, motions)
-        r2 = {}
-        for k, name in enumerate(self.robot.names):
-            effort, off = (
-                np.concatenate(each)
-                for each in zip(
-                    *((m.effort[m.moving[:, k], k], (m.effort - self.effort(m))[m.moving[:, k], k]) for m in motions),
-                    strict=True,
-                )
-            )
-            spread = float(np.sum((effort - effort.mean()) ** 2))
-            r2[name] = 1.0 - float(np.sum(off**2)) / spread if spread > 0.0 else float("nan")
-        return RobotScore(dict(zip(self.robot.names, errors.tolist(), strict=True)), r2)
+        return score_motions(self, motions)
+
+
+def score_motions(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> RobotScore:
+    """Return the errors of an estimate on motions that were not fitted."""
+    errors, r2 = heldout_errors(estimate, motions), {}
+    predicted = [estimate.effort(motion) for motion in motions]
+    for k, name in enumerate(estimate.robot.names):
+        effort = np.concatenate([m.effort[m.moving[:, k], k] for m in motions])
+        model = np.concatenate([each[m.moving[:, k], k] for m, each in zip(motions, predicted, strict=True)])
+        spread = float(np.sum((effort - effort.mean()) ** 2))
+        r2[name] = 1.0 - float(np.sum((effort - model) ** 2)) / spread if spread > 0.0 else float("nan")
+    return RobotScore(dict(zip(estimate.robot.names, errors.tolist(), strict=True)), r2)
 
 
 @with_checked_arguments
 def fit_robot(
     robot: Robot | Tree | str | os.PathLike,
-    recordings: Sequence[Mapping[str, ArrayLike]] | Mapping[str, ArrayLike],
+    recordings: Sequence[Mapping[str, ArrayLike]] | Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]],
     *,
     lowpass: float | str | None,
     order: int = 4,
@@ -251,17 +281,19 @@ def fit_robot(
     velocity_width: float = 0.0,
     plain: bool = False,
     units: Mapping[str, str] | None = None,
+    held_out: Any = None,
 ) -> RobotFit:
     """Identify base inertial parameters and friction of a robot from its motion and efforts.
 
     Weighted least squares on filtered data over the base parameters. Friction terms beyond Coulomb and viscous friction
-    are chosen within the given recordings, by segments left out in turn.
+    are chosen within the fitted recordings, by segments left out in turn. `RobotFit.consistent` has physically
+    consistent bodies, near those of `robot` where the efforts tell little.
 
     Parameters
     ----------
     robot : Robot, Tree, or path-like
         Kinematics and stated bodies, for instance of `pellucid.read_robot`; or the path of a URDF file.
-    recordings : sequence of mapping, or one mapping
+    recordings : sequence of mapping, one mapping, or a mapping of them by name
         For each recording ``time``, shape (n,), evenly sampled [s] or dates, ``position``, (n, m) [rad or m], and
         ``effort``, (n, m) [N m or N], in the order of the robot's moving joints; optionally ``velocity``, (n, m).
         A data frame has a column for each joint, such as ``position.elbow``.
@@ -282,12 +314,15 @@ def fit_robot(
         Whether friction is Coulomb and viscous only, without a choice of further terms.
     units : mapping of str to str, optional
         Units of the arrays that are not in SI, such as ``{"position": "deg", "effort": "mN*m"}``.
+    held_out : float, int, str, sequence of int or str, or one or several recordings, optional
+        What is not fitted and tests the model: the numbers or names of recordings, further recordings, or a share
+        between 0 and 1. A share holds out the last recordings, or the last samples of a single one.
 
     Returns
     -------
     RobotFit
-        Parameters by name, such as ``fit["joint_2.coulomb"]``, with intervals and covariance, `predict`, `simulate` and
-        `score`.
+        Parameters by name, such as ``fit["joint_2.coulomb"]``, with intervals and covariance, the held-out error, a
+        verdict on each joint, consistent bodies, `predict`, `simulate` and `score`.
 
     Raises
     ------
@@ -301,11 +336,15 @@ def fit_robot(
     References
     ----------
     .. [1] M. Gautier, "Numerical calculation of the base inertial parameters of robots", J. Robotic Systems 8, 1991.
+    .. [2] P. M. Wensing, S. Kim, J.-J. E. Slotine, "Linear matrix inequalities for physically consistent inertial
+       parameter identification", IEEE Robot. Autom. Lett. 3, 2018.
 
     Examples
     --------
-    >>> fit = pl.fit_robot("arm.urdf", {"time": t, "position": q, "effort": u}, lowpass="10 Hz")    # doctest: +SKIP
-    >>> fit.to_frame()                                                               # doctest: +SKIP
+    >>> recording = {"time": t, "position": q, "effort": u}                          # doctest: +SKIP
+    >>> fit = pl.fit_robot("arm.urdf", recording, lowpass="10 Hz", held_out=0.25)    # doctest: +SKIP
+    >>> fit.heldout_effort_error, [str(each) for each in fit.answers]                # doctest: +SKIP
+    >>> fit.consistent["link_2.mass"].value                                          # doctest: +SKIP
     >>> fit.score({"time": t2, "position": q2, "effort": u2}).errors                  # doctest: +SKIP
     """
     where = "fit_robot"
@@ -321,7 +360,7 @@ def fit_robot(
         raise ArgumentError(f"{where}: plain: found {shown(plain)}, expected True or False")
     trimmed = None if trim is None else whole_number(where, "trim", trim, 0)
     motions, filtering = [], None
-    for name, each in _recordings_of(where, recordings):
+    for name, each, use in _with_held_out(where, _recordings_of(where, recordings), held_out):
         columns = _columns_of(whole, each, f"{where}, {name}", factors)
         if "position" not in factors:
             _require_plausible(whole, columns, f"{where}, {name}")
@@ -331,15 +370,29 @@ def fit_robot(
             raise RecordingError(
                 f"{where}, {name}: time: found {len(columns['time'])} samples, expected at least {least}"
             )
-        motions.append(_motion_of(whole, columns, name, filtering, slow))
+        motions.append(_motion_of(whole, columns, name, filtering, slow, use))
     assert filtering is not None
+    judged = [motion for motion in motions if motion.use == "validate"]
+    motions = [motion for motion in motions if motion.use == "fit"]
     notes = _require_signs(where, whole, motions)
     terms = () if plain else FURTHER_TERMS + FURTHER_MOTOR_TERMS
     found = identify_tree(whole, motions, width=width, leave_out=False, terms=terms, ripple=False)
     chosen = found.base if plain else found.best
+    consistent = None
+    try:
+        model = TreeModel(whole, found.rows.base, chosen.families, None if plain else found.choice.speeds)
+        consistent, _ = fit_consistent(model, found.rows)
+    except IdentificationError as error:
+        notes = (*notes, f"no consistent bodies: {error}")
+    heldout = score_motions(chosen, judged) if judged else None
+    moving = np.concatenate([motion.moving for motion in motions]).mean(axis=0)
+    errors = None if heldout is None else list(heldout.errors.values())
     own = {each.name: getattr(chosen, each.name) for each in fields(chosen)}
     own["notes"] = (*chosen.notes, *notes)
-    return RobotFit(**own, filtering=filtering, dead_band=slow, units=dict(units or {}))
+    return RobotFit(
+        **own, filtering=filtering, dead_band=slow, units=dict(units or {}), consistent=consistent, heldout=heldout,
+        answers=answer_joints(whole.names, errors, "held-out recordings", moving.tolist()),
+    )  # fmt: skip
 
 
 def _robot_of(robot: Any) -> Robot:
@@ -370,6 +423,59 @@ def _recordings_of(where: str, recordings: Any) -> list[tuple[str, Any]]:
                 f"{where}: recordings: found {shown(each)}, expected mappings with time, position and effort"
             )
     return [(f"recording {i + 1}", each) for i, each in enumerate(recordings)]
+
+
+def _with_held_out(where: str, given: list[tuple[str, Any]], held_out: Any) -> list[tuple[str, Any, str]]:
+    """Return recordings with their names and uses, "fit" or "validate"."""
+    fitted = [(name, each, "fit") for name, each in given]
+    if held_out is None:
+        return fitted
+    if is_table(held_out) or _are_tables(held_out):
+        further = _recordings_of(where, held_out)
+        return fitted + [(f"held-out {name}", each, "validate") for name, each in further]
+    names = [name for name, _ in given]
+    if isinstance(held_out, Real) and not isinstance(held_out, (bool, np.bool_, Integral)):
+        share = number(where, "held_out", held_out)
+        if not 0.0 < share < 1.0:
+            raise IdentificationError(f"{where}: held_out: found {share:g}, expected a share above 0 and below 1")
+        if len(given) == 1:
+            return _split_recording(where, *given[0], share)
+        chosen: Any = names[len(names) - min(max(round(share * len(names)), 1), len(names) - 1) :]
+    else:
+        chosen = [held_out] if isinstance(held_out, (str, Integral)) else held_out
+    if not isinstance(chosen, (list, tuple)) or not chosen or not all(map(_is_name_or_number, chosen)):
+        raise ArgumentError(
+            f"{where}: held_out: found {shown(held_out)}, expected recordings, their names or numbers, or a share"
+        )
+    for each in chosen:
+        if each not in names if isinstance(each, str) else not -len(names) <= int(each) < len(names):
+            raise IdentificationError(
+                f"{where}: held_out: found {each!r}, expected a number from 0 to {len(names) - 1} or one of "
+                f"{', '.join(names)}"
+            )
+    judged = {each if isinstance(each, str) else names[int(each)] for each in chosen}
+    if len(judged) == len(names):
+        raise IdentificationError(f"{where}: held_out: found all recordings, expected at least one that is fitted")
+    return [(name, each, "validate" if name in judged else "fit") for name, each in given]
+
+
+def _is_name_or_number(value: Any) -> bool:
+    return isinstance(value, (str, Integral)) and not isinstance(value, (bool, np.bool_))
+
+
+def _are_tables(value: Any) -> bool:
+    """Return whether a value holds recordings, in a sequence or by name."""
+    each = list(value.values()) if isinstance(value, Mapping) else value
+    return isinstance(each, (list, tuple)) and bool(each) and all(map(is_table, each))
+
+
+def _split_recording(where: str, name: str, table: Any, share: float) -> list[tuple[str, Any, str]]:
+    """Return the first samples of a recording, which are fitted, and the last `share` of them."""
+    columns = {column: table[column] for column in table_columns(table)}
+    count = len(real_array(where, "time", columns["time"])) if "time" in columns else 0
+    first = count - round(share * count)
+    parts = ((name, slice(0, first), "fit"), (f"{name}, held out", slice(first, count), "validate"))
+    return [(part, {n: np.asarray(x)[rows] for n, x in columns.items()}, use) for part, rows, use in parts]
 
 
 def _columns_of(robot: Robot, table: Any, where: str, units: Mapping[str, str]) -> dict[str, np.ndarray]:
@@ -412,11 +518,12 @@ def _samples_of_joints(robot: Robot, where: str, name: str, values: Any, count: 
 
 def _motion_of(
     robot: Robot, columns: Mapping[str, np.ndarray], name: str, filtering: Filtering, dead_band: Sequence[float],
-    use: Any = "fit",
+    use: Any = "fit", effort_lowpass: float | None = None,
 ) -> TreeMotion:  # fmt: skip
     return tree_motion_of(
         columns["time"], columns["position"], columns["effort"], filtering,
         velocity=columns.get("velocity"), dead_band=dead_band, turns=robot.turns_array, recording=name, use=use,
+        effort_lowpass=effort_lowpass,
     )  # fmt: skip
 
 
