@@ -10,7 +10,7 @@ import pytest
 from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 
 import pellucid as pl
-from pellucid.arm.study import tree_findings
+from pellucid.arm.study import tree_findings, tree_page
 from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS
 from pellucid.models.estimates import Parameter
 from pellucid.models.tree_card import read_tree_card
@@ -132,6 +132,35 @@ def test_a_terminal_and_a_notebook_show_it(found):
     assert max(map(len, text.splitlines())) <= 100
     html = found._repr_html_()
     assert html.count("<table>") == len(found.tables)
+
+
+def test_each_joint_has_an_answer_in_every_output(study, found):
+    assert [(each.joint, each.answer) for each in found.answers] == [("shoulder", "yes"), ("elbow", "yes")]
+    rows = {row.id: row for row in found.rows}
+    row = rows[f"{found.study}.best.predicts.joint_2"]
+    assert row.value == 1.0
+    assert row.note.startswith("elbow: yes: ")
+    assert "yes for 2" in found.headline
+    (table,) = (t for t in found.tables if t.title.startswith("Joints, whether"))
+    assert table.rows[0][:2] == ("shoulder", "yes")
+    assert "effort error" in table.rows[0][2]
+    resting = replace(found, traces=tuple(replace(t, moving=t.moving * [1, 0]) for t in found.traces))
+    assert resting.answers[1].answer == "cannot say"
+    assert "of the fitted rows alone" in resting.answers[1].reason
+    page = tree_page.page(study, found)
+    assert any(section.id == "joints" and section.tables for section in page.sections)
+    assert "The model predicts 2 of 2 joints" in page.headline
+
+
+def test_a_result_predicts_simulates_and_scores(found):
+    trace = next(t for t in found.traces if t.use == "validate")
+    recording = {"time": trace.time, "position": trace.position, "effort": trace.effort}
+    predicted = found.predict(trace.time, trace.position)
+    assert predicted.shape == trace.position.shape
+    assert found.score(recording).mean_error < 20.0
+    made = found.simulate(trace.time[:200], predicted[:200], trace.position[0], trace.velocity[0])
+    assert np.isfinite(made.position).all()
+    assert found.fit.consistent is found.models["consistent"]
 
 
 def test_two_identifications_are_compared(study, found):

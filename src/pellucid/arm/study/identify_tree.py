@@ -79,6 +79,8 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     tell("payloads", 0.9)
     payloads = identify_payloads(study, robot, motions, found.best, gains)
     out = found.best_out
+    processing = study.processing_of(study.recordings()[0])
+    bands = {joint.joint: joint.dead_band for joint in study.rig.joints}
     result = TreeResult(
         study=study.name,
         headline="",
@@ -100,7 +102,10 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         identified_gains=gains,
         gains_note=GAIN_SOURCES[table.gains],
         published=table.published,
-        filter_note=filtering_of(study.processing_of(study.recordings()[0])).sentence("rad/s"),
+        filter_note=filtering_of(processing).sentence("rad/s"),
+        filtering=filtering_of(processing),
+        effort_lowpass=table.effort_lowpass,
+        dead_band=tuple(processing.dead_band if bands[n] is None else bands[n] for n in robot.names),
         doubts=tuple(f"{f.found}, expected {f.expected}" for f in faults if f.kind == "sign"),
         segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),

@@ -49,7 +49,7 @@ def answer_joints(
     made = []
     for k, name in enumerate(names):
         error = float("nan") if errors is None else float(errors[k])
-        text = f"{percent(error)} % of its effort is missed on {where}"
+        text = f"effort error {percent(error)} % on {where}"
         if wrong:
             made.append(JointAnswer(name, "no", f"first correct: {', '.join(wrong)}"))
         elif errors is None:

@@ -10,6 +10,7 @@ import numpy as np
 from ...models.estimates import Verdict
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ..fit.tree_estimate import IDENTIFIED_VERDICT, NOT_IDENTIFIABLE_VERDICT, parameter_verdicts
+from .joint_answers import MIN_MOVING_SHARE
 from .tree_result import ROW_KIND_DESCRIPTIONS, TreeResult, errors_by_recording, unidentified_parameters
 
 
@@ -18,7 +19,6 @@ class FindingThresholds:
     """When a finding warns."""
 
     max_negligible_loss: float = 0.1  # largest increase of the mean error that is negligible, in percentage points
-    min_moving_share: float = 0.2  # smallest share of the rows in which a joint should move
     # A joint is predicted much worse if its error exceeds this multiple of the fitted error. Chosen by judgement; no
     # measurement is recorded.
     max_error_ratio: float = 1.5
@@ -70,12 +70,12 @@ def report_hardly_moved(case: TreeResult) -> Iterator[Verdict]:
     """Report the joints that hardly move."""
     moving = np.concatenate([t.moving for t in case.traces if t.use == "fit"]).mean(axis=0)
     for joint, share in zip(case.names, moving, strict=True):
-        if share < FINDING_THRESHOLDS.min_moving_share:
+        if share < MIN_MOVING_SHARE:
             yield Verdict(
                 "warning",
                 f"Joint {joint} moves in {100.0 * share:.2g} % of the fitted rows: its friction rests on these.",
                 "Record motion in which it goes both ways, slowly and fast.",
-                weight=FINDING_THRESHOLDS.min_moving_share - share,
+                weight=MIN_MOVING_SHARE - share,
             )
 
 

@@ -25,6 +25,7 @@ from ...study.study import Study
 from ..fit.friction_terms import sum_friction
 from ..fit.tree_estimate import parameter_verdict
 from . import tree_figures as figures
+from .joint_answers import answers_in_words
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
 from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, errors_along, terms_of
 
@@ -55,6 +56,7 @@ def page(study: Study, result: TreeResult) -> Page:
     curves = _curves(result)
     sections = [
         Section("arm", "The arm", drawings=(arm,)),
+        Section("joints", "Is each joint predicted?", tables=figure_tables(result, "Joints, whether")),
         Section(
             "errors",
             "Errors",
@@ -80,7 +82,7 @@ def page(study: Study, result: TreeResult) -> Page:
                 "named by the number that stands for the others.",
             ),
             drawings=(draw(figures.shown_parameters, *_map(result)),),
-            tables=figure_tables(result, "Joints"),
+            tables=figure_tables(result, "Parameters of joints"),
             folded=tuple(
                 (f"Every parameter: {MODEL_DESCRIPTIONS[name]}", _parameters(result, name)) for name in result.models
             ),
@@ -102,12 +104,8 @@ def page(study: Study, result: TreeResult) -> Page:
 
 def _verdict(found: TreeResult) -> AnswerVerdict:
     """Return whether every joint's effort is predicted within the bound on what was not fitted."""
-    if any(v.kind == "wrong" for v in found.verdicts):
-        return "no"
-    errors = found.errors_of("best", found.judged)
-    if found.judged == "fitted" or errors is None:
-        return "unsure"
-    return "yes" if max(errors.each) <= MAX_GOOD_ERROR else "no"
+    answers = {each.answer for each in found.answers}
+    return "no" if "no" in answers else "unsure" if "cannot say" in answers else "yes"
 
 
 def _headline(found: TreeResult) -> str:
@@ -125,7 +123,8 @@ def _headline(found: TreeResult) -> str:
         f"mean over joints ({percent(min(best.each))} to {percent(max(best.each))} % by joint); with "
         f"plain friction {percent(base.mean)} %"
     )
-    return text + (f", with bodies as stated {percent(stated.mean)} %." if stated else ".")
+    text += f", with bodies as stated {percent(stated.mean)} %." if stated else "."
+    return f"{text} {answers_in_words(found.answers)}."
 
 
 def _tiles(found: TreeResult) -> list[Tile]:

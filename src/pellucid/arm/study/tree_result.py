@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib.metadata import version
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..._errors import IdentificationError
 from ...models.estimates import Parameter
 from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
+from ...numerics.motion import Filtering
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -24,6 +26,8 @@ from ..fit.tree_estimate import TreeEstimate, parameter_verdicts
 from ..fit.tree_families import SpectralLine
 from ..fit.tree_regression import TreeModel
 from ..tree_motion import TreeMotion, fitted_without_payload
+from .fit_robot import RobotFit, RobotScore, RobotTrace
+from .joint_answers import JointAnswer, answer_joints
 from .tree_table import TreeTable
 
 COMMAND_NAME = "identify"
@@ -138,11 +142,46 @@ class TreeResult(Result):
     segments: int  # number of segments
     doubts: tuple[str, ...] = ()  # joints whose sign is in doubt, in words
     traces: tuple[TreeTrace, ...] = field(default=(), repr=False)  # filtered recordings
+    filtering: Filtering  # filtering and decimation of both sides
+    effort_lowpass: float | None = None  # cut-off of the low-pass on effort, where it is another [Hz]
+    dead_band: tuple[float, ...] = ()  # speed of each joint below which samples are excluded [rad/s; m/s]
 
     @property
     def best(self) -> TreeEstimate:
         """Estimate whose figures are drawn."""
         return self.models["best"]
+
+    @property
+    def fit(self) -> RobotFit:
+        """The best model as `pellucid.fit_robot` returns it."""
+        own = {each.name: getattr(self.best, each.name) for each in fields(self.best)}
+        return RobotFit(
+            **own, filtering=self.filtering, dead_band=self.dead_band, effort_lowpass=self.effort_lowpass,
+            consistent=self.models.get("consistent"), answers=self.answers,
+        )  # fmt: skip
+
+    def predict(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike | None = None) -> np.ndarray:
+        """Predict the efforts of a motion by the best model, shape (n, m); see `RobotFit.predict`."""
+        return self.fit.predict(time, position, velocity)
+
+    def simulate(
+        self, time: ArrayLike, effort: ArrayLike, position: ArrayLike | None = None, velocity: ArrayLike | None = None
+    ) -> RobotTrace:
+        """Simulate the motion that efforts cause, with consistent bodies; see `RobotFit.simulate`."""
+        return self.fit.simulate(time, effort, position, velocity)
+
+    def score(self, recordings: Any) -> RobotScore:
+        """Compare predicted with measured efforts of other recordings; see `RobotFit.score`."""
+        return self.fit.score(recordings)
+
+    @property
+    def answers(self) -> tuple[JointAnswer, ...]:
+        """Whether the best model predicts each joint: "yes", "no" or "cannot say", with the reason."""
+        judged = self.judged
+        errors = None if judged == "fitted" else self.errors_of("best", judged).each
+        moving = np.concatenate([t.moving for t in self.traces if t.use == "fit"]).mean(axis=0).tolist()
+        wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in self.verdicts if v.kind == "wrong"))
+        return answer_joints(self.names, errors, ROW_KIND_DESCRIPTIONS[judged], moving, wrong)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -216,10 +255,18 @@ def _headline(found: TreeResult) -> str:
         "with friction "
         f"chosen for each joint, {base.mean:.3g} % with plain friction"
     )
-    return text + (f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else "")
+    text += f"; not to be used before this is corrected: {', '.join(wrong)}" if wrong else ""
+    counts = Counter(each.answer for each in found.answers)
+    return f"{text}; predicted well enough: " + ", ".join(f"{answer} for {n}" for answer, n in counts.items())
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
+    answers = found.answers
+    # Joints that are not predicted are told first, and on a short terminal too.
+    chosen = tuple(k for k, each in enumerate(answers) if each.answer != "yes")
+    rows = tuple((each.joint, each.answer, each.reason) for each in answers)
+    heads = ("joint", "answer", "reason")
+    yield FigureTable("Joints, whether the model predicts each", heads, rows, chosen_rows=chosen)
     names = [name.replace("_", " ") for name in found.names]
     short = max(map(len, names)) <= 8
     joint_heads = [f"{name} %" if short else f"joint {k + 1} %" for k, name in enumerate(names)]
@@ -238,9 +285,8 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
             for name, (use, each) in by_recording.items()
         )
         yield FigureTable("Effort errors of the best model by recording", heads, rows)
-    yield FigureTable(
-        "Joints", ("joint", "friction beside viscous and dry", "numbers shown", "verdict"), tuple(_joints(found))
-    )
+    heads = ("joint", "friction beside viscous and dry", "parameters identified", "parameters not identified")
+    yield FigureTable("Parameters of joints", heads, tuple(_joints(found)))
     heads = ("joint", *(f"{name.replace('_', ' ')}" for name in _friction_names(found)))
     yield FigureTable("Friction of the best model (SI)", heads, tuple(_friction_rows(found)))
     if found.payloads:
@@ -306,7 +352,7 @@ def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
         if any(ripple.motor == k for ripple in found.best.ripples):
             terms += ", ripple"
         weak = unidentified_parameters(found, k)
-        yield name, terms, f"{good} of {len(states)}", "good" if not weak else f"not sure: {', '.join(weak)}"
+        yield name, terms, f"{good} of {len(states)}", "none" if not weak else ", ".join(weak)
 
 
 def _friction_names(found: TreeResult) -> tuple[str, ...]:
@@ -389,6 +435,10 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         for k, (name, value) in enumerate(zip(found.names, e.each, strict=True), 1):
             yield replace(of, id=f"{head}.joint_{k}", value=value, unit="%", note=f"{name}: {note}")
         yield replace(of, id=f"{head}.mean", value=e.mean, unit="%", note=f"mean over joints; {note}")
+    for k, answer in enumerate(found.answers, 1):
+        value = {"yes": 1.0, "no": 0.0}.get(answer.answer)
+        note = f"{answer.joint}: {answer}"
+        yield replace(kept, id=f"{found.study}.best.predicts.joint_{k}", value=value, note=note)
     for recording, (use, each) in errors_by_recording(found).items():
         of = plain if use == "fit" else kept
         for k, (name, value) in enumerate(zip(found.names, each, strict=True), 1):
