@@ -1,5 +1,8 @@
 """Several joints without a robot's file: each is identified as a study of that joint alone would, or listed."""
 
+from dataclasses import dataclass
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -7,6 +10,8 @@ from typer.testing import CliRunner
 from pellucid import check, compare, identify, open, report
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
+from pellucid.joint.study import each_joint
+from pellucid.models.estimates import Verdict
 from pellucid.study.pages.page import write_page
 
 RATE, SECONDS = 100.0, 24.0
@@ -204,3 +209,20 @@ def test_a_joint_may_have_a_dead_band_of_its_own(make_leg, columns):
     plain = identify(make_leg(columns, ["hip", "knee"]), **FAST)
     assert found["hip.inertia"].value == plain["hip.inertia"].value
     assert found["knee.inertia"].value != plain["knee.inertia"].value
+
+
+@dataclass(frozen=True)
+class OfVerdicts:
+    verdicts: tuple
+
+
+def test_parts_of_one_file_differ_in_neither_payload_nor_machine():
+    said = Verdict("wrong", "a contradicts b.", "Check a payload that is not stated.", "contradicting_recordings")
+    found = OfVerdicts((said, Verdict("note", "other", "Check the payload.", "other")))
+    one = SimpleNamespace(recordings=lambda: [SimpleNamespace(path="a.csv")] * 2)
+    told = each_joint._with_causes(one, found).verdicts
+    assert told[0].do == each_joint.ONE_FILE_ADVICE
+    assert "payload that is not stated" not in told[0].do
+    assert told[1] == found.verdicts[1]
+    two = SimpleNamespace(recordings=lambda: [SimpleNamespace(path="a.csv"), SimpleNamespace(path="b.csv")])
+    assert each_joint._with_causes(two, found) is found
