@@ -260,6 +260,25 @@ def test_the_first_screen_has_the_answer(tried, make, joints):
     require_first_screen(folder / "out" / "index.html", table)
 
 
+def test_several_joints_are_told_that_a_urdf_gives_one_model(tmp_path):
+    (file,) = two_joints(tmp_path)
+    done = run(file, "--out", tmp_path / "out", "-q")
+    wanted = f"pellucid try {file} --urdf ROBOT.urdf"
+    assert wanted in " ".join(done.output.split())
+    page = tmp_path / "out" / "index.html"
+    assert "--urdf ROBOT.urdf" in first_screen(page)
+    # The assumptions take no table beside that of the joints.
+    text = page.read_text(encoding="utf-8")
+    assumed = text.partition('id="assumed-first"')[2].partition("</section>")[0]
+    assert "<table" not in assumed
+    assert "worn: no" in assumed
+
+
+def test_a_single_joint_needs_no_urdf(tmp_path):
+    done = run(*unit_row(tmp_path), "--out", tmp_path / "out", "-q")
+    assert "--urdf" not in done.output
+
+
 @pytest.fixture(scope="module")
 def given_layouts(data_folder, tmp_path_factory):
     """Folders of the given layouts, written by the program that knows them."""

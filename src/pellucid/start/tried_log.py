@@ -44,6 +44,8 @@ class TriedLog:
         Defaults and guesses on which the result depends.
     next_command : str
         Command that makes a study of the same files in a folder of the user's.
+    robot_command : str
+        Command that tries the same files with the robot's URDF; "" unless several joints were identified one by one.
     """
 
     folder: Path
@@ -54,6 +56,17 @@ class TriedLog:
     joints: tuple[TriedJoint, ...]
     assumptions: tuple[Assumption, ...]
     next_command: str
+    robot_command: str = ""
+
+    @property
+    def robot_advice(self) -> str:
+        """Sentence that says how to get a model of all joints together; "" where nothing is to be gained."""
+        if not self.robot_command:
+            return ""
+        return (
+            "Each joint was identified on its own, as if the others did not move. With the robot's URDF, one model of "
+            f"the arm is identified: `{self.robot_command}`."
+        )
 
     @property
     def flaw(self) -> str:

@@ -22,6 +22,7 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
         try_headline(tried),
+        *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
     ]
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
     return before, parameter_rows(tried), assumed

@@ -84,7 +84,8 @@ def try_log(
         result,
         _joints_of(study, result),
         assumptions_of(proposal, made.text),
-        _next_command(name, files, answers or {}, urdf),
+        _command(("init", name, "--from"), files, answers or {}, urdf),
+        _command(("try",), files, answers or {}, "ROBOT.urdf") if _is_joint_by_joint(study, command) else "",
     )
     return replace(tried, page=write_page(folder, try_page(tried)))
 
@@ -103,11 +104,18 @@ def _named(given: GivenFiles) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-def _next_command(name: str, files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None) -> str:
-    """Return the command that makes a study of the same files, as a shell takes it."""
+def _is_joint_by_joint(study: Study, command: str) -> bool:
+    """Return whether several joints were identified without a table of a robot."""
+    return len(study.rig.joints) > 1 and all(p.table is None for p in asked(study, command))
+
+
+def _command(
+    start: Sequence[str], files: Sequence[Path], answers: Mapping[str, str], urdf: str | os.PathLike | None
+) -> str:
+    """Return a command on the same files, as a shell takes it."""
     options = [text for key, value in answers.items() for text in ("--answer", f"{key}={value}")]
     robot = [] if urdf is None else ["--urdf", os.fspath(urdf)]
-    return shlex.join(["pellucid", "init", name, "--from", *map(os.fspath, files), *robot, *options])
+    return shlex.join(["pellucid", *start, *map(os.fspath, files), *robot, *options])
 
 
 def _joints_of(study: Study, result: Result) -> tuple[TriedJoint, ...]:

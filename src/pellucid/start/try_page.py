@@ -46,6 +46,9 @@ MAX_PARAMETER_COLUMNS = 3
 MAX_DETAILED_JOINTS = 1
 """Up to so many joints, each parameter has a row of its own."""
 
+MAX_ASSUMPTIONS_OF_JOINTS = 4
+"""At most so many stand there beside a table of several joints."""
+
 MAX_SHOWN_ASSUMPTIONS = 8
 """At most so many assumptions stand on the first screen; the section below has all."""
 
@@ -146,7 +149,8 @@ def _parameters(tried: TriedLog) -> Section:
     if len(tried.joints) <= MAX_DETAILED_JOINTS:
         return Section("parameters", "Parameters", (), (Table(heads, tuple(map(Row, rows)), frozenset({1, 3})),))
     title = f"Parameters, each with half its {100.0 * tried.result.confidence:g} % interval"
-    return Section("parameters", title, (), (number_table(heads, rows),))
+    advice = (tried.robot_advice,) if tried.robot_advice else ()
+    return Section("parameters", title, advice, (number_table(heads, rows),))
 
 
 def _assumed(tried: TriedLog, most: int | None = None) -> Section:
@@ -155,6 +159,12 @@ def _assumed(tried: TriedLog, most: int | None = None) -> Section:
     anchor = "assumed" if most is None else "assumed-first"
     if not assumed:
         return Section(anchor, "Assumed", ("Nothing: the files state or show all of it.",))
+    if most is not None and len(tried.joints) > MAX_DETAILED_JOINTS:
+        # A table of several joints leaves no room for another above the verdicts.
+        most = MAX_ASSUMPTIONS_OF_JOINTS
+        text = "; ".join(f"{_short(a.subject)}: {_short(a.taken)}" for a in assumed[:most])
+        more = len(assumed) - most
+        return Section(anchor, "Assumed", (f"{text}{f'; and {more} more, which stand below' * (more > 0)}.",))
     if most is not None:
         more = len(assumed) - most
         notes = (f"and {more} more, which stand below",) if more > 0 else ()
