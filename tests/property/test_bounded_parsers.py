@@ -26,6 +26,7 @@ MAX_MESSAGE_LENGTH = 5000
 """Characters of a message, which names what was found and does not repeat it."""
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 def test_small_files_take_little_time_and_memory():
     program = Path(__file__).with_name("bounded_run.py")

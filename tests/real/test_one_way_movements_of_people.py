@@ -9,6 +9,7 @@ from pellucid.files.readers import read_columns
 from pellucid_lab.pointing.one_way_movements import one_way_movements
 
 
+@pytest.mark.nightly
 def test_every_movement_is_that_of_the_data_s_own_program(data_folder):
     folder = data_folder / "human_pointing"
     if not (folder / "movements.py").is_file():

@@ -181,6 +181,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(assessment_page, "draw", lambda *_: None)
 
 
+@pytest.mark.nightly
 def test_badge_and_test_agree_in_forty_studies(quick):
     seen = run(range(40))
     assert {PASS, FAIL, CANNOT_SAY} <= set(seen)

@@ -104,6 +104,7 @@ def runnable_kernels():
     return [kernel for kernel, feature in KERNELS.items() if features is None or feature in features]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_chosen_familys_figures_agree_on_every_kernel(make_study):
     kernels = runnable_kernels()

@@ -199,6 +199,7 @@ def test_c_answers_as_recorded_and_as_python_does(folder, cards):
     assert {"none", "time", "angle", "channel", "ceiling", "restarted"} <= {_core.EMG_FAULTS[i] for i in said}
 
 
+@pytest.mark.nightly
 @COMPILERS
 @pytest.mark.skipif(bool(missing_tools()), reason="no tools for a Cortex-M4F")
 def test_a_cortex_m4_answers_bit_by_bit(folder, cards, tmp_path):

@@ -135,6 +135,7 @@ def test_all_end_points_must_hold_and_one_may_fail(rng):
     assert unsure.said_of("vmax") == "undecided"
 
 
+@pytest.mark.nightly
 def test_power_is_that_of_the_tests_themselves(rng):
     covariance = 0.05**2 * np.array([[1.0, 0.5], [0.5, 1.0]])
     margins = [Margin.of_ratio(0.1)] * 2

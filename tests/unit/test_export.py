@@ -212,6 +212,7 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(folders, law):
     assert found.memory == 8 + _core.supervised_storage(law)
 
 
+@pytest.mark.nightly
 @compiled
 @on_m4
 def test_a_fused_multiply_add_is_found_out(folders, tmp_path):

@@ -60,6 +60,7 @@ def test_python_answers_bit_by_bit_as_c(folder, values):
         assert got == [x.strip() for x in wanted[i]]
 
 
+@pytest.mark.nightly
 @COMPILERS
 @pytest.mark.skipif(bool(missing_tools()), reason="no tools for a Cortex-M4F")
 def test_a_cortex_m4_answers_bit_by_bit_as_the_host(folder):
@@ -70,6 +71,7 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(folder):
     assert found.memory <= _core.tree_law_storage(M) + 8
 
 
+@pytest.mark.nightly
 @COMPILERS
 def test_motors_that_turn_together_are_exported_too(tmp_path):
     turns = np.eye(M)

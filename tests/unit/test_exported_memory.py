@@ -49,7 +49,9 @@ def assert_kept(promises: dict[str, int]) -> None:
     assert len(promises) == 11
 
 
-@pytest.mark.parametrize("kind", ["joint", "worn", "force_sensor", "clpc"])
+@pytest.mark.parametrize(
+    "kind", ["joint", "force_sensor", *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ("worn", "clpc"))]
+)
 def test_a_stop_wins_and_no_lost_bit_forgets_a_fault(kind, tmp_path, request):
     if kind == "joint":
         (tmp_path / "study").mkdir()

@@ -185,6 +185,7 @@ def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
     assert any(v.text.startswith("viscous is not identifiable") for v in found.verdicts)
 
 
+@pytest.mark.nightly
 def test_two_recordings_of_one_joint_do_not_differ_and_a_worn_one_does(tmp_path):
     joint = bench_joint()
     worn = {f"joint.coulomb_{side}": 1.3 * joint["joint"][f"coulomb_{side}"] for side in ("positive", "negative")}
@@ -210,6 +211,7 @@ def test_different_joints_are_not_compared(virtual, tmp_path, fit):
         compare(virtual.models_dir / "joint.json", other)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_two_payloads_give_the_drive_constant_of_a_study(tmp_path):
     """Recorded bare and with 1.5 kg at 0.2 m: the study then knows its torque per ampere, with an interval."""

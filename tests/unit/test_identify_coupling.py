@@ -191,6 +191,7 @@ def test_nothing_to_identify_is_refused(whole):
         identify_worn(config.model_copy(update={"coupling": None}), recordings)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_from_files_the_same_comes_out_and_check_tells_what_is_wrong(tmp_path, found_wrong):
     made = {trial.name: trial for trial in (*BENCH, *WORN, *swings(), *WRONG)}

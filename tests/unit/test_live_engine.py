@@ -213,7 +213,11 @@ def test_every_process_ends_by_itself_after_its_session_was_killed(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-@pytest.mark.parametrize("killed", ["session", "engine recorder session", "recorder session", "engine session"])
+@pytest.mark.parametrize(
+    "killed",
+    ["session", *(pytest.param(k, marks=pytest.mark.nightly) for k in ("recorder session", "engine session")),
+     "engine recorder session"],
+)
 def test_the_next_session_removes_the_memory_of_one_that_was_killed(elbow, tmp_path, killed):
     words = [sys.executable, "-c", SESSION_PROGRAM, str(tmp_path / "first")]
     (tmp_path / "first").mkdir()

@@ -106,8 +106,8 @@ def test_a_session_runs_from_consent_to_evaluation(tmp_path):
     assert {verdict.said for verdict in session.verdicts} == {"cannot say yet"}
 
 
-def test_every_kind_of_task_runs_and_is_recorded(tmp_path):
-    session, _engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
+def test_every_kind_of_task_runs_and_is_recorded_with_the_estimate_of_the_torque(tmp_path):
+    session, engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
     run_until(session, clock, lambda: session.phase == Phase.finished)
     study = open_study(tmp_path / "s")
     protocols = [entry.protocol for entry in study.config.recordings]
@@ -120,6 +120,11 @@ def test_every_kind_of_task_runs_and_is_recorded(tmp_path):
                                             "semitendinosus", "gastrocnemius_medial", "gastrocnemius_lateral",
                                             "tibialis_anterior"}  # fmt: skip
     assert session.estimator.error < 0.8 * session.estimator.error_of_mean
+    found = np.array(engine.estimates)
+    assert len(found) > 100
+    assert np.isfinite(found).all()
+    assert np.all(found[:, 2] > 0.0)
+    assert session.operator_state()["estimate"]["torque"] == found[-1, 1]
 
 
 def started(tmp_path, **options):
@@ -419,16 +424,6 @@ def test_what_happens_to_a_clock_is_told_while_it_happens(tmp_path):
     clock.now += 1.0
     session.step()
     assert [fault.text for fault in session.faults] == told  # each once
-
-
-def test_the_estimate_of_the_torque_is_recorded(tmp_path):
-    session, engine, clock = session_of(tmp_path / "s", "knee", unattended=True)
-    run_until(session, clock, lambda: session.phase == Phase.finished)
-    found = np.array(engine.estimates)
-    assert len(found) > 100
-    assert np.isfinite(found).all()
-    assert np.all(found[:, 2] > 0.0)
-    assert session.operator_state()["estimate"]["torque"] == found[-1, 1]
 
 
 def test_a_session_goes_on_where_it_was_left(tmp_path):

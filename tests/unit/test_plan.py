@@ -37,6 +37,7 @@ def study(tmp_path):
     return made
 
 
+@pytest.mark.nightly
 def test_it_is_the_search_of_the_certificate(study):
     found = plan(study(), studies=300)
     margins = [Margin.of_ratio(0.1), Margin(-np.inf, np.radians(2.0))]

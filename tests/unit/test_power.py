@@ -72,6 +72,7 @@ def test_more_participants_find_smaller_changes():
     assert need[3] is None
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_large_runs_use_every_core():
     small = power_curve(pilot(8), (90,), change=0.05, studies=1000)

@@ -38,6 +38,7 @@ def test_ranks_that_pile_up_are_seen():
     assert narrow["posterior.calibration.free.held"] == 0.0
 
 
+@pytest.mark.nightly
 def test_one_truth_and_one_muscle():
     assert all(0.0 <= share <= 1.0 for share in ranks(3))
     fitted, drawn, offset = muscle(5)

@@ -157,6 +157,7 @@ def test_what_cannot_be_factored_is_refused(change, muscles, said):
         find_synergies(envelopes(1), MUSCLES, 9)
 
 
+@pytest.mark.nightly
 def test_people_share_them(tmp_path):
     opened = study(tmp_path / "groups", more="most = 3")
     assert not check(opened)

@@ -213,6 +213,7 @@ def test_one_recording_is_chosen_on_in_blocks():
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_maps_are_the_same_whoever_fits_them(monkeypatch):
     monkeypatch.setattr(torque_map, "MAP_FITTING", replace(MAP_FITTING, min_parallel_samples=0))
