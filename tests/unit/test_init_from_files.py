@@ -143,7 +143,7 @@ def test_an_answer_replaces_the_default_and_its_mark(tmp_path):
 
 def test_files_without_numbers_are_refused_by_name(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing here\n")
-    with pytest.raises(pl.PellucidError, match=r"found no table of numbers in 1 files: notes\.txt"):
+    with pytest.raises(pl.PellucidError, match=r"found no table of numbers in 1 file: notes\.txt"):
         pl.init(tmp_path / "study", files=[tmp_path / "notes.txt"])
     with pytest.raises(pl.PellucidError, match="no such file, expected a recording or a folder of recordings"):
         pl.init(tmp_path / "study", files=[tmp_path / "gone.csv"])

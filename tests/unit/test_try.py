@@ -145,7 +145,7 @@ def test_a_log_without_effort_is_refused_in_one_sentence_and_a_page(tmp_path):
 def test_files_without_a_table_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("nothing here\n")
     done = run(tmp_path / "notes.txt")
-    assert "found no table of numbers in 1 files: notes.txt" in str(done.exception)
+    assert "found no table of numbers in 1 file: notes.txt" in str(done.exception)
     done = run(tmp_path / "gone.csv")
     assert "gone.csv: no such file, expected a recording" in str(done.exception)
     done = run(*unit_row(tmp_path), "--answer", "worn")
