@@ -81,7 +81,7 @@ def test_apostrophes_and_blanks_stand_between_thousands(tmp_path, blank):
 
 def test_a_file_without_numbers_is_refused_with_what_stands_in_it(tmp_path):
     path = written(tmp_path, table([("5", "6"), *[("1~000", "2~000")] * 20]))
-    with pytest.raises(pl.PellucidError, match=r'files: log\.csv: found no numeric column; column "t": .*"1~000"'):
+    with pytest.raises(pl.PellucidError, match=r'1 file: log\.csv: found no numeric column; column "t": .*"1~000"'):
         pl.init(tmp_path / "study", files=[path])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.arm.study.tree_page import _verdict as robot_verdict
 from pellucid.joint.fit.estimators import EstimatorChoice
 from pellucid.joint.study import joint_page as module
@@ -178,12 +179,9 @@ def test_a_forest_writes_the_numbers_under_their_ids():
     ],
 )
 def test_a_robot_is_judged_by_its_worst_joint_where_it_was_not_fitted(judged, errors, kinds, verdict):
-    found = SimpleNamespace(
-        judged=judged,
-        verdicts=[Verdict(kind, "This was found.") for kind in kinds],
-        errors_of=lambda model, where: SimpleNamespace(each=errors),
-    )
-    assert robot_verdict(found) == verdict
+    wrong = [kind for kind in kinds if kind == "wrong"]
+    answers = answer_joints(("a", "b"), errors if judged == "heldout" else None, "held-out data", (1.0, 1.0), wrong)
+    assert robot_verdict(SimpleNamespace(answers=answers)) == verdict
 
 
 @pytest.mark.parametrize(

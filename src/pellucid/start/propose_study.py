@@ -304,13 +304,6 @@ def require_known_units(proposal: Proposal) -> None:
 def require_agreeing_units(proposal: Proposal) -> None:
     """Raise a StudyError if stated units of a position and of its derivative disagree, or weight refutes a unit."""
     for layout in (proposal.main, *proposal.streams):
-        refuted = next((role for role in layout.channels if role.fitting_unit), None)
-        if refuted is not None and "position_unit" not in proposal.answers:
-            raise StudyError(
-                f'{layout.tables[0].path.name}: column "{refuted.column}": found the unit "{refuted.unit}" '
-                f"({refuted.unit_why}), expected {refuted.fitting_unit}; correct the unit in the file, or say which it "
-                f'is: --answer "position_unit={refuted.fitting_unit}"'
-            )
         table, columns = layout.tables[0], {role.column: role for role in layout.channels}
         for pair in layout.roles.pairs:
             stated = [
@@ -327,6 +320,13 @@ def require_agreeing_units(proposal: Proposal) -> None:
                 f'{table.path.name}: columns "{pair.of}" and "{pair.by}": found the units "{stated[0]}" and '
                 f'"{stated[1]}", but the second is {pair.ratio:.4g} times the derivative of the first, expected '
                 f"{known[0]:.4g}; correct one unit in the file: {ways} would fit"
+            )
+        refuted = next((role for role in layout.channels if role.fitting_unit), None)
+        if refuted is not None and "position_unit" not in proposal.answers:
+            raise StudyError(
+                f'{layout.tables[0].path.name}: column "{refuted.column}": found the unit "{refuted.unit}" '
+                f"({refuted.unit_why}), expected {refuted.fitting_unit}; correct the unit in the file, or say which it "
+                f'is: --answer "position_unit={refuted.fitting_unit}"'
             )
 
 
