@@ -1,8 +1,5 @@
 """Several joints without a robot's file: each is identified as a study of that joint alone would, or listed."""
 
-from dataclasses import dataclass
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -10,8 +7,7 @@ from typer.testing import CliRunner
 from pellucid import check, compare, identify, open, report
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.cli import app
-from pellucid.joint.study import each_joint
-from pellucid.models.estimates import Verdict
+from pellucid.joint.study.joint_findings import ONE_FILE_ADVICE
 from pellucid.study.pages.page import write_page
 
 RATE, SECONDS = 100.0, 24.0
@@ -211,18 +207,24 @@ def test_a_joint_may_have_a_dead_band_of_its_own(make_leg, columns):
     assert found["knee.inertia"].value != plain["knee.inertia"].value
 
 
-@dataclass(frozen=True)
-class OfVerdicts:
-    verdicts: tuple
+HALVES = """
+[[recordings]]
+name = "second"
+file = "recordings/{file}"
+use = "validate"
+window = ["10 s", "20 s"]
+"""
 
 
-def test_parts_of_one_file_differ_in_neither_payload_nor_machine():
-    said = Verdict("wrong", "a contradicts b.", "Check a payload that is not stated.", "contradicting_recordings")
-    found = OfVerdicts((said, Verdict("note", "other", "Check the payload.", "other")))
-    one = SimpleNamespace(recordings=lambda: [SimpleNamespace(path="a.csv")] * 2)
-    told = each_joint._with_causes(one, found).verdicts
-    assert told[0].do == each_joint.ONE_FILE_ADVICE
-    assert "payload that is not stated" not in told[0].do
-    assert told[1] == found.verdicts[1]
-    two = SimpleNamespace(recordings=lambda: [SimpleNamespace(path="a.csv"), SimpleNamespace(path="b.csv")])
-    assert each_joint._with_causes(two, found) is found
+def test_parts_of_one_file_differ_in_neither_payload_nor_machine(make_study):
+    columns = make_study.swing(4000)
+    columns["i"] = columns["i"] + np.where(columns["t"] > 10.0, 0.2, 0.0) * np.gradient(columns["q"], columns["t"])
+    first = ('use = "fit"', 'use = "fit"\nwindow = ["0 s", "10 s"]')
+    for file, is_one in (("sweep.csv", True), ("other.csv", False)):
+        study = make_study(columns, first, append=HALVES.format(file=file))
+        recorded = study.folder / "recordings"
+        (recorded / "other.csv").write_bytes((recorded / "sweep.csv").read_bytes())
+        (told,) = (v for v in identify(study, **FAST).verdicts if v.finding == "contradicting_recordings")
+        assert (told.do == ONE_FILE_ADVICE) == is_one
+        assert ("payload that is not stated" in told.do) == (not is_one)
+

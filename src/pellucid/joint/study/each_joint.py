@@ -31,13 +31,6 @@ MIN_MOVED_RANGE = {"rotary": MAX_POSTURE_RANGE_RAD, "prismatic": MIN_MOVING_RANG
 """A joint counts as moving only if its range over all fitted recordings exceeds this [rad; m]."""
 
 
-ONE_FILE_ADVICE = (
-    "Both are parts of one file, with one machine and payload. The model of one joint lacks the motion of the others, "
-    "which may differ between the parts."
-)
-"""What to do where parts of one file contradict each other."""
-
-
 def each_joint_faults(study: Study) -> list[Fault]:
     """Return the faults of every joint; what refuses one alone is a warning that it is left out."""
     found: dict[str, list[Fault]] = {}
@@ -98,7 +91,7 @@ def identify_each_joint(
         *coupling_verdicts({joint: views[joint] for joint in joints}, joints),
         *(Verdict("warning", f"{joint} is left out: {why}", finding="left_out") for joint, why in left_out.items()),
         *(Verdict("note", f"{joint} shows nothing: found {why}.", finding="rest") for joint, why in resting.items()),
-        *_verdicts_of({joint: _with_causes(views[joint], found) for joint, found in joints.items()}),
+        *_verdicts_of(joints),
     ]
     return complete_each_joint(study, joints, resting, left_out, rank_verdicts(verdicts))
 
@@ -163,21 +156,6 @@ def _verdicts_of(joints: Mapping[str, Result]) -> list[Verdict]:
             text = verdict.text if is_shared else f"{joint}: {verdict.text}"
             made.setdefault(f"{text} {verdict.do}", replace(verdict, text=text))
     return list(made.values())
-
-
-def _with_causes(view: Study, found: Result) -> Result:
-    """Return the result of one of several joints with the probable cause of recordings that contradict each other.
-
-    Parts of one file have the same machine, payload and settings.
-    """
-    files = {recording.path for recording in view.recordings()}
-    if len(files) > 1:
-        return found
-    changed = (
-        replace(v, do=ONE_FILE_ADVICE) if v.finding == "contradicting_recordings" and "payload" in v.do else v
-        for v in found.verdicts
-    )
-    return replace(found, verdicts=tuple(changed))
 
 
 def _no_joint_text(study: Study, resting: Mapping[str, str], left_out: Mapping[str, str]) -> str:

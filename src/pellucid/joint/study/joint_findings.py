@@ -210,6 +210,13 @@ MIN_ZERO_DIFFERENCE_RAD = np.radians(5.0)
 """A recording differs by its encoder zero if the zeros are farther apart than this [rad]."""
 
 
+ONE_FILE_ADVICE = (
+    "All parts are of one file, with one machine and its settings. Look for what changes within it: the speed, the "
+    "temperature, a contact, or the motion of another joint."
+)
+"""What to do where parts of one file contradict each other."""
+
+
 def report_contradicting_recordings(case: JointCase) -> Iterator[Verdict]:
     """Report each contradicting recording, its parameters, and those of the others."""
     names = {m.recording for m in case.excerpt}
@@ -253,15 +260,19 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float, payl
     )
     sentence = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
     which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
+    is_one_file = len({recording.path for recording in case.study.recordings()}) == 1
     if payload is not None:
         sentence += f" {payload}"
-        return Verdict("wrong", sentence, PAYLOAD_ADVICE, weight=weight)
+        do = f"{PAYLOAD_ADVICE} {ONE_FILE_ADVICE}" if is_one_file else PAYLOAD_ADVICE
+        return Verdict("wrong", sentence, do, weight=weight)
     if "gravity_cosine" in each.own and abs(each.turned) > MIN_ZERO_DIFFERENCE_RAD:
         sentence += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
     elif np.isfinite(each.scale) and abs(each.scale - 1.0) > FINDING_THRESHOLDS.min_scale_difference:
         sentence += f" Its effort is {each.scale:.3g} times what the others' model asks for."
         do = f"Check the drive's unit, scale and sign in {which}"
+    elif is_one_file:
+        return Verdict("wrong", sentence, ONE_FILE_ADVICE, weight=weight)
     else:
         do = f"Check what moved in {which}: a payload that is not stated, another machine, other settings"
     return Verdict("wrong", sentence, f"{do}; or leave it out.", weight=weight)
