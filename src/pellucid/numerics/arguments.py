@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date, timedelta
 from difflib import get_close_matches
 from functools import wraps
@@ -176,6 +176,43 @@ def real_column(where: str, name: str, values: Any, *, unit: str = "") -> np.nda
     if column.ndim != 1:
         raise RecordingError(f"{where}: {name}: found shape {column.shape}, expected (n,) or (n, 1)")
     return np.ascontiguousarray(column)
+
+
+def held_out_share(where: str, held_out: Any) -> float | None:
+    """Return the share of recordings or samples that `held_out` is; None if it is no share but says which ones."""
+    if not isinstance(held_out, Real) or isinstance(held_out, (bool, np.bool_, Integral)):
+        return None
+    share = number(where, "held_out", held_out)
+    if not 0.0 < share < 1.0:
+        raise IdentificationError(f"{where}: held_out: found {share:g}, expected a share above 0 and below 1")
+    return share
+
+
+def held_out_names(where: str, names: Sequence[str], held_out: Any) -> set[str]:
+    """Return the names of the recordings that `held_out` says: a share of the last ones, names, or numbers."""
+    share = held_out_share(where, held_out)
+    if share is not None:
+        return set(names[len(names) - min(max(round(share * len(names)), 1), len(names) - 1) :])
+    chosen = [held_out] if isinstance(held_out, (str, Integral)) else held_out
+    is_several = isinstance(chosen, Sequence) and not isinstance(chosen, (str, bytes)) and len(chosen) > 0
+    if not is_several or not all(map(_is_name_or_number, chosen)):
+        raise ArgumentError(
+            f"{where}: held_out: found {shown(held_out)}, expected recordings, their names or numbers, or a share"
+        )
+    for each in chosen:
+        if each not in names if isinstance(each, str) else not -len(names) <= int(each) < len(names):
+            raise IdentificationError(
+                f"{where}: held_out: found {each!r}, expected a number from 0 to {len(names) - 1} or one of "
+                f"{', '.join(names)}"
+            )
+    judged = {each if isinstance(each, str) else names[int(each)] for each in chosen}
+    if len(judged) == len(names):
+        raise IdentificationError(f"{where}: held_out: found all recordings, expected at least one that is fitted")
+    return judged
+
+
+def _is_name_or_number(value: Any) -> bool:
+    return isinstance(value, (str, Integral)) and not isinstance(value, bool)
 
 
 Parameters = ParamSpec("Parameters")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,8 @@ from ...models.kinematic_tree import Tree
 from ...models.robot import Robot
 from ...models.simulate import substeps_for
 from ...numerics.arguments import (
+    held_out_names,
+    held_out_share,
     is_table,
     number,
     real_array,
@@ -433,34 +434,11 @@ def _with_held_out(where: str, given: list[tuple[str, Any]], held_out: Any) -> l
     if is_table(held_out) or _are_tables(held_out):
         further = _recordings_of(where, held_out)
         return fitted + [(f"held-out {name}", each, "validate") for name, each in further]
-    names = [name for name, _ in given]
-    if isinstance(held_out, Real) and not isinstance(held_out, (bool, np.bool_, Integral)):
-        share = number(where, "held_out", held_out)
-        if not 0.0 < share < 1.0:
-            raise IdentificationError(f"{where}: held_out: found {share:g}, expected a share above 0 and below 1")
-        if len(given) == 1:
-            return _split_recording(where, *given[0], share)
-        chosen: Any = names[len(names) - min(max(round(share * len(names)), 1), len(names) - 1) :]
-    else:
-        chosen = [held_out] if isinstance(held_out, (str, Integral)) else held_out
-    if not isinstance(chosen, (list, tuple)) or not chosen or not all(map(_is_name_or_number, chosen)):
-        raise ArgumentError(
-            f"{where}: held_out: found {shown(held_out)}, expected recordings, their names or numbers, or a share"
-        )
-    for each in chosen:
-        if each not in names if isinstance(each, str) else not -len(names) <= int(each) < len(names):
-            raise IdentificationError(
-                f"{where}: held_out: found {each!r}, expected a number from 0 to {len(names) - 1} or one of "
-                f"{', '.join(names)}"
-            )
-    judged = {each if isinstance(each, str) else names[int(each)] for each in chosen}
-    if len(judged) == len(names):
-        raise IdentificationError(f"{where}: held_out: found all recordings, expected at least one that is fitted")
+    share = held_out_share(where, held_out)
+    if share is not None and len(given) == 1:
+        return _split_recording(where, *given[0], share)
+    judged = held_out_names(where, [name for name, _ in given], held_out)
     return [(name, each, "validate" if name in judged else "fit") for name, each in given]
-
-
-def _is_name_or_number(value: Any) -> bool:
-    return isinstance(value, (str, Integral)) and not isinstance(value, (bool, np.bool_))
 
 
 def _are_tables(value: Any) -> bool:

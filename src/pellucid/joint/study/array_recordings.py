@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
 from ..._errors import ArgumentError, IdentificationError, RecordingError
-from ...numerics.arguments import is_table, number, real_column, shown, table_columns
+from ...numerics.arguments import held_out_names, held_out_share, is_table, real_column, shown, table_columns
 
 REQUIRED_COLUMNS = ("time", "position", "effort")
 """Columns that every recording has."""
@@ -152,23 +151,10 @@ def hold_out(where: str, given: list[ArrayRecording], held_out: Any, units: Mapp
         return [*given, *_held(collect_recordings(where, held_out, units=units, stem="held_out"))]
     if isinstance(held_out, tuple) and len(held_out) in (3, 4) and all(map(_has_samples, held_out)):
         return [*given, *_held(collect_recordings(where, *held_out, units=units, stem="held_out"))]
-    if isinstance(held_out, Real) and not isinstance(held_out, (bool, np.bool_, Integral)):
-        return _hold_share(where, given, number(where, "held_out", held_out))
-    chosen = [held_out] if isinstance(held_out, (str, Integral)) and not isinstance(held_out, bool) else held_out
-    if not _is_sequence_of(chosen, lambda x: isinstance(x, (str, Integral)) and not isinstance(x, bool)):
-        raise ArgumentError(
-            f"{where}: held_out: found {shown(held_out)}, expected recordings, their names or numbers, or a share"
-        )
-    names = [each.name for each in given]
-    for each in chosen:
-        if each not in names if isinstance(each, str) else not -len(names) <= int(each) < len(names):
-            raise IdentificationError(
-                f"{where}: held_out: found {each!r}, expected a number from 0 to {len(names) - 1} or one of "
-                f"{', '.join(names)}"
-            )
-    judged = {each if isinstance(each, str) else names[int(each)] for each in chosen}
-    if len(judged) == len(names):
-        raise IdentificationError(f"{where}: held_out: found all recordings, expected at least one that is fitted")
+    share = held_out_share(where, held_out)
+    if share is not None and len(given) == 1:
+        return _split(given[0], share)
+    judged = held_out_names(where, [each.name for each in given], held_out)
     return [replace(each, is_held_out=each.name in judged) for each in given]
 
 
@@ -182,14 +168,8 @@ def _held(recordings: list[ArrayRecording]) -> list[ArrayRecording]:
     return [replace(each, is_held_out=True) for each in recordings]
 
 
-def _hold_share(where: str, given: list[ArrayRecording], share: float) -> list[ArrayRecording]:
-    """Return recordings of which the last ones are held out; of a single one, its last samples."""
-    if not 0.0 < share < 1.0:
-        raise IdentificationError(f"{where}: held_out: found {share:g}, expected a share above 0 and below 1")
-    if len(given) == 1:
-        (one,) = given
-        n = len(one.columns["time"])
-        first = n - round(share * n)
-        return [one.part("fitted", slice(0, first), False), one.part("held_out", slice(first, n), True)]
-    count = min(max(round(share * len(given)), 1), len(given) - 1)
-    return [replace(each, is_held_out=i >= len(given) - count) for i, each in enumerate(given)]
+def _split(one: ArrayRecording, share: float) -> list[ArrayRecording]:
+    """Return the first samples of a recording, which are fitted, and the last `share` of them."""
+    n = len(one.columns["time"])
+    first = n - round(share * n)
+    return [one.part("fitted", slice(0, first), False), one.part("held_out", slice(first, n), True)]
