@@ -68,8 +68,7 @@ def report_drive_ripple(case: TreeResult) -> Iterator[Verdict]:
 
 def report_hardly_moved(case: TreeResult) -> Iterator[Verdict]:
     """Report the joints that hardly move."""
-    moving = np.concatenate([t.moving for t in case.traces if t.use == "fit"]).mean(axis=0)
-    for joint, share in zip(case.names, moving, strict=True):
+    for joint, share in zip(case.names, case.moving_shares, strict=True):
         if share < MIN_MOVING_SHARE:
             yield Verdict(
                 "warning",

@@ -179,9 +179,13 @@ class TreeResult(Result):
         """Whether the best model predicts each joint: "yes", "no" or "cannot say", with the reason."""
         judged = self.judged
         errors = None if judged == "fitted" else self.errors_of("best", judged).each
-        moving = np.concatenate([t.moving for t in self.traces if t.use == "fit"]).mean(axis=0).tolist()
         wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in self.verdicts if v.kind == "wrong"))
-        return answer_joints(self.names, errors, ROW_KIND_DESCRIPTIONS[judged], moving, wrong)
+        return answer_joints(self.names, errors, ROW_KIND_DESCRIPTIONS[judged], self.moving_shares, wrong)
+
+    @property
+    def moving_shares(self) -> list[float]:
+        """Share of the fitted rows in which each joint moves."""
+        return np.concatenate([t.moving for t in self.traces if t.use == "fit"]).mean(axis=0).tolist()
 
     @property
     def names(self) -> tuple[str, ...]:
