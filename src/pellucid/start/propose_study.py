@@ -763,8 +763,9 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     n = recording.table.rows
     if n < 200 or rate is None:
         return [recording]
+    columns = _own_names(recording.table, main.tables[0])
     if clock.column is not None:
-        values = clock.seconds(_own_names(recording.table, main.tables[0])[clock.column])
+        values = clock.seconds(columns[clock.column])
         known = values[np.isfinite(values)]
         begin, end = float(known[min(clock.first_sound, len(known) - 1)]), float(known[-1])
     else:
@@ -774,7 +775,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     step = 1.0 / rate
     share = PROPOSAL_LIMITS.single_fit_share
     piece = (end - begin) / PIECES
-    if piece >= PROPOSAL_LIMITS.min_piece_s and not _moves_alike(recording.table, main, share):
+    if piece >= PROPOSAL_LIMITS.min_piece_s and not _moves_alike(columns, main.roles, rate, share):
         why = "one recording, whose speeds change: pieces of it are held out by turns and judge what is found"
         edges = [begin + i * piece for i in PIECE_EDGES] + [end + step]
         uses = ["validate" if i % 2 else "fit" for i in range(len(edges) - 1)]
@@ -797,20 +798,18 @@ PIECE_EDGES = (0, 1, 2, 4, 5, 7, 8)
 """Where pieces begin that are fitted and held out by turns: one of three is held out, and both ends are fitted."""
 
 
-def _moves_alike(table: GivenTable, main: Layout, share: float) -> bool:
-    """Whether each joint moves as fast in the first `share` of a recording as in the rest."""
-    columns = _own_names(table, main.tables[0])
-    first = main.roles.clock.first_sound
-    for role in main.channels:
-        if role.quantity not in ("position", "motor_position") or role.column not in columns or main.roles.rate is None:
+def _moves_alike(columns: Mapping[str, np.ndarray], roles: TableRoles, rate: float, share: float) -> bool:
+    """Whether each joint moves as fast in the first `share` of a recording as in the rest; `rate` [Hz]."""
+    for role in (*roles.of("position"), *roles.of("motor_position")):
+        if role.column not in columns:
             continue
-        values = decode_counts(columns[role.column], role.keys)[first:]
-        if not np.isfinite(values).any():
+        values = decode_counts(columns[role.column], role.keys)[roles.clock.first_sound :]
+        if len(values) < 200 or not np.isfinite(values).any():
             continue
-        speed = np.abs(motion_samples(values, np.arange(len(values)) / main.roles.rate).velocity)
-        middle = round(share * len(speed))
-        sizes = [float(np.quantile(part, PROPOSAL_LIMITS.speed_quantile)) for part in (speed[:middle], speed[middle:])]
-        if max(sizes) > PROPOSAL_LIMITS.max_speed_ratio * min(sizes):
+        speed = np.abs(motion_samples(values, np.arange(len(values)) / rate).velocity)
+        parts = np.split(speed, [round(share * len(speed))])
+        slow, fast = sorted(float(np.quantile(part, PROPOSAL_LIMITS.speed_quantile)) for part in parts)
+        if fast > PROPOSAL_LIMITS.max_speed_ratio * slow:
             return False
     return True
 
