@@ -818,11 +818,11 @@ class _Assignment:
                 continue
             unit = "counts" if best in divisions else best
             compared = dict.fromkeys((best, *FULL_TURNS))
-            shares = [f"{100 * weighed.left_share(each):.2g} % in {each}" for each in compared]
+            shares = ", ".join(f"{100 * weighed.left_share(each):.2g} % (in {each})" for each in compared)
             usual = f"{ANGLE_LIMITS.usual_counts} counts"
             if best in divisions and (weighed.is_decided() or weighed.beats(best, usual)):
                 self._counts[name] = int(divisions[best]), weighed.is_decided()
-            return unit, f'gravity, friction and inertia leave of "{other}" {", ".join(shares)}', True
+            return unit, f'gravity, friction and inertia leave {shares} of "{other}" unexplained', True
         return None
 
     def _with_partner_unit(self, name: str, role: ColumnRole) -> ColumnRole:
