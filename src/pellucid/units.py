@@ -18,6 +18,8 @@ from ._errors import StudyError
 _PINT_DEFINITIONS = """
 mega- = 1e6 = M-
 kilo- = 1e3 = k-
+deca- = 10 = da-
+deci- = 1e-1 = d-
 centi- = 1e-2 = c-
 milli- = 1e-3 = m-
 micro- = 1e-6 = µ- = μ- = u-
@@ -35,6 +37,8 @@ hour = 3600 * second = h
 hertz = 1 / second = Hz
 degree = 0.017453292519943295 * radian = deg = degrees = °
 gon = 0.015707963267948967 * radian
+arcminute = 0.0002908882086657216 * radian = arcmin
+arcsecond = 4.84813681109536e-06 * radian = arcsec
 turn = 6.283185307179586 * radian = _ = rev = turns
 rpm = turn / minute
 newton = kilogram * meter / second ** 2 = N

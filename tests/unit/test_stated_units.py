@@ -79,11 +79,32 @@ def test_words_are_no_units(text):
         ("torque [%]", "torque", "%"), ("Sensor A", "Sensor A", None), ("position[0]", "position[0]", None),
         ("Torque (measured)", "Torque (measured)", None), ("LoadCell ()", "LoadCell", None),
         ("/joint_states/knee/position", "/joint_states/knee/position", None), ("deg", "deg", None),
+        ("torque_percent_rated", "torque", "%"), ("Moment in Prozent", "Moment", "%"),
+        ("TorqueActual_permille", "TorqueActual", "permille"), ("torque_lbft", "torque", "lbf*foot"),
+        ("torque_ozin", "torque", "ozf*inch"), ("torque_kgcm", "torque", "kgf*cm"), ("torque_dNm", "torque", "dN*m"),
+        ("angle_gon", "angle", "gon"), ("knee_gon", "knee_gon", None), ("angle_cdeg", "angle", "cdeg"),
+        ("q_millirad", "q", "mrad"), ("Winkel_Grad", "Winkel", "deg"), ("angle_arcmin", "angle", "arcmin"),
         ("sample count", "sample count", None), ("min", "min", None), ("rms", "rms", None),
     ],
 )  # fmt: skip
 def test_a_name_states_its_unit_in_many_ways(name, bare, unit):
     assert split_unit(name) == (bare, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "unit"),
+    [("pos_0.1deg", 0.1, "deg"), ("current 0.01A", 0.01, "A"), ("axis_2.5", 1.0, None)],
+)
+def test_a_name_states_how_many_of_a_unit_a_number_is(name, scale, unit):
+    found = read_name(name)
+    assert (found.scale, found.unit) == (scale, unit)
+
+
+@pytest.mark.parametrize("name", ["torque_Nm_x10", "Torque_Nm*100", "angle_x100", "TorqueNmX100"])
+def test_a_multiple_that_may_be_of_the_unit_or_of_the_number_is_no_known_unit(name):
+    found = read_name(name)
+    assert found.unit is None
+    assert found.unknown_unit
 
 
 @pytest.mark.parametrize(

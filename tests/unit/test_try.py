@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 import pellucid as pl
-from pellucid._errors import UnfitRecordingError
+from pellucid._errors import StudyError, UnfitRecordingError
 from pellucid.cli import app
 from pellucid.start.assumptions import assumptions_of
 from pellucid.start.given_files import read_given
@@ -102,6 +102,57 @@ def test_the_temporary_folder_stays_and_is_named(tmp_path, monkeypatch):
     assert page.parent.parent == tmp_path
     assert "assumed worn" not in done.output
     assert "--answer worn=yes" in done.output
+
+
+def test_figures_that_scale_with_a_default_may_not_be_used_before_it_is_confirmed(tmp_path):
+    """A torque without a unit gave "Yes": 48 N*m of the drive stood there as 100 N*m."""
+    p = made_layouts.swing(20)
+    path = tmp_path / "log.csv"
+    table = np.column_stack([p["t"], p["q"], p["tau"]])
+    np.savetxt(path, table, delimiter=",", header="time [s],angle [rad],actuator_torque", comments="", fmt="%.6g")
+    said = run(path, "-q", "--out", tmp_path / "open").output
+    assert "May these figures be used? Cannot say." in said
+    assert '--answer "effort=torque in N*m"' in " ".join(said.split())
+    assert "Cannot say" in first_screen(tmp_path / "open" / "index.html")
+    said = run(path, "-q", "--answer", "effort=torque in N*m", "--json").output
+    assert json.loads(said)["answer"] == "yes"
+
+
+def test_a_motor_s_turns_become_the_joint_s(tmp_path):
+    """A motor's position of 50 rad was modelled as a joint's, and the answer with its gear was refused."""
+    p = made_layouts.swing(21)
+    path = tmp_path / "log.csv"
+    table = np.column_stack([p["t"], 40.0 * p["q"], p["tau"]])
+    np.savetxt(path, table, delimiter=",", header="time [s],motor_pos_rad,torque [Nm]", comments="", fmt="%.6g")
+    with pytest.raises(StudyError, match="gear_turns"):
+        CliRunner().invoke(app, ["try", str(path), "-q"], catch_exceptions=False)
+    turned = json.loads(run(path, "-q", "--answer", "gear_turns=40", "--json").output)
+    table[:, 1] /= 40.0
+    np.savetxt(path, table, delimiter=",", header="time [s],pos_rad,torque [Nm]", comments="", fmt="%.7g")
+    plain = json.loads(run(path, "-q", "--json").output)
+    inertia = [next(row["value"] for row in each["figures"] if row["id"].endswith("headline.inertia"))
+               for each in (turned, plain)]  # fmt: skip
+    assert inertia[0] == pytest.approx(inertia[1], rel=1e-3)
+
+
+def test_a_jittering_clock_that_loses_rows_is_bridged_and_its_comments_are_read(tmp_path):
+    """The log was refused with words on a study.toml that did not exist, and its encoder's bits were not read."""
+    rng = np.random.default_rng(5)
+    p = made_layouts.swing(22)
+    steps = np.median(np.diff(p["t"]))
+    time = 1e6 * (p["t"] + 0.03 * steps * rng.standard_normal(len(p["t"])))
+    counts = np.floor(16384 * p["q"] / (2 * np.pi)) + 8000
+    kept = rng.random(len(time)) > 0.01
+    rows = np.column_stack([time, counts, 1000 * p["tau"] / 0.12])[kept]
+    path = tmp_path / "log.csv"
+    comments = "# torque constant 0.12 Nm/A\n# encoder AS5048, 14 bit absolute\ntimestamp_us,enc_counts,i_mA"
+    np.savetxt(path, rows, delimiter=",", header=comments, comments="", fmt="%.0f")
+    proposal = propose_study(read_given([path]), "made")
+    assert proposal.drive_facts["torque_constant"].value == pytest.approx(0.12)
+    (question,) = [q for q in proposal.asked if q.key == "counts_per_turn"]
+    assert question.default == "16384"
+    done = run(path, "-q")
+    assert done.exit_code == 0, done.output
 
 
 def test_json_has_columns_assumptions_and_figures(tmp_path):

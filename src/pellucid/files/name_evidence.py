@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..units import to_si_factor
-from .stated_units import scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
+from .stated_units import ends_in_multiple, scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
     "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime",
@@ -168,10 +168,13 @@ def read_name(name: str) -> NameEvidence:
     ('current', 'mA', False)
     """
     bare, unit = split_unit(name)
+    multiple = ends_in_multiple(name)
+    if multiple is not None:
+        unit = None
     scale = 1.0
-    if unit is None and (found := scaled_unit_from_text(stated_unit_text(name) or "")) is not None:
+    if unit is None and multiple is None and (found := scaled_unit_from_text(stated_unit_text(name) or "")) is not None:
         scale, unit = found
-        bare = bare.partition("[")[0].partition("(")[0].strip() or bare
+        bare = re.split(r"[\[(]|[_ ]\d+\.\d+ ?\D*$", bare, maxsplit=1)[0].strip() or bare
     # The last part of a dotted path names the quantity: "entries.position".
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
@@ -201,7 +204,7 @@ def read_name(name: str) -> NameEvidence:
         numbers[-1] if numbers else None,
         bool(COMPUTED_WORDS & set(words)),
         bool(MEASURED_WORDS & set(words)),
-        _unknown_unit(name) if unit is None else None,
+        multiple or (_unknown_unit(name) if unit is None else None),
         scale,
     )
 

@@ -47,7 +47,16 @@ _UNITS_BY_TEXT = {
     "fahrenheit": "degF", "k": "K", "kelvin": "K", "w": "W", "watt": "W", "watts": "W", "kw": "kW", "mw": "mW",
     "j": "J", "joule": "J", "joules": "J", "kg": "kg", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ohm": "ohm",
     "ohms": "ohm", "Ω": "ohm", "ω": "ohm", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1", "unitless": "1",
-    "dimensionless": "1", "n m": "N*m",
+    "dimensionless": "1", "n m": "N*m", "prozent": "%", "promille": "permille", "dnm": "dN*m", "danm": "daN*m",
+    "cdeg": "cdeg", "mdeg": "mdeg", "ddeg": "ddeg", "udeg": "udeg", "centideg": "cdeg", "millideg": "mdeg",
+    "decideg": "ddeg", "microdeg": "udeg", "millidegrees": "mdeg", "centidegrees": "cdeg", "decidegrees": "ddeg",
+    "millirad": "mrad", "microrad": "urad", "arcmin": "arcmin", "arcsec": "arcsec",
+    "in_lb": "lbf*inch", "in_lbs": "lbf*inch", "inlb": "lbf*inch", "inlbs": "lbf*inch", "inlbf": "lbf*inch",
+    "lb_in": "lbf*inch", "lbf_in": "lbf*inch", "lbin": "lbf*inch", "lbfin": "lbf*inch", "oz_in": "ozf*inch",
+    "ozin": "ozf*inch", "ozfin": "ozf*inch", "inoz": "ozf*inch", "in_oz": "ozf*inch", "ft_lb": "lbf*foot",
+    "ft_lbs": "lbf*foot", "ftlb": "lbf*foot", "ftlbs": "lbf*foot", "ftlbf": "lbf*foot", "lb_ft": "lbf*foot",
+    "lbf_ft": "lbf*foot", "lbft": "lbf*foot", "lbfft": "lbf*foot", "kg_cm": "kgf*cm", "kgcm": "kgf*cm",
+    "kgf_cm": "kgf*cm", "kgfcm": "kgf*cm", "kgf_m": "kgf*m", "kgfm": "kgf*m",
 }  # fmt: skip
 """Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case."""
 
@@ -63,7 +72,7 @@ _BRACKETED_LETTERS = {"a": "A", "n": "N", "v": "V", "C": "degC", "c": "degC", "K
 _EXACT_UNITS = {"mN": "mN", "MPa": "MPa", "MHz": "MHz", "mA": "mA", "MA": "", "mV": "mV", "MV": "", "mW": "mW"}
 """Units whose case decides their size."""
 
-_NEWTON_METRES = re.compile(r"([numckM]?)N(m|mm|cm)")
+_NEWTON_METRES = re.compile(r"(da|[numckdM]?)N(m|mm|cm)")
 """Newton metres written as one word."""
 
 _FORCES_OF_MASSES = {"kg*cm": "kgf*cm", "kg*m": "kgf*m", "kg*mm": "kgf*mm", "cm*kg": "kgf*cm", "m*kg": "kgf*m"}
@@ -108,12 +117,16 @@ _UNIT_WORDS = frozenset({
     "micros", "ma", "ua", "milliamps", "amps", "uv", "mv", "nv", "kv", "microvolts", "millivolts", "volts", "mm", "cm",
     "um", "mps", "mps2", "nm", "nmm", "ncm", "mnm", "cnm", "knm", "unm", "n.m", "n.mm", "mn.m", "kn", "mn", "newtons",
     "newtonmeters", "lbf", "lbs", "kgf", "counts", "ticks", "pct", "percent", "hz", "khz", "degc", "degf", "celsius",
-    "watts", "kw", "mw", "mvc", "kpa",
+    "watts", "kw", "mw", "mvc", "kpa", "dnm", "danm", "permille", "promille", "prozent", "cdeg", "mdeg", "ddeg",
+    "udeg", "centideg", "millideg", "decideg", "microdeg", "millidegrees", "centidegrees", "decidegrees", "millirad",
+    "microrad", "arcmin", "arcsec", "inlb", "inlbs", "inlbf", "in_lb", "in_lbs", "lb_in", "lbf_in", "lbin", "lbfin",
+    "oz_in", "ozin", "ozfin", "inoz", "in_oz", "ft_lb", "ft_lbs", "ftlb", "ftlbs", "ftlbf", "lb_ft", "lbf_ft", "lbft",
+    "lbfft", "kg_cm", "kgcm", "kgf_cm", "kgfcm", "kgf_m", "kgfm",
 })  # fmt: skip
 """Words, folded, that are a unit at the end of a name; others, such as min, count and amp, are more often the name."""
 
 _UNIT_AT_CAPITAL = re.compile(
-    r"(?<=[a-z])(mNm|kNm|Nmm|Ncm|Nm|DegPerSec|RadPerSec|Degrees|Deg|Radians|Rad|RPM|Rpm|mA|mV|uV|Ms|Millis)$"
+    r"(?<=[a-z]{2})(mNm|kNm|cNm|dNm|Nmm|Ncm|Nm)$|(?<=[a-z])(DegPerSec|RadPerSec|Degrees|Deg|Radians|Rad|RPM|Rpm|mA|mV|uV|Ms|Millis)$"
 )
 """Units at the end of a name without a mark before them, as in jointAngleDeg."""
 
@@ -123,11 +136,14 @@ _COMPOUND_PARTS = frozenset(
 """Parts of compound units at the end of a name."""
 
 _SUFFIX_TEXTS = {
-    "rads": "rad/s", "degs": "deg/s", "ms2": "m/s^2", "in_lb": "lbf*inch", "in_lbs": "lbf*inch", "lb_in": "lbf*inch",
-    "lbf_in": "lbf*inch", "oz_in": "ozf*inch", "ft_lb": "lbf*foot", "ft_lbs": "lbf*foot", "lb_ft": "lbf*foot",
-    "lbf_ft": "lbf*foot",
-}  # fmt: skip
-"""Units, folded, that mean something else at the end of a name, or are units only there."""
+    "rads": "rad/s", "degs": "deg/s", "ms2": "m/s^2",
+}
+"""Units, folded, that mean something else at the end of a name."""
+
+_ANGLE_WORDS = frozenset({
+    "angle", "ang", "position", "pos", "q", "theta", "phi", "rotation", "enc", "encoder", "winkel", "lage", "stellung",
+})  # fmt: skip
+"""Last words of names after which "gon" and "grad" are units; elsewhere a goniometer, or a gradient."""
 
 _UNIT_WITHIN = re.compile(
     r"[_ .:/-](mNm|kNm|Nmm|Ncm|Nm|NM|deg|rad|rpm|RPM|dps|mA|mV|uV)(?=\d*(?:[_ .:-]|$))"
@@ -144,8 +160,17 @@ _MAX_SUFFIX_PARTS = 5
 """Units at the end of a name have at most so many parts: Nm_per_rad_per_s."""
 
 
-_OF_RATED = re.compile(r"\s+(?:of\s+)?(?:the\s+)?(?:motor\s+)?(?:rated|nominal)\b.{0,20}$", re.IGNORECASE)
+_OF_RATED = re.compile(r"\s+(?:of\s+)?(?:the\s+)?(?:motor\s+)?(?:rated|nominal|nenn)\b.{0,20}$", re.IGNORECASE)
 """What a share is of, behind its unit, as in "% of rated torque"."""
+
+
+_SHARE_OF_RATED = re.compile(
+    r"(percent|pct|prozent|permille|promille)_(of_)?(the_)?(motor_)?(rated|nominal|nenn)[a-z_]*"
+)
+"""A share of a rated effort at the end of a name, as in torque_percent_rated."""
+
+_MULTIPLE = re.compile(r"(?:(?<=[\W_])x|[*×]|(?<=[a-z])X)\s*10+$")
+"""End of a name that says a multiple, as in torque_Nm_x10: of the unit, or of the number, is not said."""
 
 
 @lru_cache(maxsize=4096)
@@ -175,6 +200,9 @@ def unit_from_text(text: str) -> str | None:
         return None
     return found
 
+
+_SCALED_SUFFIX = re.compile(r"(?<=[A-Za-z])[_ ](\d+\.\d+ ?[A-Za-z%°µ]+)$")
+"""A unit with its number at the end of a name; a whole number may be a joint's."""
 
 _SCALED_UNIT = re.compile(r"\s*(?:x\s*)?(\d+(?:[.,]\d+)?(?:e[-+]?\d+)?|10\^-?\d)\s*[x*·]?\s*(\D.*)", re.IGNORECASE)
 
@@ -276,9 +304,29 @@ def _split_end(name: str) -> tuple[str, str | None]:
 
 
 def stated_unit_text(name: str) -> str | None:
-    """Return what stands in the last brackets of a name, whether it is a unit or not; None if nothing does."""
-    found = [match[1] for match in _BRACKETED_TEXT.finditer(name[-MAX_UNIT_PLACE:]) if match[1]]
+    """Return what stands in the last brackets of a name, whether it is a unit or not; None if nothing does.
+
+    A unit with its number may stand at the end without brackets, as in pos_0.1deg.
+    """
+    end = name[-MAX_UNIT_PLACE:]
+    found = [match[1] for match in _BRACKETED_TEXT.finditer(end) if match[1]]
+    if not found and (scaled := _SCALED_SUFFIX.search(end)) is not None:
+        return scaled[1]
     return found[-1] if found else None
+
+
+def ends_in_multiple(name: str) -> str | None:
+    """Return the end of a name that says a multiple of a unit, such as "Nm_x10"; None if it ends in none.
+
+    Whether the unit or the number was multiplied, such a name leaves open.
+    """
+    found = _MULTIPLE.search(name[-MAX_UNIT_PLACE:])
+    if found is None:
+        return None
+    before = name[-MAX_UNIT_PLACE:][: found.start()].rstrip("_ ")
+    rest, unit = _split_end(before)
+    text = before[len(rest) :].strip("_ ") if unit is not None and before.startswith(rest) else ""
+    return f"{text} {found[0].strip()}".strip()
 
 
 def _without(name: str, start: int, end: int) -> str:
@@ -311,7 +359,7 @@ def _split_suffix(name: str) -> tuple[str, str | None]:
         return _without(name, within[-1].start(), within[-1].end()), unit_from_text(within[-1][1])
     match = _UNIT_AT_CAPITAL.search(name)
     if match is not None:
-        text = {"DegPerSec": "deg/s", "RadPerSec": "rad/s"}.get(match[1], match[1])
+        text = {"DegPerSec": "deg/s", "RadPerSec": "rad/s"}.get(match[0], match[0])
         return name[: match.start()], unit_from_text(text)
     return name, None
 
@@ -325,8 +373,10 @@ def _suffix_unit(text: str, last: str, after_underscore: bool) -> str | None:
     folded = text.casefold()
     if folded in _SUFFIX_TEXTS:
         return _SUFFIX_TEXTS[folded]
-    if folded in _UNIT_WORDS:
+    if folded in _UNIT_WORDS or (folded in ("gon", "grad") and last in _ANGLE_WORDS):
         return unit_from_text(text)
+    if _SHARE_OF_RATED.fullmatch(folded) is not None:
+        return unit_from_text(folded.replace("_", " "))
     if (match := _PER_SECOND.fullmatch(text)) is not None:
         unit = unit_from_text(match[1])
         return f"{unit}/s^2" if match[2] else f"{unit}/s"

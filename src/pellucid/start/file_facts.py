@@ -123,6 +123,28 @@ def find_drive_facts(facts: Mapping[str, str]) -> dict[str, FileFact]:
     return found
 
 
+_ENCODER_BITS = re.compile(r"\b(\d{1,2})[ -]?bits?\b", re.IGNORECASE)
+
+_COUNTS_OF_TURN = frozenset({
+    "cpr", "ppr", "countsperturn", "countsperrev", "countsperrevolution", "ticksperrev", "ticksperturn",
+    "ticksperrevolution", "encodercounts", "encodercpr", "encoderresolution", "encodercountsperrev",
+    "encodercountsperturn", "resolution",
+})  # fmt: skip
+
+
+def find_encoder_counts(facts: Mapping[str, str]) -> FileFact | None:
+    """Return how many counts the encoder has for one turn, as a file states them; None if it states none."""
+    for label, text in facts.items():
+        joined, value = "".join(words_of(label)), _value(text)
+        is_encoder = "encoder" in joined or "encoder" in text.casefold()
+        bits = _ENCODER_BITS.search(f"{label} {text}") if is_encoder else None
+        if bits is not None and 8 <= int(bits[1]) <= 32:
+            return FileFact(float(2 ** int(bits[1])), "counts", label)
+        if joined in _COUNTS_OF_TURN and value is not None and value[0] >= 64 and value[1] in (None, "counts"):
+            return FileFact(value[0], "counts", label)
+    return None
+
+
 def _add(
     found: dict[str, FileFact], key: str, number: float, unit: str | None, label: str, expected: Iterable[str]
 ) -> None:

@@ -32,6 +32,7 @@ from .propose_study import (
     propose_study,
     require_agreeing_units,
     require_known_units,
+    require_turns_of_motors,
     shared_folders,
 )
 from .study_text import channel_mark, channel_name, study_text
@@ -230,6 +231,7 @@ def make_study(
     try:
         require_known_units(proposal)
         require_agreeing_units(proposal)
+        require_turns_of_motors(proposal)
         with _draft_of(folder) as draft:
             text = _write(draft, proposal, put)
             faults = _require_accepted(draft, named or folder, proposal, check_folder)

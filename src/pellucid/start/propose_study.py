@@ -21,7 +21,7 @@ from ..files.stated_units import unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
 from ..study.study_file import channel_unit, rig_units
 from ..units import parse_quantity, to_si_factor
-from .file_facts import FileFact, find_drive_facts, find_rate
+from .file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS
 from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
@@ -212,7 +212,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         recordings = _with_paired_columns(recordings, main, paired)
         main = _with_paired_roles(main, paired)
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
-    main = _with_rated_efforts(main, facts)
+    main = _with_stated_counts(_with_rated_efforts(main, facts))
     streams = [_with_rated_efforts(stream, facts) for stream in streams]
     drive = _drive_kind(main, streams) if not person else None
     spring = _locked_spring(main, drive)
@@ -299,6 +299,17 @@ def require_known_units(proposal: Proposal) -> None:
                 f'{table.path.name}: column "{column}": found the unknown unit "{unit}", expected one such as "N*m", '
                 f'"N*mm", "deg", "rad/s" or "mA"{answer}'
             )
+
+
+def require_turns_of_motors(proposal: Proposal) -> None:
+    """Raise a StudyError if positions are motors' and nothing says how often a motor turns for a turn of its joint."""
+    if "gear_turns" in proposal.answers or not any(q.key == "gear_turns" for q in (*proposal.asked, *proposal.marked)):
+        return
+    role = next(r for r in proposal.main.channels if r.quantity == "motor_position")
+    raise StudyError(
+        f'{proposal.main.tables[0].path.name}: column "{role.column}": found a motor\'s position, which turns too '
+        "often for a joint's; expected its turns for a turn of the joint: --answer gear_turns=..."
+    )
 
 
 def require_agreeing_units(proposal: Proposal) -> None:
@@ -952,8 +963,12 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
 
     def rated(role: ColumnRole) -> ColumnRole:
         quantity = (role.quantity or "").removeprefix("desired_")
-        if quantity not in ("torque", "current") or role.unit not in SHARES_OF_RATED:
+        if quantity not in ("torque", "current", "force") or role.unit not in SHARES_OF_RATED:
             return role
+        if quantity == "force":
+            # Drives call their torque a load; of a force, a share is none of a sensor's units.
+            quantity = "torque"
+            role = replace(role, quantity=(role.quantity or "").replace("force", "torque"))
         share = SHARES_OF_RATED[role.unit] * float(str(role.keys.get("scale", 1.0)))
         fact = facts.get(f"rated_{quantity}")
         if fact is not None:
@@ -967,6 +982,25 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
         )  # fmt: skip
 
     return layout.with_each(rated)
+
+
+def _with_stated_counts(layout: Layout) -> Layout:
+    """Return a layout in which open counts of a turn are those that a file states of its encoder.
+
+    They stay a default: whether the encoder stands before a gear or behind it, such a line does not say.
+    """
+    fact = find_encoder_counts({k: v for table in layout.tables for k, v in table.facts.items()})
+    if fact is None:
+        return layout
+
+    def counted(role: ColumnRole) -> ColumnRole:
+        if not has_open_counts(role):
+            return role
+        why = f'the file states {fact.value:.12g} counts of a turn in "{fact.label}"'
+        keys = {**role.keys, "counts_per_turn": round(fact.value)}
+        return replace(role, keys=keys, unit_why=why, unit_is_certain=False)
+
+    return layout.with_each(counted)
 
 
 def _steady_supply(layout: Layout) -> FileFact | None:

@@ -373,6 +373,7 @@ SLIDING_ROLES = {
 
 def _in_study(role: ColumnRole, proposal: Proposal) -> ColumnRole | None:
     """Return a role as the study has it, with its joint's name there; None if its joint is left out."""
+    role = _at_joint(role, proposal)
     if role.label not in proposal.main.roles.joints or not _has_joint_tables(proposal):
         return role
     names = joint_names(proposal)
@@ -384,11 +385,20 @@ def _in_study(role: ColumnRole, proposal: Proposal) -> ColumnRole | None:
         # Loggers of robots write numbers in SI without a unit, and the robot's file says that the joint slides.
         quantity = "force" if role.quantity == "torque" else role.quantity
         made = replace(made, quantity=quantity, unit=SLIDING_ROLES[role.unit], unit_why="the joint slides")
-    if role.quantity == "motor_position" and proposal.robot_joints is None:
-        # A joint that is identified on its own has a position of its own.
-        scale = float(str(role.keys.get("scale", 1.0))) / _motor_turns(proposal)
-        made = replace(made, quantity="position", keys={**role.keys, "scale": scale} if scale != 1.0 else role.keys)
     return made
+
+
+def _at_joint(role: ColumnRole, proposal: Proposal) -> ColumnRole:
+    """Return a motor's position or speed as its joint's, where no robot's file relates both."""
+    quantities = {r.quantity for r in proposal.main.channels if r.label == role.label}
+    moves = {"motor_position": "position", "velocity": "velocity"}
+    if proposal.robot_joints is not None or "motor_position" not in quantities or role.quantity not in moves:
+        return role
+    if "position" in quantities:
+        return role
+    scale = float(str(role.keys.get("scale", 1.0))) / _motor_turns(proposal)
+    keys = {**role.keys, "scale": scale} if scale != 1.0 else role.keys
+    return replace(role, quantity=moves[role.quantity], keys=keys)
 
 
 def _groups_of(name: str) -> list[str]:

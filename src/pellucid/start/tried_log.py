@@ -6,11 +6,20 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..models.estimates import Parameter
+from ..models.estimates import Parameter, Verdict, rank_verdicts
+from ..study.pages.page import BADGE_WORDS, AnswerVerdict, verdict_of_kinds
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
 from .assumptions import Assumption
 from .propose_study import Proposal
+
+USE_QUESTION = "May these figures be used?"
+"""What the page and the terminal answer."""
+
+SCALE_QUESTIONS = frozenset({
+    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+})  # fmt: skip
+"""Questions on whose answers every figure depends: with another unit it would be another number."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +76,33 @@ class TriedLog:
             "Each joint was identified on its own, as if the others did not move. With the robot's URDF, one model of "
             f"the arm is identified: `{self.robot_command}`."
         )
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts on the result, the worst first, with one on the defaults that its figures scale with."""
+        taken = [a for a in self.assumptions if a.is_question and a.subject in SCALE_QUESTIONS]
+        if not taken:
+            return rank_verdicts(self.result.verdicts)
+        listed = ", ".join(f'{a.subject} "{a.taken}"' for a in taken)
+        answers = " ".join(f'--answer "{a.subject}={a.taken}"' for a in taken)
+        doubt = Verdict(
+            "warning",
+            f"No file states what every figure scales with; a default is taken: {listed}.",
+            f"Confirm or correct it: {answers}.",
+            finding="unconfirmed_scale",
+            weight=float("inf"),
+        )
+        return rank_verdicts((*self.result.verdicts, doubt))
+
+    @property
+    def verdict(self) -> AnswerVerdict:
+        """Answer to whether the figures may be used."""
+        return verdict_of_kinds(verdict.kind for verdict in self.verdicts)
+
+    @property
+    def answer(self) -> str:
+        """The question whether the figures may be used, and its answer, in words."""
+        return f"{USE_QUESTION} {BADGE_WORDS[self.verdict]}."
 
     @property
     def flaw(self) -> str:

@@ -24,6 +24,7 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
         try_headline(tried),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
     ]
+    before.append(tried.answer)
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
     return before, parameter_rows(tried), assumed
 
@@ -61,6 +62,7 @@ def try_table(tried: TriedLog) -> dict[str, Any]:
             for joint in tried.joints
             if (held := joint.held_out) is not None
         ],
+        "answer": tried.verdict,
         "flaw": tried.flaw,
         "figures": [row_table(finite_row(row)) for row in tried.result.rows],
         "page": str(tried.page),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..models.estimates import Parameter, rank_verdicts
+from ..models.estimates import Parameter
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
@@ -30,6 +30,7 @@ from ..study.pages.quantities import (
 )
 from ..study.procedures.study_page import figure_tables, parameter_tables
 from .proposal_page import layout_tables
+from .tried_log import USE_QUESTION
 
 if TYPE_CHECKING:
     from .tried_log import TriedJoint, TriedLog
@@ -56,8 +57,8 @@ MAX_SHOWN_ASSUMPTIONS = 8
 def try_page(tried: TriedLog) -> Page:
     """Return the page of a tried log."""
     result = tried.result
-    verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(result.verdicts))
-    answer, _ = answer_from_verdicts("May these figures be used?", verdicts, ())
+    verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in tried.verdicts)
+    answer, _ = answer_from_verdicts(USE_QUESTION, verdicts, ())
     answer = replace(answer, next=(f"Make a study of these files: `{tried.next_command}`.",))
     sections = [*_held_out(tried), _assumed(tried)]
     tables = (*parameter_tables(result), *figure_tables(result))

@@ -70,6 +70,9 @@ _CLOCK_UNITS = {
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _STATED_STEP = re.compile(r"\s*([\d.,]+)\s*([^\W\d]+)\s*")
 _NUMBER_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
+_FACT_IN_COMMENT = re.compile(r"\s*(?:[#%!]|//)[\s#%!/]*([A-Za-z][A-Za-z _-]{1,60}?)\s+(\d.*?)[\s;,]*")
+"""A label and its number without a mark between them, as in "# torque constant 0.12 Nm/A"."""
+
 _LABELLED_FACT = re.compile(r"[\s#%!/\"]*([^:=;,\t\"]{1,60}?)\"?\s*(?::|=|;|,|\t)\s*\"?(.*?)[\s\";,]*")
 _QUOTED_OR_PLAIN = re.compile(r'"[^"]*"|\S+')
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -478,7 +481,8 @@ def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     """Return the values of the lines above a table by their labels, without what tells who was recorded."""
     facts: dict[str, str] = {}
     for line in lines:
-        match = _LABELLED_FACT.fullmatch(searched_part(line))
+        searched = searched_part(line)
+        match = _FACT_IN_COMMENT.fullmatch(searched) or _LABELLED_FACT.fullmatch(searched)
         if match is None or not match[2] or find_personal_lines([line]):
             continue
         label = match[1].strip()

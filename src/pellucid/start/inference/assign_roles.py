@@ -492,11 +492,16 @@ class _Assignment:
             self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
 
     def _is_motor_side(self, name: str) -> bool:
-        """Whether a position turns too often for a joint, in radians that its encoder's quanta show."""
-        found = self._angle(name)
+        """Whether a position turns too often for a joint: in a stated unit if its name says a motor, or in radians that
+        its encoder's quanta show."""
         known = self.values[name][np.isfinite(self.values[name])]
+        stated, spread = self._stated(name), float(np.ptp(known))
+        if stated is not None:
+            turns = is_known_unit(stated, "rad") and side_of(name) == "motor"
+            return turns and self.names[name].scale * spread * to_si_factor(stated, "rad")[0] > MAX_RADIAN_RANGE
+        found = self._angle(name)
         is_wound = "wrap" in self.keys.get(name, {})
-        return found.is_certain and not is_wound and found.unit == "rad" and float(np.ptp(known)) > MAX_RADIAN_RANGE
+        return found.is_certain and not is_wound and found.unit == "rad" and spread > MAX_RADIAN_RANGE
 
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ...files.cut import BRIDGED_LOWPASS_PERIODS, MAX_EVEN_JITTER, MIN_GAP_STEP_RATIO
+from ...files.cut import BRIDGED_LOWPASS_PERIODS, MIN_GAP_STEP_RATIO
 from ...numerics.filters import zero_phase_lowpass
 from ...numerics.motion import Filtering, shortest
 from .angle_units import find_quantum
@@ -30,6 +30,8 @@ class ProcessingLimits:
     # hide motion within reach of a low-pass of a twentieth of the sampling rate, and parts the samples. Chosen by
     # judgement.
     max_bridged_periods: int = 10
+    # Steps of a clock with losses are whole periods within this share of one, so that they are counted without doubt.
+    max_step_jitter: float = 0.25
     # A spectrum is computed between long losses only if one stretch has so many samples.
     min_spectrum_samples: int = 64
     # Share of the samples that has to lie between unbridged losses far enough apart for a regression. The low-pass
@@ -63,7 +65,7 @@ def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np
     """Return how many sampling periods each step of a clock lasts, shape (n - 1,); None unless samples are lost.
 
     `time`, (n,) [s], are the stamps of `position`, (n,), and `rate` [Hz] is the rate without losses. Steps of a clock
-    that only loses samples are whole periods. So are those of an even clock that was rounded, but there the position
+    that loses samples are nearly whole periods. So are those of an even clock that was rounded, but there the position
     moves over a long step as far as over any other.
     """
     if len(time) < 4 or not np.isfinite(time).all():
@@ -71,10 +73,11 @@ def find_lost_periods(time: np.ndarray, position: np.ndarray, rate: float) -> np
     steps = np.diff(time) * rate
     periods = np.maximum(np.round(steps), 1.0)
     long = steps > MIN_GAP_STEP_RATIO
-    if steps.min() <= 0.0 or not long.any() or np.quantile(np.abs(steps - periods)[~long], 0.99) > MAX_EVEN_JITTER:
+    limit = PROCESSING_LIMITS.max_step_jitter
+    if steps.min() <= 0.0 or not long.any() or np.quantile(np.abs(steps - periods)[~long], 0.99) > limit:
         return None
     short = long & (periods <= PROCESSING_LIMITS.max_bridged_periods)
-    if short.any() and np.quantile(np.abs(steps - periods)[short], 0.9) > MAX_EVEN_JITTER:
+    if short.any() and np.quantile(np.abs(steps - periods)[short], 0.9) > limit:
         return None
     moved = np.diff(position)
     pace = 0.5 * (moved[:-2] / periods[:-2] + moved[2:] / periods[2:])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -255,15 +255,17 @@ def without_drawing(sections: Sequence[Section], name: str) -> tuple[Section, ..
     return tuple(s for s in kept if s.paragraphs or s.tables or s.drawings or s.notes or s.links or s.verdicts)
 
 
+def verdict_of_kinds(kinds: Iterable[str]) -> AnswerVerdict:
+    """Return the answer that verdicts of some kinds give: what is wrong says no, a warning that the page cannot say."""
+    found = set(kinds)
+    return "no" if "wrong" in found else "unsure" if "warning" in found else "yes"
+
+
 def answer_from_verdicts(
     question: str, verdicts: Sequence[tuple[str, str]], sections: Sequence[Section]
 ) -> tuple[Answer, tuple[Section, ...]]:
-    """Return the answer that verdicts of a kind each give, with the first figure, and the sections without it.
-
-    What is wrong says no, a warning says that the page cannot say, anything else says yes.
-    """
-    kinds = {kind for kind, _ in verdicts}
-    verdict: AnswerVerdict = "no" if "wrong" in kinds else "unsure" if "warning" in kinds else "yes"
+    """Return the answer that verdicts of a kind each give, with the first figure, and the sections without it."""
+    verdict = verdict_of_kinds(kind for kind, _ in verdicts)
     first = next((drawing for section in sections for drawing in section.drawings), None)
     kept = tuple(sections) if first is None else without_drawing(sections, first.name)
     return Answer(question, verdict, first), kept
