@@ -1,7 +1,9 @@
 // One joint: inertia, gravity, friction. The same equations both ways, without iteration.
 //
-// y = J a + g_s sin q + g_c cos q is the load that passes through the drive; the effort is y + friction(v, y) + offset.
-// q = 0 hangs along gravity and positive q lifts. A prismatic joint is the same with g_s = g_c = 0 and N, kg, m.
+// y = J a + g_s sin q + g_c cos q + k q is the load that passes through the drive; the effort is
+// y + friction(v, y) + offset. q = 0 hangs along gravity and positive q lifts. k is a spring beside the drive, such as a
+// cable, a hose or a balancing spring; where it is slack is in the offset. A prismatic joint is the same with
+// g_s = g_c = 0 and N, kg, m.
 #pragma once
 
 #include "friction.hpp"
@@ -13,6 +15,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct JointParams {
   S inertia{}, gravity_sine{}, gravity_cosine{}, offset{};
   FrictionParams<S> friction{};  ///< friction of joint and drive
+  S parallel_stiffness{};        ///< k of a spring beside the drive [N m/rad]; below 0 it pushes from its middle
 
   template <class P, class V> static constexpr void weight(P& p, V& visit) noexcept {
     visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
@@ -23,6 +26,7 @@ template <class S> struct JointParams {
     weight(p, visit);
     visit(p.offset, {"offset", unit::effort, any_number(), "effort that is always there"});
     pellucid::walk(p.friction, visit);
+    visit(p.parallel_stiffness, {"parallel_stiffness", unit::stiffness, any_number(), "k, of a spring beside the drive"});
   }
 };
 
@@ -37,7 +41,9 @@ template <class S> struct JointCoefficients {
   S gravity_cosine{};                  ///< g_c [N m]
   S offset{};                          ///< [N m]
   FrictionCoefficients<S> friction{};  ///< friction of joint and drive
+  S parallel_stiffness{};              ///< k [N m/rad]
   bool any_gravity = false;            ///< whether gravity can be other than 0, in some lane
+  bool any_parallel_stiffness = false;          ///< whether there is a spring beside the drive, in some lane
 };
 
 template <class S> JointCoefficients<S> coefficients(const JointParams<S>& params) noexcept {
@@ -48,18 +54,24 @@ template <class S> JointCoefficients<S> coefficients(const JointParams<S>& param
   c.gravity_cosine = params.gravity_cosine;
   c.offset = params.offset;
   c.friction = coefficients(params.friction);
+  c.parallel_stiffness = params.parallel_stiffness;
+  c.any_parallel_stiffness = !is_identically_zero(params.parallel_stiffness);
   c.any_gravity = !(is_identically_zero(params.gravity_sine) && is_identically_zero(params.gravity_cosine));
   return c;
 }
 
-/// Gravity effort g_s sin q + g_c cos q [N m].
+/// Effort of the place alone: gravity's and the spring's, g_s sin q + g_c cos q + k q [N m].
 template <class S, class R> S gravity(const JointCoefficients<S>& c, const R& position) noexcept {
-  if (!c.any_gravity) return S(0);
-  const SinCos<R> at = sincos(position);
-  return c.gravity_sine * at.sin + c.gravity_cosine * at.cos;
+  S effort = S(0);
+  if (c.any_gravity) {
+    const SinCos<R> at = sincos(position);
+    effort = c.gravity_sine * at.sin + c.gravity_cosine * at.cos;
+  }
+  if (c.any_parallel_stiffness) effort = effort + c.parallel_stiffness * position;
+  return effort;
 }
 
-/// Load y = J a + g_s sin q + g_c cos q [N m].
+/// Load y = J a + g_s sin q + g_c cos q + k q [N m].
 template <class S, class R> S load(const JointCoefficients<S>& c, const R& position, const R& acceleration) noexcept {
   return c.inertia * acceleration + gravity(c, position);
 }

@@ -25,8 +25,11 @@ _NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
 
 SMOOTH_TERMS = tuple(
     _NAMES.index(name)
-    for name in ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
-)
+    for name in (
+        "inertia", "gravity_sine", "gravity_cosine", "parallel_stiffness", "offset", "viscous_positive",
+        "viscous_negative",
+    )
+)  # fmt: skip
 """Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
 MIN_SLIP_SPEED = 1e-9  # rad/s or m/s: of a direction without a velocity
@@ -40,7 +43,7 @@ CURVED_TERMS = tuple(
 )
 """All others: Stribeck's, the load's, and what a new header adds."""
 
-BODY_TERMS = SMOOTH_TERMS[:3]
+BODY_TERMS = SMOOTH_TERMS[:4]
 """Those of them that no direction of motion changes."""
 
 
@@ -94,7 +97,7 @@ def regressor(
 
 
 def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS) -> np.ndarray:
-    """Effort, (n,), that a core `vector`, (13,), takes along a `motion`; `smooth` terms are not filtered again."""
+    """Effort, (n,), that a core `vector`, (k,), takes along a `motion`; `smooth` terms are not filtered again."""
     direct = _smooth_regressor(motion)[:, : len(smooth)] @ vector[list(smooth)]
     if _presliding_direction(motion) is not None:
         return filtered_jacobian(vector, np.zeros((len(vector), 0)), motion, smooth)[0]
@@ -105,7 +108,7 @@ def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[in
 def filtered_jacobian(
     vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same with its derivative, (n, p), by p values of which `selection`, (13, p), makes the core's vector."""
+    """The same with its derivative, (n, p), by p values of which `selection`, (k, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
     direction, velocity = _presliding_direction(motion), motion.velocity
     if direction is not None:  # as it slips in the direction of s, times |s|
@@ -180,7 +183,7 @@ def _presliding_direction(motion: FilteredMotion) -> np.ndarray | None:
 
 
 def _smooth_regressor(motion: FilteredMotion) -> np.ndarray:
-    """The regressor of `SMOOTH_TERMS`, (n, 6), kept with a motion that is not long: it depends on no parameter."""
+    """The regressor of `SMOOTH_TERMS`, (n, 7), kept with a motion that is not long: it depends on no parameter."""
     if len(motion.position) > MAX_CACHED_SAMPLES:
         return regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
     kept = vars(motion)

@@ -3,7 +3,7 @@ r"""One joint: which parameters it has, what they are called, and which of them 
 The physics itself is the core's (``include/pellucid/joint.hpp``, ``friction.hpp``):
 
 .. math::
-   y &= J\ddot q + g_s\sin q + g_c\cos q \\
+   y &= J\ddot q + g_s\sin q + g_c\cos q + k q \\
    \tau &= y + f(\dot q, y) + \tau_0
 
 This file only says which of the core's parameters a model of a given family may use, and how the names a report prints
@@ -68,6 +68,9 @@ SYMBOLS_BY_NAME: Mapping[str, Symbol] = {
     for name, targets in ({name: (name,) for name in NAMES} | TIED_PARAMETERS).items()
 }
 """Every parameter of the core as it is, and those that are tied."""
+
+PARALLEL_STIFFNESS = "parallel_stiffness"
+"""Name of the stiffness of a spring beside the drive."""
 
 MAX_STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
@@ -187,8 +190,11 @@ def joint_model(
     known: Mapping[str, float] | None = None,
     separate_load: bool = False,
     velocity_range: float = np.inf,
+    parallel_spring: bool = False,
 ) -> JointModel:
-    """The symbols a family frees on a joint. `velocity_range` [rad/s or m/s]."""
+    """The symbols a family frees on a joint, with those of a spring beside the drive if there is one.
+
+    `velocity_range` [rad/s or m/s]."""
     if family not in FAMILIES:
         raise IdentificationError(f"unknown friction family {family!r}; known: {', '.join(FAMILIES)}")
     terms = {"none": [], "sine": ["gravity"], "sine+cosine": ["gravity", "gravity_cosine"]}
@@ -199,7 +205,8 @@ def joint_model(
     # An offset and two Coulomb levels are collinear (their columns add up to 1): the offset goes.
     offset = [] if DIRECTIONAL_FEATURE in features else ["offset"]
     richer = [term for term in freed_terms(features, separate_load=separate_load) if term not in plain]
-    names = ["inertia", *terms[gravity], *(t.name for t in plain), *offset, *(t.name for t in richer)]
+    spring = [PARALLEL_STIFFNESS] if parallel_spring else []
+    names = ["inertia", *terms[gravity], *spring, *(t.name for t in plain), *offset, *(t.name for t in richer)]
     known = dict(known or {})
     symbols = tuple(SYMBOLS_BY_NAME[n] for n in names if n not in known)
     return JointModel(family, symbols, motion, effort_unit, known, velocity_range)

@@ -75,7 +75,7 @@ def simulate(
     presliding_travel: float = 0.0,
     active: np.ndarray | None = None,
 ) -> JointTrace:
-    """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians. `vector` (13,); `reference`
+    """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians. `vector` (k,); `reference`
     (n,) [rad or m]; `period` [s]; `injected` (n,); `position0`, `velocity0` [rad or m; per second];
     `presliding_travel` [rad or m]; `active` (k,)."""
     settings: dict[str, Any] = dict(

@@ -196,7 +196,7 @@ def find_parameter_drift(
     """
     from scipy.special import ndtri
 
-    share = [_share_of_time(m, data.motions) for m in data.motions]
+    share = [share_of_time(m, data.motions) for m in data.motions]
     step = max(1, -(-len(found.residual) // MAX_ROWS))
     ends = np.cumsum(data.lengths)[:-1]
     kept = np.concatenate([at[::step] for at in np.split(np.arange(len(found.residual)), ends)])
@@ -242,7 +242,7 @@ def add_drift(discrepancy: Discrepancy, drift: np.ndarray, drift_cause: str = DR
     return replace(discrepancy, covariance=discrepancy.covariance + drift, causes=causes)
 
 
-def _share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
+def share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
     """Return the time of a motion's rows from -1/2 at the start of its recording to 1/2 at its end, (n,)."""
     same = [m.time for m in motions if m.recording == motion.recording]
     first, last = min(float(t[0]) for t in same), max(float(t[-1]) for t in same)

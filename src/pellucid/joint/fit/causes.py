@@ -1,0 +1,381 @@
+r"""Causes of what a joint's model misses: effects that exoskeletons have, each found on stretches that were left out.
+
+A cause adds columns to the regression of a friction family: a spring beside the drive adds the position, friction that
+changes along the travel adds products of both, and so on. Ten stretches of the fitted recordings are each predicted from
+the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a stated
+share, and a paired test over blocks finds that this is no chance. The share of the squared error is the one that is
+reported.
+
+Errors of friction look like many causes. The model that is extended therefore has columns of all friction that a family
+may lack (`NEGLECTED_EFFECTS`), and samples near standstill, where friction turns, are excluded. Causes are taken one
+after another, the one that explains most first, and each is then part of the model that the next one extends: of two
+that look alike over the recorded motion, only one is named.
+
+Held-out recordings take no part.
+
+.. [1] M. Stone, "Cross-validatory choice and assessment of statistical predictions", J. R. Statist. Soc. B 36, 1974.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import _core
+from ..._errors import IdentificationError
+from ...models.friction_terms import is_friction
+from ...models.joint import PARALLEL_STIFFNESS, JointModel
+from ...numerics.block_test import SIGNIFICANCE_LEVEL, compare_held_out
+from ...numerics.motion import SLOW_SHARE, Motion
+from ...numerics.regression import Stack, regression_rows
+from .discrepancy import NEGLECTED_EFFECTS, UNEQUAL_LOAD_LOSSES, States
+from .friction_solver import block_labels, solve_family
+from .joint_estimate import joint_states
+from .recording_agreement import share_of_time
+
+
+@dataclass(frozen=True)
+class CauseThresholds:
+    """Thresholds above which a cause is named.
+
+    They were set on joints of MuJoCo and Pinocchio with other seeds than those of `research/evidence/_causes.py`: on
+    plain ones no spring saved more than 2 % of the squared error, and no other cause more than 5 %.
+    """
+
+    min_spring_share: float = 0.03  # Smallest share of the squared error on left-out stretches that a spring saves
+    min_share: float = 0.07  # The same share of every other cause
+    level: float = 0.01  # Significance level of the test of every other cause
+    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded.
+    slow_speed_share: float = 0.15
+    min_rows_per_column: int = 10  # A cause is sought only with this many rows for each column
+    max_rows: int = 50_000  # Rows beyond this number are thinned
+    # Filters spread what a gap does over these times around a reversal of the load [s].
+    gap_times_s: tuple[float, ...] = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.075)
+    # The range of effort that a sensor reads has this share of the samples beyond either end.
+    limit_quantile: float = 0.002
+
+
+CAUSE_THRESHOLDS = CauseThresholds()
+
+PARALLEL_SPRING, POSITION_FRICTION, MISALIGNED_AXIS, BACKLASH, SATURATION, DRIFT, WARM_UP, DELAY = CAUSE_NAMES = (
+    "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up", "delay",
+)  # fmt: skip
+"""Names of all causes."""
+
+TRAVEL_EFFECTS = (
+    "friction that changes along the travel",
+    "friction that is largest amid the travel",
+    "viscosity that changes along the travel",
+)
+"""Neglected effects that are friction which depends on the position."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause of what a joint's model misses.
+
+    Attributes
+    ----------
+    name : str
+        One of "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up"
+        and "delay".
+    size : float
+        Its size: stiffness, change of friction over the travel, angle, gap, limit of the sensor, relative change of the
+        effort over a recording, change of friction over a recording, or delay.
+    unit : str
+        Unit of the size.
+    share : float
+        Share of the residual's variance on left-out stretches of the fitted recordings that it explains; NaN if no
+        model can tell.
+    """
+
+    name: str
+    size: float
+    unit: str
+    share: float
+
+
+@dataclass(frozen=True)
+class ParallelSpring:
+    """Whether a spring acts beside the drive, by left-out stretches of the fitted recordings."""
+
+    is_found: bool = False
+    share: float = 0.0  # share of the residual's variance there that it explains
+
+
+class LeftOutStretches:
+    """Rows of a regression in stretches that are left out in turn, and the model that causes extend.
+
+    Attributes
+    ----------
+    model : JointModel
+        Model that is extended, p parameters.
+    values : ndarray, shape (p,)
+        Its values.
+    states : States
+        States of the joint in all rows.
+    """
+
+    def __init__(self, model: JointModel, data: Stack[Motion], values: np.ndarray) -> None:
+        jacobian, effort = regression_rows(model, values, data)
+        self.model, self.data, self.values, self.effort = model, data, values, effort
+        self.states: States = joint_states(model, data, values)
+        kept = np.flatnonzero(_share_of_slow_samples(data) < SLOW_SHARE)
+        self._rows = kept[:: max(1, -(-len(kept) // CAUSE_THRESHOLDS.max_rows))]
+        self._labels = np.concatenate(block_labels(data.lengths))[self._rows]
+        self._target = (data.target - effort)[self._rows]
+        self._own = _with_unit_columns(jacobian[self._rows])
+        self._beside = self._own[:, :0]
+        self.add(
+            [f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES)]
+        )
+
+    def add(self, columns: Sequence[np.ndarray]) -> None:
+        """Make columns, each of shape (m,), part of the model that causes extend."""
+        self._beside = np.column_stack([self._beside, self._made(columns)])
+
+    def saved(self, columns: Sequence[np.ndarray], before: np.ndarray | None = None) -> tuple[float, float]:
+        """Return the share of the squared error on left-out stretches that columns save, and its p value.
+
+        `before`, (m,), is another effort, which the model without the columns is compared on.
+        """
+        wide = np.column_stack([self._own, self._beside, self._made(columns)])
+        if len(self._rows) < CAUSE_THRESHOLDS.min_rows_per_column * wide.shape[1]:
+            return 0.0, 1.0
+        plain = wide[:, : self._own.shape[1] + self._beside.shape[1]]
+        target = self._target if before is None else (before - self.effort)[self._rows]
+        return _compare(self._left_out(plain, target), self._left_out(wide, self._target))
+
+    def share(self, columns: Sequence[np.ndarray]) -> float:
+        """Return the share of the squared error of the model alone that columns save."""
+        wide = np.column_stack([self._own, self._made(columns)])
+        return max(_compare(self._left_out(self._own, self._target), self._left_out(wide, self._target))[0], 0.0)
+
+    def coefficients(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the coefficients of columns, (k,), beside all others by least squares."""
+        made = np.column_stack([each[self._rows] for each in columns])
+        norms = _norms(made)
+        wide = np.column_stack([self._own, self._beside, made / norms])
+        return np.linalg.lstsq(wide, self._target, rcond=1e-10)[0][-made.shape[1] :] / norms
+
+    def column(self, signal: Callable[[Motion], np.ndarray]) -> np.ndarray:
+        """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
+        return np.concatenate([m.rows(signal(m)) for m in self.data.motions])
+
+    def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
+        return _with_unit_columns(made)
+
+    def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
+        gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
+        for block in np.unique(self._labels):
+            own = self._labels == block
+            w, y = columns[own], target[own]
+            made[own] = y - w @ np.linalg.lstsq(gram - w.T @ w, moment - w.T @ y, rcond=1e-10)[0]
+        return made
+
+
+def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Return the share of the squares of a residual that another one saves, and the p value of that."""
+    found = compare_held_out({"before": [before], "after": [after]}, 0.0)
+    if found.winner == "before":
+        return 0.0, 1.0
+    return 1.0 - float(after @ after) / float(before @ before), found.p_values["before"]
+
+
+def _norms(columns: np.ndarray) -> np.ndarray:
+    norms = np.linalg.norm(columns, axis=0)
+    return np.where(norms > 0.0, norms, 1.0)
+
+
+def _with_unit_columns(columns: np.ndarray) -> np.ndarray:
+    """Return the columns that are not 0, scaled to unit norm."""
+    return (columns / _norms(columns))[:, columns.any(axis=0)]
+
+
+def _share_of_slow_samples(data: Stack[Motion]) -> np.ndarray:
+    """Return the share of each row, (m,), that the filters take from slow samples."""
+    power = sum(float(m.velocity @ m.velocity) for m in data.motions)
+    usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
+    slow = CAUSE_THRESHOLDS.slow_speed_share * usual
+    return np.concatenate(
+        [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
+    )
+
+
+def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpring:
+    """Find a spring beside the drive of a joint, from stretches of `data` that are predicted from the others.
+
+    `model` is the one that is extended. One that has the stiffness, free or known, is not.
+    """
+    if PARALLEL_STIFFNESS in (*model.names, *model.known):
+        return ParallelSpring()
+    try:
+        stretches = LeftOutStretches(model, data, solve_family(model, data).values)
+    except IdentificationError:
+        return ParallelSpring()  # the fit that follows reports the error
+    position = [stretches.states.position]
+    saved, p_value = stretches.saved(position)
+    if saved < CAUSE_THRESHOLDS.min_spring_share or p_value > SIGNIFICANCE_LEVEL:
+        return ParallelSpring()
+    return ParallelSpring(True, max(stretches.share(position), saved))
+
+
+def find_causes(
+    model: JointModel, data: Stack[Motion], values: np.ndarray, undelayed: np.ndarray | None = None
+) -> tuple[Cause, ...]:
+    """Return the causes of what a `model` with `values`, (p,), misses of `data`, the one that explains most first.
+
+    `undelayed`, (m,), is the effort as it was recorded, if that of `data` was shifted in time.
+    """
+    stretches = LeftOutStretches(model, data, values)
+    candidates = {name: columns for name, columns in _candidates(stretches) if columns}
+    found: list[Cause] = []
+    while candidates:
+        saved = {name: stretches.saved(columns) for name, columns in candidates.items()}
+        name = max(saved, key=lambda each: saved[each][0])
+        if not _is_told(*saved[name]):
+            break
+        columns = candidates.pop(name)
+        found.append(_cause(name, columns, stretches))
+        stretches.add(columns)
+    if undelayed is not None:
+        share, p_value = stretches.saved([], undelayed)
+        if _is_told(share, p_value):
+            found.append(Cause(DELAY, float("nan"), "s", share))
+    return tuple(sorted(found, key=lambda cause: -cause.share))
+
+
+def _is_told(share: float, p_value: float) -> bool:
+    return share >= CAUSE_THRESHOLDS.min_share and p_value <= CAUSE_THRESHOLDS.level
+
+
+def _candidates(stretches: LeftOutStretches) -> Iterator[tuple[str, list[np.ndarray]]]:
+    """Yield the name of each cause that is sought, with its columns, each (m,)."""
+    states, model = stretches.states, stretches.model
+    yield POSITION_FRICTION, [NEGLECTED_EFFECTS[name](states) for name in TRAVEL_EFFECTS]
+    if model.motion == "rotary" and "gravity" in model.names:
+        yield MISALIGNED_AXIS, [np.sin(2.0 * states.position), np.cos(2.0 * states.position)]
+    yield BACKLASH, [stretches.column(each) for each in _gap_signals(stretches)]
+    yield SATURATION, _excess_columns(stretches)
+    yield DRIFT, _drift_columns(stretches, model.names)
+
+
+def _gap_signals(stretches: LeftOutStretches) -> list[Callable[[Motion], np.ndarray]]:
+    """Return signals that each have a pulse at a time from every reversal of the load through the drive."""
+    bare = stretches.model.vector(stretches.values)
+
+    def pulse(motion: Motion, time: float) -> np.ndarray:
+        vector = stretches.model.loaded(bare, *motion.payload)
+        load = np.sign(_core.load(vector, motion.position.copy(), motion.acceleration.copy()))
+        shift = round(time * motion.fs)
+        moved = np.concatenate([np.full(abs(shift), load[0]), load, np.full(abs(shift), load[-1])])
+        start = abs(shift) - shift
+        return np.gradient(motion.smooth(moved[start : start + len(load)])) * motion.fs
+
+    return [lambda m, time=time: pulse(m, time) for time in CAUSE_THRESHOLDS.gap_times_s]
+
+
+def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
+    """Return by how much the modelled effort is beyond the range of the recorded one, above and below."""
+    measured, modelled = stretches.data.target, stretches.effort
+    low, high = np.quantile(measured, [CAUSE_THRESHOLDS.limit_quantile, 1.0 - CAUSE_THRESHOLDS.limit_quantile])
+    return [np.maximum(modelled - high, 0.0), np.minimum(modelled - low, 0.0)]
+
+
+def _drift_columns(stretches: LeftOutStretches, names: Sequence[str]) -> list[np.ndarray]:
+    """Return the columns of parameters among `names`, times the time from start to end of each recording."""
+    model, data = stretches.model, stretches.data
+    jacobian = regression_rows(model, stretches.values, data)[0]
+    time = np.concatenate([share_of_time(m, data.motions) for m in data.motions])
+    return [jacobian[:, model.names.index(name)] * time for name in names]
+
+
+def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> Cause:
+    """Return a cause that was found, with its size and share."""
+    if name == DRIFT:
+        name, columns = _kind_of_drift(columns, stretches)
+    size, unit = _SIZES[name](columns, stretches)
+    return Cause(name, float(size), unit, stretches.share(columns))
+
+
+def _kind_of_drift(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[str, list[np.ndarray]]:
+    """Return whether friction alone drifts, by what the drift of all saves beyond it; and the columns of the drift."""
+    rubbing = [name for name in stretches.model.names if is_friction(name)]
+    friction = _drift_columns(stretches, rubbing)
+    alone, every = stretches.saved(friction)[0], stretches.saved(columns)[0]
+    is_friction_alone = bool(friction) and every - alone < CAUSE_THRESHOLDS.min_share * (1.0 - alone)
+    return (WARM_UP, friction) if is_friction_alone else (DRIFT, list(columns))
+
+
+def _travel_friction_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the range of friction along the recorded travel at the usual speed, and its unit."""
+    along, amid, viscous = stretches.coefficients(columns)
+    travel = stretches.states.travel
+    speed = float(np.sqrt(np.mean(stretches.states.velocity**2)))
+    low, high = np.quantile(travel, [0.05, 0.95])
+    place = np.linspace(low, high, 21)
+    return float(np.ptp((along + viscous * speed) * place + amid * place**2)), stretches.model.effort_unit
+
+
+def _axis_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the angle by which the axis of the encoder, or of gravity, makes the joint's angle err."""
+    gravity = abs(float(stretches.values[stretches.model.names.index("gravity")]))
+    # g sin(q + e sin(q + phase)) has the second harmonic g e / 2.
+    return 2.0 * float(np.hypot(*stretches.coefficients(columns))) / max(gravity, np.finfo(float).tiny), "rad"
+
+
+def _gap_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the gap, from the shift of gravity's angle that it makes, or else from the effort's pulses."""
+    unit = "rad" if stretches.model.motion == "rotary" else "m"
+    pulses = stretches.coefficients(columns)
+    names, values = stretches.model.names, stretches.values
+    inertia = values[names.index("inertia")] if "inertia" in names else stretches.model.known.get("inertia", np.nan)
+    # Twice over time the pulses are the inertia beyond the gap times the gap, which the link falls behind.
+    moments = 2.0 * abs(float(pulses @ np.array(CAUSE_THRESHOLDS.gap_times_s))) / inertia
+    if "gravity" not in names:
+        return moments, unit
+    side = stretches.states.cosine * np.sign(stretches.states.load)
+    gravity = abs(float(values[names.index("gravity")]))
+    shift = abs(float(stretches.coefficients([side, *columns])[0]))
+    return 2.0 * shift / max(gravity, np.finfo(float).tiny), unit
+
+
+def _limit_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the limit of the effort that is reached more."""
+    measured = stretches.data.target
+    quantile = CAUSE_THRESHOLDS.limit_quantile
+    low, high = (float(x) for x in np.quantile(measured, [quantile, 1.0 - quantile]))
+    above, below = (float(np.sum(each**2)) for each in columns)
+    return (high if above >= below else low), stretches.model.effort_unit
+
+
+def _drift_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the change of the effort from start to end of a recording, as a share of the effort [%]."""
+    change = np.column_stack(columns) @ stretches.coefficients(columns)
+    time = np.concatenate([share_of_time(m, stretches.data.motions) for m in stretches.data.motions])
+    # The change at time t is t times that from start to end, and t is even from -1/2 to 1/2.
+    whole = float(np.sqrt(np.sum(change**2) / max(float(np.sum(time**2)), np.finfo(float).tiny)))
+    return 100.0 * whole / float(np.sqrt(np.mean(stretches.data.target**2))), "%"
+
+
+def _warm_up_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
+    """Return the change of friction from start to end of a recording, below 0 if it falls."""
+    change = np.column_stack(columns) @ stretches.coefficients(columns)
+    time = np.concatenate([share_of_time(m, stretches.data.motions) for m in stretches.data.motions])
+    way = time * stretches.states.direction
+    return float(change @ way) / max(float(way @ way), np.finfo(float).tiny), stretches.model.effort_unit
+
+
+_SIZES: Mapping[str, Callable[[Sequence[np.ndarray], LeftOutStretches], tuple[float, str]]] = {
+    POSITION_FRICTION: _travel_friction_size,
+    MISALIGNED_AXIS: _axis_size,
+    BACKLASH: _gap_size,
+    SATURATION: _limit_size,
+    DRIFT: _drift_size,
+    WARM_UP: _warm_up_size,
+}
+"""Function that gives the size of each cause, with its unit, from its columns."""
