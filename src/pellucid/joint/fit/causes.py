@@ -225,11 +225,11 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
 
 
 def find_causes(
-    model: JointModel, data: Stack[Motion], values: np.ndarray, undelayed: np.ndarray | None = None
+    model: JointModel, data: Stack[Motion], values: np.ndarray, delays: Mapping[str, float] | None = None
 ) -> tuple[Cause, ...]:
     """Return the causes of what a `model` with `values`, (p,), misses of `data`, the one that explains most first.
 
-    `undelayed`, (m,), is the effort as it was recorded, if that of `data` was shifted in time.
+    `delays` are those that were corrected in `data` [s], by recording.
     """
     stretches = LeftOutStretches(model, data, values)
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
@@ -242,11 +242,16 @@ def find_causes(
         columns = candidates.pop(name)
         found.append(_cause(name, columns, stretches))
         stretches.add(columns)
-    if undelayed is not None:
-        share, p_value = stretches.saved([], undelayed)
+    if delays:
+        share, p_value = stretches.saved([], stretches.column(lambda m: _delayed(m, delays.get(m.recording, 0.0))))
         if _is_told(share, p_value):
-            found.append(Cause(DELAY, float("nan"), "s", share))
+            found.append(Cause(DELAY, max(delays.values(), key=abs), "s", share))
     return tuple(sorted(found, key=lambda cause: -cause.share))
+
+
+def _delayed(motion: Motion, delay: float) -> np.ndarray:
+    """Return a motion's effort as it was recorded, before a `delay` was corrected [s]."""
+    return np.interp(motion.time - delay, motion.time, motion.effort)
 
 
 def _is_told(share: float, p_value: float) -> bool:

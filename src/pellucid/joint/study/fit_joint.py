@@ -26,6 +26,7 @@ from ...study.procedures.run import run
 from ...study.quality import require_sound
 from ...study.study_file import RecordingEntry, StudyFile
 from ...units import si_text, to_si_factor
+from ..fit.causes import Cause
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from ..fit.replay import Prediction, pool_errors, predict
@@ -104,6 +105,11 @@ class JointFit(JointEstimate):
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdicts on the estimate and on the recordings, the worst first."""
         return tuple(self.result.verdicts)
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Causes of what the model misses, or would miss without a term, the one that explains most first."""
+        return self.result.causes
 
     @property
     def heldout_effort_error(self) -> float:

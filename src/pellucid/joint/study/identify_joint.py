@@ -22,6 +22,7 @@ from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
+from ..fit.causes import ParallelSpring, find_parallel_spring
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
 from ..fit.estimators import EstimatorChoice
 from ..fit.friction_family import FamilyFit, SolvedFamily, choose_family, fit_family
@@ -31,6 +32,7 @@ from ..fit.replay import Machine, joint_posterior
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import joint_findings
 from .aligned_motions import align_recordings, require_clocks
+from .joint_causes import causes_of
 from .joint_case import JointCase
 from .joint_faults import require_sign, require_velocity
 from .joint_result import JointResult, complete_result, traces_of
@@ -74,6 +76,8 @@ def identify_joint(
     payloads = {m.payload for m in data.motions if m.payload[0]}
     known_drive = drive.effort_unit in ("N*m", "N")
 
+    spring = ParallelSpring()
+
     def model_of(family: str, constant: Parameter | None = None, *, separate_load: bool = False) -> JointModel:
         plain = joint_model(
             family,
@@ -83,11 +87,14 @@ def identify_joint(
             known=study.model.known,
             separate_load=separate_load,
             velocity_range=max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions),
+            parallel_spring=spring.is_found,
         )
         scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
         return replace(plain, payload_scale=scale)
 
     require_sign(model_of("symmetric"), data, drive_channel(recordings[0], study))
+    searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
+    spring = find_parallel_spring(model_of("symmetric"), searched)
     constant, no_constant = None, ""
     if payloads:
         try:
@@ -96,7 +103,6 @@ def identify_joint(
             no_constant = str(error)
     shares = LoadShares(True)
     if not {"gravity", "inertia"} & set(study.model.known) and any("load" in FAMILIES[name] for name in names):
-        searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
         shares = decide_load_shares(model_of("load", separate_load=True), searched)
     solved: dict[str, SolvedFamily] = {}
     machine = machine_of(study.rig)
@@ -144,9 +150,10 @@ def identify_joint(
         constant = widen_for_unknown_shares(constant, plain)
     below_slip = estimate_presliding(plain.model, plain.array, fitted, held, study.model.confidence)
     payloads_found = _find_payloads(study, carried, plain)
+    causes = causes_of(study, fits[best], searched, spring)
     case = JointCase(
         study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
-        posterior, no_posterior, below_slip, shares, payloads_found,
+        posterior, no_posterior, below_slip, shares, payloads_found, causes,
     )  # fmt: skip
     found = JointResult(
         study=study.name,
@@ -167,6 +174,7 @@ def identify_joint(
         posterior=posterior,
         presliding=below_slip,
         payloads=tuple(payload for payload in payloads_found.values() if payload is not None),
+        causes=causes,
         traces=traces_of(everything),
     )
     return complete_result(study, found)

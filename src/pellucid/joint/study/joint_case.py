@@ -21,6 +21,7 @@ from ...study.drive_channel import drive_channel
 from ...study.pages.quantities import interval_text
 from ...study.study import Study
 from ...study.study_file import Drive
+from ..fit.causes import Cause
 from ..fit.drive_constant import LoadShares
 from ..fit.friction_family import FamilyContest, FamilyFit
 from ..fit.presliding import Presliding
@@ -49,6 +50,7 @@ class JointCase:
     shares: LoadShares = field(default_factory=lambda: LoadShares(False, "no known load"))  # decision on load shares
     # payload of each recording that study.toml says to carry an unknown one; None where it cannot be estimated
     payloads: Mapping[str, UnknownPayload | None] = field(default_factory=dict)
+    causes: tuple[Cause, ...] = ()  # causes of what the best family misses
 
     @property
     def fit(self) -> FamilyFit:

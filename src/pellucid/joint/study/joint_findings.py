@@ -27,6 +27,7 @@ from ...numerics.spring_evidence import (
 from ...study.pages.quantities import METHODS, interval_text, number, parameter_label, unit_text
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
+from ..fit.causes import PARALLEL_SPRING
 from ..fit.estimators import DECISIVE_ERROR_RATIO
 from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
@@ -52,6 +53,7 @@ from .joint_case import (
     unstated_payload,
     wearer_faults,
 )
+from .joint_causes import cause_sentence
 
 MIN_ZERO_ERROR_RAD = np.radians(3.0)
 """Smallest zero error that is reported [rad]. Smaller ones cannot be told from errors of the friction model."""
@@ -125,6 +127,20 @@ MAX_STANDARD_ERROR_RAD = np.radians(15.0)
 
 TRIED_FAMILIES = ("symmetric", "directional", "load")
 """Families that are solved fast enough to be tried with a free zero."""
+
+
+def report_causes(case: JointCase) -> Iterator[Verdict]:
+    """Report each cause of what the model misses, and the parallel spring that is a term of it."""
+    for cause in case.causes:
+        is_term = cause.name == PARALLEL_SPRING
+        yield Verdict("note", cause_sentence(cause), PARALLEL_SPRING_ADVICE if is_term else "", weight=6.0)
+
+
+PARALLEL_SPRING_ADVICE = (
+    "It is a term of the model, so that gravity is without it: compensation carries both. Record without hose or cable "
+    "to identify the joint alone."
+)
+"""What to know about a parallel spring that was found."""
 
 
 def report_angle_zero(case: JointCase) -> Iterator[Verdict]:

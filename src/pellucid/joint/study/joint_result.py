@@ -18,11 +18,13 @@ from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTabl
 from ...study.recorded_motions import drive_model
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
+from ..fit.causes import Cause
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
 from ..fit.unknown_payload import UnknownPayload
+from .joint_causes import cause_sentence
 
 if TYPE_CHECKING:
     from ...study.drawing.drawing import Figure
@@ -60,6 +62,7 @@ class JointResult(Result):
     posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
     presliding: Presliding = field(default_factory=Presliding)  # estimate of the presliding travel
     payloads: tuple[UnknownPayload, ...] = ()  # payloads of recordings with ``payload = {}``
+    causes: tuple[Cause, ...] = ()  # causes of what the best family misses, the one that explains most first
     traces: tuple[Trace, ...] = field(default=(), repr=False)  # recordings for figures, fitted ones first
 
     @property
@@ -241,6 +244,11 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         own = replace(bare, data_checksum=fit.checksums[payload.recording])
         for p in payload.parameters:
             yield _parameter_row(own, f"{fit.study}.{p.name.replace('_', '.')}.{payload.recording}", p)
+    for cause in fit.causes:
+        share = cause.share if np.isfinite(cause.share) else None
+        own = replace(bare, note=cause_sentence(cause))
+        yield replace(own, id=f"{fit.study}.cause.{cause.name}", value=cause.size, unit=cause.unit)
+        yield replace(own, id=f"{fit.study}.cause.{cause.name}.share", value=share, unit="1")
     yield from _headline_rows(fit, bare)
     if fit.posterior is not None:
         plain = replace(bare, note=fit.posterior.settled)

@@ -1,0 +1,134 @@
+"""Causes of what a joint's model misses, collected from everything that finds one, and each in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...files.defects import clipped, sensor_range
+from ...files.recording import Recording
+from ...models.friction_terms import is_friction
+from ...models.joint import PARALLEL_STIFFNESS
+from ...numerics.motion import Motion
+from ...numerics.regression import Stack, predict_effort_rows
+from ...study.drive_channel import drive_channel
+from ...study.pages.quantities import number, unit_text
+from ...study.recorded_motions import drive_model, motions_of
+from ...study.study import Study
+from ..fit.causes import (
+    BACKLASH,
+    DELAY,
+    DRIFT,
+    MISALIGNED_AXIS,
+    PARALLEL_SPRING,
+    POSITION_FRICTION,
+    SATURATION,
+    WARM_UP,
+    Cause,
+    ParallelSpring,
+    find_causes,
+)
+from ..fit.friction_family import FamilyFit
+from ..fit.joint_estimate import JointEstimate
+from .aligned_motions import align_recordings, find_alignments
+
+CUT_BEYOND_RANGE_KINDS = (sensor_range.KIND, clipped.KIND)
+"""Kinds of the defects that cut out samples beyond the range of a sensor."""
+
+
+@dataclass(frozen=True)
+class CauseWords:
+    """Words of a cause: a subject, with its size in braces, and what it may be in the machine."""
+
+    subject: str
+    example: str
+    scale: float = 1.0  # what the size is multiplied by
+    unit: str = ""  # unit of the scaled size, if not the cause's own
+
+
+WORDS: Mapping[str, CauseWords] = {
+    PARALLEL_SPRING: CauseWords("A parallel spring of {}", "hose or cable"),
+    POSITION_FRICTION: CauseWords("Friction that changes by {} along the travel", "worn or tight at one end"),
+    MISALIGNED_AXIS: CauseWords("An axis whose angle errs by {}", "encoder or joint off centre"),
+    BACKLASH: CauseWords("Backlash of about {}", "play in the gear or its coupling"),
+    SATURATION: CauseWords("A sensor whose range ends at {}", "clipped effort"),
+    DRIFT: CauseWords("An effort that drifts by {} over a recording", "temperature of drive or sensor"),
+    WARM_UP: CauseWords("Friction that changes by {} over a recording", "a gear that warms up"),
+    DELAY: CauseWords("An effort that is {} late", "filter or bus of the drive", 1e3, "ms"),
+}
+"""Words of each cause."""
+
+
+def cause_sentence(cause: Cause) -> str:
+    """Return a cause with its size and share in one sentence."""
+    words = WORDS[cause.name]
+    size = f"{number(words.scale * cause.size, digits=2)} {unit_text(words.unit or cause.unit)}".rstrip()
+    share = f"explains {100.0 * cause.share:.0f} % of the residual" if np.isfinite(cause.share) else "is in the data"
+    return f"{words.subject.format(size)} {share}: {words.example}?"
+
+
+def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: ParallelSpring) -> tuple[Cause, ...]:
+    """Return the causes of what a fit misses of fitted `data`, the one that explains most first.
+
+    The decisions of the delay, of cuts beyond a sensor's range and of drifts are those of their own findings.
+    """
+    estimate = fit.estimate
+    moved = {each.recording: float(each.moved) for each in find_alignments(study) if each.moved}
+    names = dict.fromkeys(m.recording for m in data.motions)
+    delays = {name: moved.get(name, moved.get("", 0.0)) for name in names}
+    found = list(find_causes(estimate.model, data, estimate.array, delays if any(delays.values()) else None))
+    if spring.is_found and PARALLEL_STIFFNESS in estimate.model.names:
+        stiffness = fit.headline.estimate[PARALLEL_STIFFNESS]
+        found.append(Cause(PARALLEL_SPRING, float(stiffness.value), stiffness.unit, spring.share))
+    known = {cause.name for cause in found}
+    if SATURATION not in known:
+        found += _cut_saturation(study, estimate)
+    if not known & {DRIFT, WARM_UP}:
+        found += _told_drift(estimate)
+    return tuple(sorted(found, key=lambda cause: -np.nan_to_num(cause.share)))
+
+
+def _cut_saturation(study: Study, estimate: JointEstimate) -> Iterator[Cause]:
+    """Yield the limit at which samples of a fitted effort were cut out, if any were."""
+    for recording in align_recordings(study, "fit"):
+        channel = drive_channel(recording, study)
+        cut = [c for c in recording.cuts if c.kind in CUT_BEYOND_RANGE_KINDS and c.channel == channel and c.samples]
+        if channel is None or not cut:
+            continue
+        levels = np.concatenate([recording[channel][c.first : c.last + 1] for c in cut])
+        limit = float(levels[np.argmax(np.abs(levels))]) * drive_model(study.rig).gain
+        share = _share_of_limit(study, recording, estimate, abs(limit))
+        yield Cause(SATURATION, limit, estimate.model.effort_unit, share)
+        return
+
+
+def _share_of_limit(study: Study, recording: Recording, estimate: JointEstimate, limit: float) -> float:
+    """Return the share of the residual that a limit explains, with the samples that were left out of the fit for it."""
+    whole = replace(recording, cuts=tuple(c for c in recording.cuts if c.kind not in CUT_BEYOND_RANGE_KINDS))
+    before = after = 0.0
+    for motion in motions_of([whole], study):
+        measured, modelled = motion.rows(motion.effort), predict_effort_rows(estimate.model, estimate.array, motion)
+        before += float(np.sum((measured - modelled) ** 2))
+        after += float(np.sum((measured - np.clip(modelled, -limit, limit)) ** 2))
+    return max(1.0 - after / before, 0.0) if before > 0.0 else float("nan")
+
+
+def _told_drift(estimate: JointEstimate) -> Iterator[Cause]:
+    """Yield the drift of parameters that widens an estimate's intervals: of friction alone, or of the effort."""
+    drift = estimate.drift
+    if drift is None or not drift.is_told.any():
+        return
+    told = [name for name, is_told in zip(drift.names, drift.is_told, strict=True) if is_told]
+    share = 1.0 - (1.0 - drift.improvement) ** 2
+    change = dict(zip(drift.names, drift.change.tolist(), strict=True))
+    if all(map(is_friction, told)):
+        first = told[0]
+        yield Cause(WARM_UP, change[first], estimate[first].unit, share)
+        return
+    name = max(told, key=lambda each: abs(change[each]) * estimate[each].influence / (abs(estimate[each].value) or 1.0))
+    value = estimate[name].value
+    size, unit = (100.0 * change[name] / value, "%") if value else (change[name], estimate[name].unit)
+    yield Cause(DRIFT, size, unit, share)
+
