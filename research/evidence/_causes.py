@@ -33,7 +33,7 @@ PLAIN_COUNT = sized(48, smallest=4)
 SPOILT_COUNT = sized(48, smallest=4)
 """Number of joints with one fault."""
 
-DURATION_S = 40.0
+DURATION_S = 30.0
 """Duration of a recording [s]."""
 
 LOWPASS_HZ = 10.0

@@ -46,9 +46,14 @@ class CauseThresholds:
 
     min_spring_share: float = 0.03  # Smallest share of the squared error on left-out stretches that a spring saves
     min_share: float = 0.07  # The same share of every other cause
-    level: float = 0.01  # Significance level of the test of every other cause
-    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded.
-    slow_speed_share: float = 0.15
+    level: float = 0.02  # Significance level of the test of every other cause
+    # The same share that a cause other than a drift saves of the squared error of the model alone
+    min_share_alone: float = 0.05
+    min_gap_range_share: float = 1e-3  # Smallest gap, as a share of the range of motion
+    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded: for a
+    # spring more, because the errors of friction near standstill lie where it is stretched most.
+    slow_speed_share: float = 0.05
+    slow_speed_share_of_spring: float = 0.15
     min_rows_per_column: int = 10  # A cause is sought only with this many rows for each column
     max_rows: int = 50_000  # Rows beyond this number are thinned
     # Filters spread what a gap does over these times around a reversal of the load [s].
@@ -118,11 +123,11 @@ class LeftOutStretches:
         States of the joint in all rows.
     """
 
-    def __init__(self, model: JointModel, data: Stack[Motion], values: np.ndarray) -> None:
+    def __init__(self, model: JointModel, data: Stack[Motion], values: np.ndarray, slow_speed_share: float) -> None:
         jacobian, effort = regression_rows(model, values, data)
         self.model, self.data, self.values, self.effort = model, data, values, effort
         self.states: States = joint_states(model, data, values)
-        kept = np.flatnonzero(_share_of_slow_samples(data) < SLOW_SHARE)
+        kept = np.flatnonzero(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
         self._rows = kept[:: max(1, -(-len(kept) // CAUSE_THRESHOLDS.max_rows))]
         self._labels = np.concatenate(block_labels(data.lengths))[self._rows]
         self._target = (data.target - effort)[self._rows]
@@ -196,11 +201,11 @@ def _with_unit_columns(columns: np.ndarray) -> np.ndarray:
     return (columns / _norms(columns))[:, columns.any(axis=0)]
 
 
-def _share_of_slow_samples(data: Stack[Motion]) -> np.ndarray:
-    """Return the share of each row, (m,), that the filters take from slow samples."""
+def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
+    """Return the share of each row, (m,), that the filters take from speeds below a share of the usual one."""
     power = sum(float(m.velocity @ m.velocity) for m in data.motions)
     usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
-    slow = CAUSE_THRESHOLDS.slow_speed_share * usual
+    slow = share * usual
     return np.concatenate(
         [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
     )
@@ -214,7 +219,8 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     if PARALLEL_STIFFNESS in (*model.names, *model.known):
         return ParallelSpring()
     try:
-        stretches = LeftOutStretches(model, data, solve_family(model, data).values)
+        values, slow = solve_family(model, data).values, CAUSE_THRESHOLDS.slow_speed_share_of_spring
+        stretches = LeftOutStretches(model, data, values, slow)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
     position = [stretches.states.position]
@@ -231,7 +237,7 @@ def find_causes(
 
     `delays` are those that were corrected in `data` [s], by recording.
     """
-    stretches = LeftOutStretches(model, data, values)
+    stretches = LeftOutStretches(model, data, values, CAUSE_THRESHOLDS.slow_speed_share)
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
     found: list[Cause] = []
     while candidates:
@@ -240,9 +246,12 @@ def find_causes(
         if not _is_told(*saved[name]):
             break
         columns = candidates.pop(name)
-        found.append(_cause(name, columns, stretches))
-        stretches.add(columns)
-    if delays:
+        cause = _cause(name, columns, stretches, saved[name][0])
+        if cause is not None:
+            found.append(cause)
+            stretches.add(columns)
+    # A gap moves the effort against the position too.
+    if delays and not any(cause.name == BACKLASH for cause in found):
         share, p_value = stretches.saved([], stretches.column(lambda m: _delayed(m, delays.get(m.recording, 0.0))))
         if _is_told(share, p_value):
             found.append(Cause(DELAY, max(delays.values(), key=abs), "s", share))
@@ -299,12 +308,23 @@ def _drift_columns(stretches: LeftOutStretches, names: Sequence[str]) -> list[np
     return [jacobian[:, model.names.index(name)] * time for name in names]
 
 
-def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> Cause:
-    """Return a cause that was found, with its size and share."""
+def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches, saved: float) -> Cause | None:
+    """Return a cause that was found, with its size and share; None if it explains nothing of the model alone.
+
+    `saved` is the share of the squared error that it saves beside all others.
+    """
+    alone = stretches.share(columns)
     if name == DRIFT:
         name, columns = _kind_of_drift(columns, stretches)
+        # Errors of friction may hide a drift in the error of the model alone.
+        alone = max(stretches.share(columns), saved)
     size, unit = _SIZES[name](columns, stretches)
-    return Cause(name, float(size), unit, stretches.share(columns))
+    least = 0.0
+    if name == BACKLASH:
+        least = CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
+    if alone < CAUSE_THRESHOLDS.min_share_alone or abs(size) < least:
+        return None
+    return Cause(name, float(size), unit, alone)
 
 
 def _kind_of_drift(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[str, list[np.ndarray]]:

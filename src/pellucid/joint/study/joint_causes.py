@@ -85,7 +85,7 @@ def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: Paralle
     known = {cause.name for cause in found}
     if SATURATION not in known:
         found += _cut_saturation(study, estimate)
-    if not known & {DRIFT, WARM_UP}:
+    if not found:  # a drift of parameters may be what is left of another cause
         found += _told_drift(estimate)
     return tuple(sorted(found, key=lambda cause: -np.nan_to_num(cause.share)))
 
