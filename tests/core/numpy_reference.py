@@ -9,13 +9,13 @@ import numpy as np
 NAMES = (
     "inertia", "gravity_sine", "gravity_cosine", "offset", "coulomb_positive", "coulomb_negative", "viscous_positive",
     "viscous_negative", "stribeck", "stribeck_velocity", "load_motoring", "load_generating", "square_root",
-    "velocity_width",
+    "velocity_width", "parallel_stiffness",
 )  # fmt: skip
 
 EXAMPLE = dict(
     inertia=0.05, gravity_sine=1.5, gravity_cosine=-0.2, offset=0.05, coulomb_positive=0.3, coulomb_negative=0.25,
     viscous_positive=0.1, viscous_negative=0.15, stribeck=0.12, stribeck_velocity=0.1, load_motoring=0.08,
-    load_generating=0.15, square_root=0.07, velocity_width=0.05,
+    load_generating=0.15, square_root=0.07, velocity_width=0.05, parallel_stiffness=0.0,
 )  # fmt: skip
 
 
@@ -31,7 +31,7 @@ def random_parameters(rng: np.random.Generator, **fixed: float) -> np.ndarray:
         inertia=(0.02, 1), gravity_sine=(-10, 10), gravity_cosine=(-3, 3), offset=(-1, 1), coulomb_positive=(0, 3),
         coulomb_negative=(0, 3), viscous_positive=(0, 2), viscous_negative=(0, 2), stribeck=(0, 1),
         stribeck_velocity=(0.02, 0.5), load_motoring=(0, 0.4), load_generating=(0, 0.6), velocity_width=(0.02, 0.2),
-        square_root=(0, 0.5),
+        square_root=(0, 0.5), parallel_stiffness=(-1, 4),
     )  # fmt: skip
     return parameters(**{name: rng.uniform(*range_) for name, range_ in ranges.items()} | fixed)
 
@@ -66,7 +66,8 @@ def friction(parameters: np.ndarray, velocity: np.ndarray, load: np.ndarray) -> 
 
 def load(parameters: np.ndarray, position: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     p = dict(zip(NAMES, parameters, strict=True))
-    return p["inertia"] * acceleration + p["gravity_sine"] * np.sin(position) + p["gravity_cosine"] * np.cos(position)
+    weight = p["gravity_sine"] * np.sin(position) + p["gravity_cosine"] * np.cos(position)
+    return p["inertia"] * acceleration + weight + p["parallel_stiffness"] * position
 
 
 def inverse_dynamics(parameters, position, velocity, acceleration) -> np.ndarray:
@@ -175,6 +176,7 @@ def simulate(
         for i in range(substeps):
             outside = ripple_amplitude * math.sin(ripple_wave_number * q + ripple_phase) + disturbance[k]
             gravity = p["gravity_sine"] * math.sin(q) + p["gravity_cosine"] * math.cos(q)
+            gravity += p["parallel_stiffness"] * q
             effort = gain * u - back_emf * v + outside
             net = gain * u + outside - p["offset"] - gravity
             if contact:

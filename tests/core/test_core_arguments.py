@@ -15,7 +15,7 @@ RUN = dict(reference=X, period=1e-3)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: _core.inverse_dynamics(P[:12], X, X, X), "parameters: got shape (12,), expected (14,)"),
+        (lambda: _core.inverse_dynamics(P[:12], X, X, X), "parameters: got shape (12,), expected (15,)"),
         (
             lambda: _core.inverse_dynamics(P, X, X[:4], X),
             "velocity: got shape (4,), expected (5,), as long as position",
@@ -26,8 +26,8 @@ RUN = dict(reference=X, period=1e-3)
         (lambda: _core.inverse_dynamics(P, X + 1j, X, X), "position: expected real numbers, got complex128"),
         (lambda: _core.inverse_dynamics(P, [[1], [1, 2]], X, X), "position: expected an array of numbers"),
         (lambda: _core.inverse_dynamics(P, None, X, X), "position: expected real numbers"),
-        (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, [14]), "active: expected indices from 0 to 13"),
-        (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, [-1]), "active: expected indices from 0 to 13"),
+        (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, [15]), "active: expected indices from 0 to 14"),
+        (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, [-1]), "active: expected indices from 0 to 14"),
         (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, [0.5]), "active: expected integers"),
         (lambda: _core.inverse_dynamics_jacobian(P, X, X, X, 3), "active: got shape (), expected (k,)"),
         (lambda: _core.friction(P, X, X[:2]), "load: got shape (2,), expected (5,), as long as velocity"),
@@ -50,7 +50,7 @@ RUN = dict(reference=X, period=1e-3)
             "injected: got shape (3,), expected (5,), as long as reference",
         ),
         (lambda: _core.simulate(P, reference=X[None], period=1e-3), "reference: got shape (1, 5), expected (n,)"),
-        (lambda: _core.simulate_batch(P, **RUN), "parameters: got shape (14,), expected (m, 14)"),
+        (lambda: _core.simulate_batch(P, **RUN), "parameters: got shape (15,), expected (m, 15)"),
         (lambda: _core.simulate_batch(P[None], kp=[1.0, 2.0], **RUN), "kp: got shape (2,), expected a number or (1,)"),
         (
             lambda: _core.simulate_batch(P[None], injected=np.zeros((2, 5)), **RUN),

@@ -53,7 +53,7 @@ def test_round_trip_is_the_identity(rng, scale):
 
 
 def test_prismatic_joint_is_the_same_without_gravity(rng):
-    p = reference.parameters(gravity_sine=0.0, gravity_cosine=0.0, inertia=100.0)
+    p = reference.parameters(gravity_sine=0.0, gravity_cosine=0.0, inertia=100.0, parallel_stiffness=0.0)
     _, v, a = points(rng, 1.0)
     q = rng.uniform(-1e6, 1e6, v.size)
     np.testing.assert_array_equal(_core.inverse_dynamics(p, q, v, a), _core.inverse_dynamics(p, 0 * q, v, a))
@@ -62,7 +62,7 @@ def test_prismatic_joint_is_the_same_without_gravity(rng):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308, 5e-324])
 def test_every_input_gives_an_output(value):
     x = np.array([value, 0.0, 1.0])
-    for i in range(14):
+    for i in range(len(reference.NAMES)):
         p = reference.parameters()
         p[i] = value
         assert _core.forward_dynamics(p, x, x, x).shape == _core.inverse_dynamics(p, x, x, x).shape == (3,)

@@ -41,7 +41,7 @@ def run_mujoco(effort, timestep, kind, damping=0.0, integrator="Euler", position
 
 
 def parameters(kind, damping=0.0):
-    p = np.zeros(14)
+    p = np.zeros(len(_core.PARAMETER_NAMES))
     p[0] = 0.03 + MASS * LENGTH**2 if kind == "hinge" else MASS
     p[1] = MASS * 9.81 * LENGTH if kind == "hinge" else 0.0
     p[6] = p[7] = damping

@@ -94,7 +94,7 @@ def test_current_does_not_show_ripple_and_disturbance(rng):
 def breakaway_command(p, q, direction):
     """The largest command that moves nothing: |net| = level at rest + alpha |gravity|."""
     p = dict(zip(reference.NAMES, p, strict=True))
-    gravity = p["gravity_sine"] * np.sin(q) + p["gravity_cosine"] * np.cos(q)
+    gravity = p["gravity_sine"] * np.sin(q) + p["gravity_cosine"] * np.cos(q) + p["parallel_stiffness"] * q
     level = p["stribeck"] + (p["coulomb_positive"] if direction > 0 else p["coulomb_negative"])
     alpha = p["load_motoring"] if gravity * direction > 0 else p["load_generating"]
     return p["offset"] + gravity + direction * (level + alpha * abs(gravity))

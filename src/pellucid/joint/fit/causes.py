@@ -27,12 +27,14 @@ from ... import _core
 from ..._errors import IdentificationError
 from ...models.friction_terms import is_friction
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
-from ...numerics.block_test import SIGNIFICANCE_LEVEL, compare_held_out
-from ...numerics.motion import SLOW_SHARE, Motion
+from ...numerics.block_test import SIGNIFICANCE_LEVEL
+from ...numerics.motion import Motion
 from ...numerics.regression import Stack, regression_rows
-from .discrepancy import NEGLECTED_EFFECTS, UNEQUAL_LOAD_LOSSES, States
-from .friction_solver import block_labels, solve_family
+from .discrepancy import NEGLECTED_EFFECTS
+from .friction_solver import solve_family
 from .joint_estimate import joint_states
+from .left_out_stretches import TRAVEL_EFFECTS, LeftOutStretches
+from .spring_doubt import SPRING_SETTINGS
 from .recording_agreement import share_of_time
 
 
@@ -50,12 +52,8 @@ class CauseThresholds:
     # The same share that a cause other than a drift saves of the squared error of the model alone
     min_share_alone: float = 0.05
     min_gap_range_share: float = 1e-3  # Smallest gap, as a share of the range of motion
-    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded: for a
-    # spring more, because the errors of friction near standstill lie where it is stretched most.
+    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded.
     slow_speed_share: float = 0.05
-    slow_speed_share_of_spring: float = 0.15
-    min_rows_per_column: int = 10  # A cause is sought only with this many rows for each column
-    max_rows: int = 50_000  # Rows beyond this number are thinned
     # Filters spread what a gap does over these times around a reversal of the load [s].
     gap_times_s: tuple[float, ...] = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.075)
     # The range of effort that a sensor reads has this share of the samples beyond either end.
@@ -68,14 +66,6 @@ PARALLEL_SPRING, POSITION_FRICTION, MISALIGNED_AXIS, BACKLASH, SATURATION, DRIFT
     "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up", "delay",
 )  # fmt: skip
 """Names of all causes."""
-
-TRAVEL_EFFECTS = (
-    "friction that changes along the travel",
-    "friction that is largest amid the travel",
-    "viscosity that changes along the travel",
-)
-"""Neglected effects that are friction which depends on the position."""
-
 
 @dataclass(frozen=True)
 class Cause:
@@ -110,107 +100,6 @@ class ParallelSpring:
     share: float = 0.0  # share of the residual's variance there that it explains
 
 
-class LeftOutStretches:
-    """Rows of a regression in stretches that are left out in turn, and the model that causes extend.
-
-    Attributes
-    ----------
-    model : JointModel
-        Model that is extended, p parameters.
-    values : ndarray, shape (p,)
-        Its values.
-    states : States
-        States of the joint in all rows.
-    """
-
-    def __init__(self, model: JointModel, data: Stack[Motion], values: np.ndarray, slow_speed_share: float) -> None:
-        jacobian, effort = regression_rows(model, values, data)
-        self.model, self.data, self.values, self.effort = model, data, values, effort
-        self.states: States = joint_states(model, data, values)
-        kept = np.flatnonzero(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
-        self._rows = kept[:: max(1, -(-len(kept) // CAUSE_THRESHOLDS.max_rows))]
-        self._labels = np.concatenate(block_labels(data.lengths))[self._rows]
-        self._target = (data.target - effort)[self._rows]
-        self._own = _with_unit_columns(jacobian[self._rows])
-        self._beside = self._own[:, :0]
-        self.add(
-            [f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES)]
-        )
-
-    def add(self, columns: Sequence[np.ndarray]) -> None:
-        """Make columns, each of shape (m,), part of the model that causes extend."""
-        self._beside = np.column_stack([self._beside, self._made(columns)])
-
-    def saved(self, columns: Sequence[np.ndarray], before: np.ndarray | None = None) -> tuple[float, float]:
-        """Return the share of the squared error on left-out stretches that columns save, and its p value.
-
-        `before`, (m,), is another effort, which the model without the columns is compared on.
-        """
-        wide = np.column_stack([self._own, self._beside, self._made(columns)])
-        if len(self._rows) < CAUSE_THRESHOLDS.min_rows_per_column * wide.shape[1]:
-            return 0.0, 1.0
-        plain = wide[:, : self._own.shape[1] + self._beside.shape[1]]
-        target = self._target if before is None else (before - self.effort)[self._rows]
-        return _compare(self._left_out(plain, target), self._left_out(wide, self._target))
-
-    def share(self, columns: Sequence[np.ndarray]) -> float:
-        """Return the share of the squared error of the model alone that columns save."""
-        wide = np.column_stack([self._own, self._made(columns)])
-        return max(_compare(self._left_out(self._own, self._target), self._left_out(wide, self._target))[0], 0.0)
-
-    def coefficients(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        """Return the coefficients of columns, (k,), beside all others by least squares."""
-        made = np.column_stack([each[self._rows] for each in columns])
-        norms = _norms(made)
-        wide = np.column_stack([self._own, self._beside, made / norms])
-        return np.linalg.lstsq(wide, self._target, rcond=1e-10)[0][-made.shape[1] :] / norms
-
-    def column(self, signal: Callable[[Motion], np.ndarray]) -> np.ndarray:
-        """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
-        return np.concatenate([m.rows(signal(m)) for m in self.data.motions])
-
-    def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
-        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
-        return _with_unit_columns(made)
-
-    def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
-        """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
-        gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
-        for block in np.unique(self._labels):
-            own = self._labels == block
-            w, y = columns[own], target[own]
-            made[own] = y - w @ np.linalg.lstsq(gram - w.T @ w, moment - w.T @ y, rcond=1e-10)[0]
-        return made
-
-
-def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """Return the share of the squares of a residual that another one saves, and the p value of that."""
-    found = compare_held_out({"before": [before], "after": [after]}, 0.0)
-    if found.winner == "before":
-        return 0.0, 1.0
-    return 1.0 - float(after @ after) / float(before @ before), found.p_values["before"]
-
-
-def _norms(columns: np.ndarray) -> np.ndarray:
-    norms = np.linalg.norm(columns, axis=0)
-    return np.where(norms > 0.0, norms, 1.0)
-
-
-def _with_unit_columns(columns: np.ndarray) -> np.ndarray:
-    """Return the columns that are not 0, scaled to unit norm."""
-    return (columns / _norms(columns))[:, columns.any(axis=0)]
-
-
-def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
-    """Return the share of each row, (m,), that the filters take from speeds below a share of the usual one."""
-    power = sum(float(m.velocity @ m.velocity) for m in data.motions)
-    usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
-    slow = share * usual
-    return np.concatenate(
-        [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
-    )
-
-
 def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpring:
     """Find a spring beside the drive of a joint, from stretches of `data` that are predicted from the others.
 
@@ -219,10 +108,12 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     if PARALLEL_STIFFNESS in (*model.names, *model.known):
         return ParallelSpring()
     try:
-        values, slow = solve_family(model, data).values, CAUSE_THRESHOLDS.slow_speed_share_of_spring
-        stretches = LeftOutStretches(model, data, values, slow)
+        values, slow = solve_family(model, data).values, SPRING_SETTINGS.slow_speed_share
+        stretches = LeftOutStretches(model, data, values, joint_states(model, data, values), slow)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
+    # Backlash, too, is no spring.
+    stretches.add([stretches.column(each) for each in _gap_signals(stretches)])
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
     if saved < CAUSE_THRESHOLDS.min_spring_share or p_value > SIGNIFICANCE_LEVEL:
@@ -237,7 +128,8 @@ def find_causes(
 
     `delays` are those that were corrected in `data` [s], by recording.
     """
-    stretches = LeftOutStretches(model, data, values, CAUSE_THRESHOLDS.slow_speed_share)
+    states = joint_states(model, data, values)
+    stretches = LeftOutStretches(model, data, values, states, CAUSE_THRESHOLDS.slow_speed_share)
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
     found: list[Cause] = []
     while candidates:

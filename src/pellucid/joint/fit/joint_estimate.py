@@ -38,6 +38,7 @@ from .recording_agreement import (
     find_parameter_drift,
     find_recording_drift,
 )
+from .spring_doubt import SPRING_CAUSE, find_spring_doubt
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""
@@ -274,6 +275,9 @@ def make_estimate(
             discrepancy = add_drift(discrepancy, drift.covariance)
         if between is not None and between.is_told.any():
             discrepancy = add_drift(discrepancy, between.covariance, RECORDING_DRIFT_CAUSE)
+        doubt = find_spring_doubt(model, data, found, states)
+        if doubt is not None:
+            discrepancy = add_drift(discrepancy, doubt.covariance, SPRING_CAUSE)
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)

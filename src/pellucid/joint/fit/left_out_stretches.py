@@ -1,0 +1,156 @@
+"""Stretches of recordings that are left out in turn, to see whether columns beside a joint's model predict them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...models.joint import PARALLEL_STIFFNESS, JointModel
+from ...numerics.block_test import compare_held_out
+from ...numerics.motion import SLOW_SHARE, Motion
+from ...numerics.regression import Stack, regression_rows
+from ...numerics.uncertainty import correlation_time
+from .discrepancy import NEGLECTED_EFFECTS, UNEQUAL_LOAD_LOSSES, States
+from .friction_solver import block_labels
+
+MAX_ROWS = 50_000
+"""Rows beyond this number are thinned."""
+
+MIN_ROWS_PER_COLUMN = 10
+"""Columns are tried only with this many rows for each."""
+
+TRAVEL_EFFECTS = (
+    "friction that changes along the travel",
+    "friction that is largest amid the travel",
+    "viscosity that changes along the travel",
+)
+"""Neglected effects that are friction which depends on the position."""
+
+
+class LeftOutStretches:
+    """Rows of a regression in stretches that are left out in turn, and the model that causes extend.
+
+    Attributes
+    ----------
+    model : JointModel
+        Model that is extended, p parameters.
+    values : ndarray, shape (p,)
+        Its values.
+    effort : ndarray, shape (m,)
+        Effort that it makes in all rows.
+    states : States
+        States of the joint in all rows.
+    """
+
+    def __init__(
+        self, model: JointModel, data: Stack[Motion], values: np.ndarray, states: States, slow_speed_share: float
+    ) -> None:
+        jacobian, effort = regression_rows(model, values, data)
+        self.model, self.data, self.values, self.effort, self.states = model, data, values, effort, states
+        kept = np.flatnonzero(_share_of_slow_samples(data, slow_speed_share) < SLOW_SHARE)
+        self._rows = kept[:: max(1, -(-len(kept) // MAX_ROWS))]
+        self._labels = np.concatenate(block_labels(data.lengths))[self._rows]
+        self._target = (data.target - effort)[self._rows]
+        self._jacobian = jacobian[self._rows]
+        self._own = _with_unit_columns(self._jacobian)
+        self._beside = self._own[:, :0]
+        self.add(
+            [f(self.states) for n, f in NEGLECTED_EFFECTS.items() if n not in (*TRAVEL_EFFECTS, UNEQUAL_LOAD_LOSSES)]
+        )
+
+    def add(self, columns: Sequence[np.ndarray]) -> None:
+        """Make columns, each of shape (m,), part of the model that causes extend."""
+        self._beside = np.column_stack([self._beside, self._made(columns)])
+
+    def saved(self, columns: Sequence[np.ndarray], before: np.ndarray | None = None) -> tuple[float, float]:
+        """Return the share of the squared error on left-out stretches that columns save, and its p value.
+
+        `before`, (m,), is another effort, which the model without the columns is compared on.
+        """
+        wide = np.column_stack([self._own, self._beside, self._made(columns)])
+        if len(self._rows) < MIN_ROWS_PER_COLUMN * wide.shape[1]:
+            return 0.0, 1.0
+        plain = wide[:, : self._own.shape[1] + self._beside.shape[1]]
+        target = self._target if before is None else (before - self.effort)[self._rows]
+        return _compare(self._left_out(plain, target), self._left_out(wide, self._target))
+
+    def share(self, columns: Sequence[np.ndarray]) -> float:
+        """Return the share of the squared error of the model alone that columns save."""
+        wide = np.column_stack([self._own, self._made(columns)])
+        return max(_compare(self._left_out(self._own, self._target), self._left_out(wide, self._target))[0], 0.0)
+
+    def coefficients(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the coefficients of columns, (k,), beside all others by least squares."""
+        made = np.column_stack([each[self._rows] for each in columns])
+        norms = _norms(made)
+        wide = np.column_stack([self._own, self._beside, made / norms])
+        return np.linalg.lstsq(wide, self._target, rcond=1e-10)[0][-made.shape[1] :] / norms
+
+    def spring(self) -> tuple[float, float] | None:
+        """Return the stiffness of a spring beside the drive, by least squares beside all others, and its error.
+
+        There is none where too few rows are left.
+        """
+        if len(self._rows) < MIN_ROWS_PER_COLUMN * (self._own.shape[1] + self._beside.shape[1] + 1):
+            return None
+        position = self.states.position[self._rows]
+        others = [name != PARALLEL_STIFFNESS for name in self.model.names]
+        wide = np.column_stack([_with_unit_columns(self._jacobian[:, others]), self._beside])
+        scales, vectors = np.linalg.eigh(wide.T @ wide)
+        kept = scales > 1e-10 * scales[-1]
+        basis = wide @ (vectors[:, kept] / np.sqrt(scales[kept]))
+        target = self._target.copy()
+        if not all(others):
+            target += float(self.values[others.index(False)]) * position
+        apart, target = (x - basis @ (basis.T @ x) for x in (position, target))
+        size = float(apart @ apart)
+        stiffness = float(apart @ target) / size
+        left = target - stiffness * apart
+        memory = max(2.0 * correlation_time(left, [len(left)]), 1.0)
+        return stiffness, float(np.sqrt(memory * np.mean(left**2) / size))
+
+    def column(self, signal: Callable[[Motion], np.ndarray]) -> np.ndarray:
+        """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
+        return np.concatenate([m.rows(signal(m)) for m in self.data.motions])
+
+    def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
+        return _with_unit_columns(made)
+
+    def _left_out(self, columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Return the residual, (k,), of each stretch by a fit of `columns`, (k, p), to the others."""
+        gram, moment, made = columns.T @ columns, columns.T @ target, np.empty(len(target))
+        for block in np.unique(self._labels):
+            own = self._labels == block
+            w, y = columns[own], target[own]
+            made[own] = y - w @ np.linalg.lstsq(gram - w.T @ w, moment - w.T @ y, rcond=1e-10)[0]
+        return made
+
+
+def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Return the share of the squares of a residual that another one saves, and the p value of that."""
+    found = compare_held_out({"before": [before], "after": [after]}, 0.0)
+    if found.winner == "before":
+        return 0.0, 1.0
+    return 1.0 - float(after @ after) / float(before @ before), found.p_values["before"]
+
+
+def _norms(columns: np.ndarray) -> np.ndarray:
+    norms = np.linalg.norm(columns, axis=0)
+    return np.where(norms > 0.0, norms, 1.0)
+
+
+def _with_unit_columns(columns: np.ndarray) -> np.ndarray:
+    """Return the columns that are not 0, scaled to unit norm."""
+    return (columns / _norms(columns))[:, columns.any(axis=0)]
+
+
+def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
+    """Return the share of each row, (m,), that the filters take from speeds below a share of the usual one."""
+    power = sum(float(m.velocity @ m.velocity) for m in data.motions)
+    usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
+    slow = share * usual
+    return np.concatenate(
+        [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
+    )

@@ -1,0 +1,87 @@
+r"""What a spring beside the drive leaves open: how far it may have moved the other parameters of a joint.
+
+Over a small range of angles the effort of a spring, k q, is nearly that of gravity. Recordings then show their sum, and
+not each. The stiffness is estimated beside all friction that a family may lack, without samples near standstill, with
+its standard error s. Where the model has no spring, a stiffness of N(0, \kappa^2) is expected of hoses, cables and skin.
+With the estimate :math:`\hat k` its second moment is
+
+.. math::
+   E[k^2] = (w \hat k)^2 + w s^2, \qquad w = \frac{\kappa^2}{\kappa^2 + s^2}
+
+It counts with the probability that a spring of this size would not have been found. Where the model has a spring, the
+difference of its stiffness from :math:`\hat k` is in doubt instead. Parameters move by their derivative by k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.joint import PARALLEL_STIFFNESS, JointModel
+from ...numerics.motion import Motion
+from ...numerics.regression import Solution, Stack
+from .discrepancy import States
+from .left_out_stretches import LeftOutStretches
+
+
+@dataclass(frozen=True)
+class SpringSettings:
+    """Settings of the search for a spring beside the drive, and of what it leaves open."""
+
+    # Samples into which the filters carry speeds below this share of the root mean square speed are excluded: the
+    # errors of friction near standstill lie where a spring is stretched most.
+    slow_speed_share: float = 0.15
+    # Usual stiffness as a share of gravity per radian: hoses and cables of exoskeletons had 2 to 13 %.
+    usual_gravity_share: float = 0.05
+    # A spring of this many standard errors is found in one of two recordings.
+    found_standard_errors: float = 3.0
+
+
+SPRING_SETTINGS = SpringSettings()
+
+SPRING_CAUSE = "a parallel spring"
+"""Cause that is stated where a spring beside the drive adds most to a parameter's interval."""
+
+
+@dataclass(frozen=True)
+class SpringDoubt:
+    """What a spring beside the drive leaves open."""
+
+    stiffness: float  # standard deviation of the stiffness that is in doubt, in the unit of the stiffness
+    covariance: np.ndarray  # what it adds to the parameters' covariance, (p, p)
+
+
+def find_spring_doubt(model: JointModel, data: Stack[Motion], found: Solution, states: States) -> SpringDoubt | None:
+    """Return what a spring leaves open of a solution of a `model`; None where no spring can be taken for gravity."""
+    names = model.names
+    if "gravity" not in names or PARALLEL_STIFFNESS in model.known:
+        return None
+    gravity = abs(float(found.values[names.index("gravity")]))
+    stretches = LeftOutStretches(model, data, found.values, states, SPRING_SETTINGS.slow_speed_share)
+    told = stretches.spring()
+    if told is None:
+        return None
+    estimate, error = told
+    has_spring = PARALLEL_STIFFNESS in names
+    if has_spring:
+        moment = (estimate - float(found.values[names.index(PARALLEL_STIFFNESS)])) ** 2
+    else:
+        moment = _hidden_moment(estimate, error, SPRING_SETTINGS.usual_gravity_share * gravity)
+    free = np.linalg.norm(found.jacobian, axis=0) > 0.0
+    if has_spring:
+        free[names.index(PARALLEL_STIFFNESS)] = False
+    slope = np.zeros(len(names))
+    slope[free] = -np.linalg.lstsq(found.jacobian[:, free], states.position, rcond=None)[0]
+    if has_spring:
+        slope[names.index(PARALLEL_STIFFNESS)] = 1.0
+    return SpringDoubt(float(np.sqrt(moment)), moment * np.outer(slope, slope))
+
+
+def _hidden_moment(estimate: float, error: float, usual: float) -> float:
+    """Return the second moment of the stiffness of a spring that was not found."""
+    from scipy.special import ndtr
+
+    weight = usual**2 / (usual**2 + error**2)
+    missed = float(ndtr(SPRING_SETTINGS.found_standard_errors - usual / max(error, np.finfo(float).tiny)))
+    return missed * ((weight * estimate) ** 2 + weight * error**2)
