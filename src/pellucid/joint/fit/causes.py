@@ -43,12 +43,12 @@ class CauseThresholds:
     """Thresholds above which a cause is named.
 
     They were set on joints of MuJoCo and Pinocchio with other seeds than those of `research/evidence/_causes.py`: on
-    plain ones no spring saved more than 2 % of the squared error, and no other cause more than 5 %.
+    plain ones no cause saved more than 5 % of the squared error both in the model alone and beside friction. Those of a
+    spring are `SPRING_SETTINGS`.
     """
 
-    min_spring_share: float = 0.03  # Smallest share of the squared error on left-out stretches that a spring saves
-    min_share: float = 0.07  # The same share of every other cause
-    level: float = 0.02  # Significance level of the test of every other cause
+    min_share: float = 0.07  # Smallest share of the squared error on left-out stretches that a cause saves
+    level: float = 0.02  # Significance level of that
     # The same share that a cause other than a drift saves of the squared error of the model alone
     min_share_alone: float = 0.05
     min_gap_range_share: float = 1e-3  # Smallest gap, as a share of the range of motion
@@ -116,7 +116,7 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     stretches.add([stretches.column(each) for each in _gap_signals(stretches)])
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
-    if saved < CAUSE_THRESHOLDS.min_spring_share or p_value > SIGNIFICANCE_LEVEL:
+    if saved < SPRING_SETTINGS.min_saved_share or p_value > SIGNIFICANCE_LEVEL:
         return ParallelSpring()
     return ParallelSpring(True, max(stretches.share(position), saved))
 

@@ -87,10 +87,10 @@ class LeftOutStretches:
         wide = np.column_stack([self._own, self._beside, made / norms])
         return np.linalg.lstsq(wide, self._target, rcond=1e-10)[0][-made.shape[1] :] / norms
 
-    def spring(self) -> tuple[float, float] | None:
-        """Return the stiffness of a spring beside the drive, by least squares beside all others, and its error.
+    def spring(self) -> tuple[float, float, float] | None:
+        """Return the stiffness of a spring beside the drive, by least squares beside all others, with its error.
 
-        There is none where too few rows are left.
+        The third number is that of independent rows. There is no result where too few rows are left.
         """
         if len(self._rows) < MIN_ROWS_PER_COLUMN * (self._own.shape[1] + self._beside.shape[1] + 1):
             return None
@@ -108,7 +108,7 @@ class LeftOutStretches:
         stiffness = float(apart @ target) / size
         left = target - stiffness * apart
         memory = max(2.0 * correlation_time(left, [len(left)]), 1.0)
-        return stiffness, float(np.sqrt(memory * np.mean(left**2) / size))
+        return stiffness, float(np.sqrt(memory * np.mean(left**2) / size)), len(left) / memory
 
     def column(self, signal: Callable[[Motion], np.ndarray]) -> np.ndarray:
         """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
