@@ -27,7 +27,7 @@ from ... import _core
 from ..._errors import IdentificationError
 from ...models.friction_terms import is_friction
 from ...models.joint import PARALLEL_STIFFNESS, JointModel
-from ...numerics.block_test import SIGNIFICANCE_LEVEL
+from ...numerics.block_test import MIN_IMPROVEMENT, SIGNIFICANCE_LEVEL
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack, regression_rows
 from .discrepancy import NEGLECTED_EFFECTS
@@ -116,7 +116,8 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     stretches.add([stretches.column(each) for each in _gap_signals(stretches)])
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
-    if saved < SPRING_SETTINGS.min_saved_share or p_value > SIGNIFICANCE_LEVEL:
+    least = SPRING_SETTINGS.min_saved_share if "gravity" in model.names else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
+    if saved < least or p_value > SIGNIFICANCE_LEVEL:
         return ParallelSpring()
     return ParallelSpring(True, max(stretches.share(position), saved))
 

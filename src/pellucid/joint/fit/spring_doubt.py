@@ -34,8 +34,9 @@ class SpringSettings:
     slow_speed_share: float = 0.15
     # Usual stiffness as a share of gravity per radian: hoses and cables of exoskeletons had 2 to 13 %.
     usual_gravity_share: float = 0.08
-    # A spring is found if it saves this share of the squared error on left-out stretches; on plain joints of MuJoCo and
-    # Pinocchio none saved more than 0.02.
+    # A spring beside gravity is found if it saves this share of the squared error on left-out stretches; on plain joints
+    # of MuJoCo and Pinocchio none saved more than 0.02. Where no gravity is estimated that a spring could falsify, it
+    # must save as much as any richer model (`MIN_IMPROVEMENT`).
     min_saved_share: float = 0.03
     # A spring of this many standard errors, or more if that saves less, is found in one of two recordings.
     found_standard_errors: float = 3.0
