@@ -14,7 +14,7 @@ from ...files.fault import Fault
 from ...models.estimates import Parameter, Verdict
 from ...models.fields import largest_friction, model_fields
 from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
-from ...models.joint import GRAVITY, JointModel
+from ...models.joint import GRAVITY, PARALLEL_STIFFNESS, JointModel
 from ...numerics.block_test import SIGNIFICANCE_LEVEL, HeldOutComparison, count_independent_samples
 from ...numerics.regression import stack
 from ...numerics.spring_evidence import (
@@ -42,9 +42,11 @@ from ..fit.recording_agreement import (
     has_free_gravity,
 )
 from ..fit.replay import Prediction, relative_error
+from ..fit.spring_doubt import SPRING_CAUSE
 from ..fit.spring_fit import solve_spring
 from .aligned_motions import find_alignments, find_clocks
 from .joint_case import (
+    ADVICE_BY_PARAMETER,
     PAYLOAD_ADVICE,
     WORN_ADVICE,
     JointCase,
@@ -102,6 +104,8 @@ class FindingThresholds:
     # A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
     # more.
     max_spring_alike_share: float = 0.01
+    # A hidden spring is reported if half of gravity's interval exceeds this share of gravity.
+    min_hidden_spring_share: float = 0.05
     # If the error of the fit exceeds this [%], the model is to blame for a weak parameter and not the motion.
     max_fit_error_percent: float = 20.0
     # A parameter differs from 0 statistically by more than this many standard errors.
@@ -134,6 +138,23 @@ def report_causes(case: JointCase) -> Iterator[Verdict]:
     for cause in case.causes:
         is_term = cause.name == PARALLEL_SPRING
         yield Verdict("note", cause_sentence(cause), PARALLEL_SPRING_ADVICE if is_term else "", weight=6.0)
+
+
+def report_hidden_spring(case: JointCase) -> Iterator[Verdict]:
+    """Report that a parallel spring of usual size would not show, where it makes gravity's interval wide."""
+    estimate = case.fit.headline.estimate
+    found = estimate.get("gravity")
+    if found is None or PARALLEL_STIFFNESS in estimate or estimate.discrepancy is None:
+        return
+    cause = estimate.discrepancy.of(["gravity"])[1][0]
+    half = _half_width(found, case.level)
+    if cause != SPRING_CAUSE or half < FINDING_THRESHOLDS.min_hidden_spring_share * abs(found.value):
+        return
+    text = (
+        f"A parallel spring (hose, cable, skin) would not show beside gravity here: gravity's interval of "
+        f"± {100.0 * half / abs(found.value):.0f} % has room for one of a usual size."
+    )
+    yield Verdict("note", text, ADVICE_BY_PARAMETER["gravity"])
 
 
 PARALLEL_SPRING_ADVICE = (
