@@ -65,7 +65,7 @@ def rest_friction(card: Card, slider: float | None = None) -> float:
     is at `slider` [m], or amid its rail.
     """
     body = _body_of(card, slider, lambda parameter: parameter.value)
-    weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"])) + abs(body["offset"])
+    weight = _largest_load(body) + abs(body["offset"])
     return float(largest_friction(JOINT_LAW.fields, body, 0.0, weight))
 
 
@@ -100,10 +100,20 @@ def known_speed(card: Card) -> float:
 def suggested_limits(card: Card, slider: float | None = None) -> Limits:
     """The most that compensation asks at a speed it knows, half more than that speed, and no stops."""
     body, law, speed = carried_body(card, slider), JOINT_LAW.defaults, known_speed(card)
-    weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"]))
+    weight = _largest_load(body)
     friction = largest_friction(JOINT_LAW.fields, body, speed, weight)
     effort = float(law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction)
     return Limits(effort, effort / EFFORT_RISE_S, 1.5 * speed, (-np.inf, np.inf), 0.0)
+
+
+SPRING_REACH = 1.0
+"""Distance from the middle of a parallel spring up to which it is carried [rad or m]."""
+
+
+def _largest_load(body: Mapping[str, float]) -> float:
+    """Return the largest effort of a body's gravity and spring, SI."""
+    weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"]))
+    return weight + abs(body["parallel_stiffness"]) * SPRING_REACH
 
 
 def place_on_rail(card: SliderCard, slider: float | None) -> float:

@@ -47,8 +47,8 @@ draws from them, `apply` gives a model what was drawn.
     "urdf": """# {name} as URDF
 
 `model.urdf` has damping and friction of each joint, level and slope as they are on average of both directions. URDF
-has no place for a rotor's inertia, for load-dependent friction or for intervals: `ranges.json` has armature and
-friction of each joint, and the value and {confidence:.0%} interval of every number with their covariance. In
+has no place for a rotor's inertia, for load-dependent friction, for a parallel spring or for intervals: `ranges.json`
+has armature, friction and spring of each joint, and the value and {confidence:.0%} interval of every number with their covariance. In
 Pinocchio, set `model.armature` from it.
 """,
 }

@@ -66,6 +66,7 @@ class SimulatorBody:
     inertia: np.ndarray  # about the centre of mass, shape (3, 3) [kg m^2]
     friction: Mapping[str, float]  # `FRICTION_FIELDS`, SI
     offset: float = 0.0  # constant effort that the joint asks for [N m; N]
+    stiffness: float = 0.0  # of a spring beside the drive, slack at 0 but for the offset [N m/rad; N/m]
     gain: float = 1.0  # effort per unit of command
     back_emf: float = 0.0  # effort per velocity that the drive takes away [N m s/rad; N s/m]
     limits: tuple[float, float] | None = None  # positions [rad; m]
@@ -112,6 +113,7 @@ def joint_simulator_model(card: ModelCard, limits: JointLimits) -> SimulatorMode
         axis=(1.0, 0.0, 0.0) if card.motion == "prismatic" else (0.0, 1.0, 0.0),
         armature=armature, mass=mass, centre=centre, inertia=inertia,
         friction={name: vector[name] for name in FRICTION_FIELDS}, offset=vector["offset"],
+        stiffness=vector["parallel_stiffness"],
         gain=card.drive.get("gain", 1.0), back_emf=card.drive.get("back_emf", 0.0),
         limits=None if stops[0] is None or stops[1] is None else (stops[0], stops[1]), effort=limits.effort,
         velocity=limits.velocity,
@@ -256,6 +258,7 @@ def _mjcf_bodies(model: SimulatorModel, parent: int, indent: str) -> list[str]:
             lines.append(
                 f'{indent}  <joint name={_name(body.joint)} type="{body.kind}" axis="{_numbers(body.axis)}" '
                 f'armature="{body.armature!r}" damping="{damping!r}" frictionloss="{loss!r}"'
+                + (f' stiffness="{body.stiffness!r}"' if body.stiffness else "")
                 + (f' range="{_numbers(body.limits)}"' if body.limits else "")
                 + "/>"
             )
@@ -324,7 +327,9 @@ def ranges_table(model: SimulatorModel) -> dict[str, Any]:
         "parameters": list(model.parameters),
         "covariance": [list(row) for row in model.covariance],
         "joints": {
-            body.joint: {"armature": body.armature, "offset": body.offset, **body.friction} for body in model.moving
+            body.joint: {"armature": body.armature, "offset": body.offset, **body.friction}
+            | ({"parallel_stiffness": body.stiffness} if body.stiffness else {})
+            for body in model.moving
         },
     }
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.joint import JointModel, joint_model
+from ...models.joint import PARALLEL_STIFFNESS, JointModel, joint_model
 from ...numerics.delay import Columns, Delay, DelayFit, DrivenRows, combine_models, fit_delay, prefer_better_lag
 from ...numerics.filters import anti_aliased
 from ...numerics.motion import Motion
@@ -24,7 +24,7 @@ MIN_EXPLAINED_EFFORT_SHARE = 0.5
 """A delay is believed only if the model with it explains at least this share of the effort's variance. Somebody who
 wears the joint moves it with a phase of their own, and a shift of the effort then fits a model that explains little."""
 
-BODY_TERMS = frozenset({"inertia", "gravity", "gravity_cosine", "offset"})
+BODY_TERMS = frozenset({"inertia", "gravity", "gravity_cosine", PARALLEL_STIFFNESS, "offset"})
 """Terms that no friction contributes to."""
 
 MIN_ROWS = 100

@@ -169,6 +169,7 @@ ADVICE_BY_PARAMETER = {
     "inertia": "Record quick reversals too: steps, or a motion of several frequencies.",
     "gravity": "Record over a wider range of angles.",
     "gravity_cosine": "Record over a wider range of angles.",
+    "parallel_stiffness": "Record over a wider range of positions.",
     "offset": "Record both directions over the same positions.",
 } | {term.name: term.advice for term in TERMS}
 """Recordings to make so that a parameter is identified."""

@@ -921,6 +921,7 @@ WEAKNESS_REASONS = {
     "inertia": "it hardly accelerates",
     "gravity": "it hardly leaves its resting angle",
     "gravity_cosine": "its range of angles is too small",
+    "parallel_stiffness": "its range of positions is too small",
     "offset": "friction in the two directions hides it",
 } | {term.name: term.weak_because for term in TERMS}
 """Reason why recordings may not show a parameter; ``{speed}`` is the largest recorded speed."""

@@ -26,6 +26,7 @@ PARAMETER_LABELS: Mapping[str, str] = MappingProxyType(
         "inertia": "Inertia",
         "gravity": "Gravity, sine",
         "gravity_cosine": "Gravity, cosine",
+        "parallel_stiffness": "Parallel spring",
         "offset": "Offset",
         **{term.name: term.words for term in TERMS},
         "drive_constant": "Drive constant",
