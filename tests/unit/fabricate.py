@@ -8,6 +8,7 @@ import numpy as np
 
 from pellucid import _core
 from pellucid.joint.fit.friction_family import FamilyFit
+from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.fit.joint_estimate import JointEstimate
 from pellucid.joint.fit.replay import Prediction, Simulation
 from pellucid.joint.study.joint_result import JointResult, Trace
@@ -136,7 +137,7 @@ def fit(
         effort_unit=effort_unit,
         lifts="outward",
         families=found,
-        best=min(score, key=score.get),
+        choice=HeadlineChoice(min(score, key=score.get), "ls"),
         filter_note="zero-phase Butterworth, order 4, 100 Hz on both sides; 1 sample in 10",
         drive_constant=Parameter("drive_constant", f"{effort_unit}/V", 35.15, 0.21)
         if effort_unit in ("N", "N*m")

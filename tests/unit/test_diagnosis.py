@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid.joint.fit.friction_family import fit_family
+from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.fit.joint_estimate import measure_excitation
 from pellucid.joint.fit.replay import Machine
 from pellucid.joint.study import joint_findings
@@ -95,7 +96,7 @@ def test_degrees_and_radians_declared_as_each_other_are_named(sound, rng):
         model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
         data = stack([motion])
         fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False).fit
-        case = JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, "symmetric")
+        case = JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, HeadlineChoice("symmetric", "ls"))
         told = joint_findings.report_wrong_unit(case)
         assert [v.text.partition(":")[0] for v in told] == expected
 

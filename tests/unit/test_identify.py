@@ -30,11 +30,12 @@ def fit(virtual):
     return identify(virtual, families=["symmetric", "load"])
 
 
-def test_an_estimator_is_chosen_for_the_chosen_family_alone(fit):
+def test_one_choice_names_family_and_estimator(fit):
     for name, family in fit.families.items():
-        assert (family.choice.torque is not None) == (name == fit.best)
-        assert name == fit.best or family.choice.method == "ls"
-        assert family.headline.choice.predictions
+        assert family.choice is (fit.choice if name == fit.best else None)
+        assert bool(family.chosen) == (name == fit.best)
+    assert {c.family for c in fit.choice.candidates} == set(fit.families)
+    assert fit.headlined.estimate.method == fit.choice.method
 
 
 def test_prediction_intervals_hold_on_a_plant_richer_than_the_model(fit):

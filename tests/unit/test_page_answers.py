@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pellucid.arm.study.joint_answers import answer_joints
 from pellucid.arm.study.tree_page import _verdict as robot_verdict
-from pellucid.joint.fit.estimators import EstimatorChoice
+from pellucid.joint.fit.headline_choice import HeadlineChoice
 from pellucid.joint.study import joint_page as module
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
@@ -191,8 +191,9 @@ def test_a_robot_is_judged_by_its_worst_joint_where_it_was_not_fitted(judged, er
 def test_the_table_of_families_says_by_which_estimator_it_is(tmp_path, method, said):
     found = fabricate.fit(families=("symmetric", "load"))
     best = found.families[found.best]
-    chosen = EstimatorChoice(method=method, predictions=best.predictions)
-    found = replace(found, families={**found.families, found.best: replace(best, choice=chosen)})
+    choice = HeadlineChoice(found.best, method)
+    chosen = replace(best, choice=choice, chosen=best.predictions)
+    found = replace(found, families={**found.families, found.best: chosen}, choice=choice)
     tables = complete_result(fabricate.study(tmp_path, found), found).tables
     (title,) = [table.title for table in tables if "amilies" in table.title]
     assert title == f"Friction families, by their errors of the effort {said}"

@@ -34,8 +34,8 @@ from .discrepancy import NEGLECTED_EFFECTS
 from .friction_solver import solve_family
 from .joint_estimate import joint_states
 from .left_out_stretches import TRAVEL_EFFECTS, LeftOutStretches
-from .spring_doubt import SPRING_SETTINGS
 from .recording_agreement import share_of_time
+from .spring_doubt import SPRING_SETTINGS
 
 
 @dataclass(frozen=True)

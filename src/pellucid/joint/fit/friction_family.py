@@ -1,19 +1,7 @@
-"""Fit each friction family by every method that the data allow, and choose a family.
+"""Fit each friction family by every method that the data allow.
 
 A perturbation of the recordings far below sensor resolution finds parameters that they do not determine: it moves them
 beyond their interval.
-
-The chosen family is the simplest one that predicts blocks of the fitted recordings no worse than the best.
-Only fitted recordings take part: each block is predicted from the others. A richer family must save a stated share of
-the simpler one's error, and one of two things must show that this is no chance. Either these recordings tell a term of
-its own from zero at a confidence level that is corrected for the number of families (Bonferroni), or a paired test over
-blocks finds the simpler family worse. The test has little power where few blocks have most of the error although the
-term itself is plain. An interval allows for everything that the model misses, so that it may include zero although the
-family predicts better throughout; the term's value is then reported as not identified. A term that cannot be negative
-is tested on one side: where it is 0, its estimate is 0 in one half of all recordings and as far above as a normal
-variable in the other half [1]_.
-
-.. [1] H. Chernoff, "On the distribution of the likelihood ratio", Annals of Mathematical Statistics 25, 1954.
 """
 
 from __future__ import annotations
@@ -28,19 +16,9 @@ from ..._errors import IdentificationError
 from ...models.estimates import UNDETERMINED_REASON, Parameter
 from ...models.friction_terms import shape_index, shaped_by
 from ...models.joint import SYMBOLS_BY_NAME, JointModel
-from ...numerics.block_test import MIN_IMPROVEMENT, HeldOutComparison, compare_held_out
 from ...numerics.motion import Motion
 from ...numerics.regression import Solution, Stack, stack
-from .estimators import (
-    EstimatorChoice,
-    Residuals,
-    SolvedMethod,
-    choose_estimator,
-    is_nearly,
-    solve_didim,
-    solve_instrumental,
-    solve_output_error,
-)
+from .estimators import SolvedMethod, solve_didim, solve_instrumental, solve_output_error
 from .friction_solver import (
     cross_validate_family,
     solve_family,
@@ -49,7 +27,8 @@ from .friction_solver import (
     solve_weighted,
     with_known_stribeck_velocity,
 )
-from .joint_estimate import JointEstimate, make_estimate
+from .headline_choice import HeadlineChoice
+from .joint_estimate import JointEstimate, make_estimate, widen_for_others
 from .recording_agreement import enforce_pseudo_inertia, is_pseudo_inertia_bounded, least_inertia
 from .replay import (
     Machine,
@@ -143,10 +122,12 @@ class FamilyFit:
     fitted_r2: float = float("nan")
     heldout_effort_error: float = float("nan")
     heldout_r2: float = float("nan")
-    choice: EstimatorChoice = field(default_factory=EstimatorChoice)
-    """The estimator that was chosen. It is least squares for a family that was not chosen itself."""
+    choice: HeadlineChoice | None = None
+    """The choice of the headline if it fell on this family; None for every other family."""
+    chosen: tuple[Prediction, ...] = ()
+    """Predictions of every recording by the chosen estimator; empty for every other family."""
     crossed: tuple[np.ndarray, ...] = ()
-    """Residuals of the fitted recordings by cross-validation over blocks. Families are chosen by them."""
+    """Residuals of the fitted recordings by cross-validation over blocks. The predictive band is made of them."""
     excerpt: str = ""  # excerpt to which the other estimates and simulations were fitted, in words; empty for all data
     band: PredictiveBand | None = None  # predictive band around the chosen estimator's predictions
 
@@ -155,19 +136,19 @@ class FamilyFit:
         if all(len(p.time) <= most for p in self.predictions):
             return self
         predictions = tuple(p.part(most) for p in self.predictions)
-        choice = replace(self.choice, predictions=tuple(p.part(most) for p in self.choice.predictions))
-        return replace(self, predictions=predictions, choice=choice, crossed=())
+        chosen = tuple(p.part(most) for p in self.chosen)
+        return replace(self, predictions=predictions, chosen=chosen, crossed=())
 
     @property
     def headline(self) -> FamilyFit:
         """The fit with the chosen estimator's values, predictions and errors in place of those of least squares."""
-        if self.choice.method == self.estimate.method:
+        if self.choice is None or self.choice.method == self.estimate.method:
             return self
-        chosen, made = self.others[self.choice.method], self.choice.predictions
+        chosen, made = self.others[self.choice.method], self.chosen
         fitted, heldout = pool_errors(made, "fitted"), pool_errors(made, "heldout")
         return FamilyFit(
             chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice,
-            excerpt=self.excerpt, band=self.band,
+            made, excerpt=self.excerpt, band=self.band,
         )  # fmt: skip
 
     @property
@@ -189,18 +170,15 @@ class SolvedFamily:
     level: float  # confidence level of the intervals [1]
     moving_mass: float | None = None  # upper limit of the moving mass [kg], if it is stated
 
-    def choose_estimator(self, purpose: str, machine: Machine) -> EstimatorChoice:
-        """Choose one of the methods for a `purpose`, by blocks of the fitted data alone.
-
-        Positions are simulated from the commands that a `machine` recorded.
-        """
+    @property
+    def candidates(self) -> dict[str, SolvedMethod]:
+        """Methods that may be chosen: least squares, and each that converged on a possible body."""
         estimates = {"ls": self.fit.estimate, **self.fit.others}
-        compared = {
+        return {
             name: each
             for name, each in self.solved.items()
             if name == "ls" or (estimates[name].converged and self._has_possible_body(each))
         }
-        return choose_estimator(purpose, compared, self.data, machine)
 
     def _has_possible_body(self, solved: SolvedMethod) -> bool:
         """Return whether a method finds an inertia that a body of the stated mass can have."""
@@ -209,17 +187,26 @@ class SolvedFamily:
             return True
         return bool(values[model.names.index("inertia")] >= least_inertia(model, values, self.moving_mass))
 
-    def with_estimator(self, choice: EstimatorChoice, everything: Sequence[Motion]) -> FamilyFit:
-        """Return the fit with the chosen method, which predicts `everything`."""
-        fit, estimates = self.fit, {"ls": self.fit.estimate, **self.fit.others}
+    def estimate_by(self, method: str) -> JointEstimate:
+        """Return the estimate by a method."""
+        return self.fit.estimate if method == "ls" else self.fit.others[method]
+
+    def with_choice(
+        self, choice: HeadlineChoice, everything: Sequence[Motion], as_good: Sequence[JointEstimate] = ()
+    ) -> FamilyFit:
+        """Return the fit with the choice that fell on it; the chosen method predicts `everything`.
+
+        The intervals of the chosen estimate contain those estimates that predict `as_good`.
+        """
+        chosen = widen_for_others(self.estimate_by(choice.method), as_good)
         if choice.method == "ls":
-            return replace(fit, choice=replace(choice, predictions=fit.predictions))
-        chosen, half_width = estimates[choice.method], fit.predictions[0].half_width
-        predictions = predict(chosen.model, chosen.array, everything, half_width)
+            return replace(self.fit, estimate=chosen, choice=choice, chosen=self.fit.predictions)
+        fit = replace(self.fit, others={**self.fit.others, choice.method: chosen}, choice=choice)
+        predictions = predict(chosen.model, chosen.array, everything, fit.predictions[0].half_width)
         band = fit.band and (make_predictive_band(predictions, fit.crossed, self.level) or fit.band)
         if band is not None:
             predictions = apply_band(predictions, band)
-        return replace(fit, choice=replace(choice, predictions=predictions), band=band)
+        return replace(fit, chosen=predictions, band=band)
 
 
 def fit_family(
@@ -265,7 +252,7 @@ def fit_family(
         known = {id(m): x for m, x in zip(data.motions, np.split(data.target - first.residual, ends), strict=True)}
     predictions = predict(model, first.values, everything, half_width, known)
     fitted, heldout = pool_errors(predictions, "fitted"), pool_errors(predictions, "heldout")
-    solved = {"ls": SolvedMethod(model, start if said else first, weighs_rows=True)}
+    solved = {"ls": SolvedMethod(model, start if said else first)}
     others, simulations, failures = (
         _apply_other_methods(model, part, start, estimate, taken, machine, level, solved) if thorough else ({}, {}, {})
     )
@@ -280,7 +267,7 @@ def fit_family(
         predictions = apply_band(predictions, band)
     fit = FamilyFit(
         model, estimate, others, predictions, simulations, failures, *fitted, *heldout,
-        EstimatorChoice(predictions=predictions), crossed, said, band,
+        crossed=crossed, excerpt=said, band=band,
     )  # fmt: skip
     return SolvedFamily(fit, solved, part, level, moving_mass)
 
@@ -312,7 +299,7 @@ def _apply_other_methods(
     make = partial(make_estimate, model, data, level=level, discrepancy=estimate.discrepancy)
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
     others = {"wls": make(weighted, "wls"), "irls": make(robust, "irls")}
-    solved |= {n: SolvedMethod(model, x, weighs_rows=True) for n, x in (("wls", weighted), ("irls", robust))}
+    solved |= {n: SolvedMethod(model, x) for n, x in (("wls", weighted), ("irls", robust))}
     failures: dict[str, str] = {}
 
     def attempt(
@@ -347,65 +334,6 @@ def _apply_other_methods(
 
 SPLIT_SUFFIXES = (("_positive", "_negative", ""), ("_motoring", "_generating", "_friction"))
 """Suffixes of two terms that a simpler family combines into one, and the suffix of that one."""
-
-
-@dataclass(frozen=True)
-class UnprovenFamily:
-    """A family that predicts better than a simpler one, but neither significantly nor with an identified term."""
-
-    name: str
-    simpler: str  # the family that it was compared with
-    improvement: float  # share of that family's error that it saves
-    terms: tuple[str, ...]  # what it adds, in words
-
-
-@dataclass(frozen=True)
-class FamilyContest:
-    """The chosen family, with the comparison behind the choice."""
-
-    best: str
-    comparison: HeldOutComparison  # errors of all families on blocks of the fitted recordings
-    unproven: tuple[UnprovenFamily, ...] = ()
-    is_simulated: bool = False  # whether the errors are those of the simulated position
-
-
-def order_by_simplicity(fits: Mapping[str, FamilyFit], found: HeldOutComparison) -> Sequence[str]:
-    """Return the families in the order of their number of free parameters, then of their error."""
-    return sorted(fits, key=lambda n: (len(fits[n].model.symbols), found.errors[n]))
-
-
-def choose_family(
-    fits: Mapping[str, FamilyFit],
-    level: float,
-    min_improvement: float = MIN_IMPROVEMENT,
-    simulated: Residuals | None = None,
-) -> FamilyContest:
-    """Return the simplest family that is not worse than the best, and the families that were passed over.
-
-    A family is worse if another saves at least the share `min_improvement` of its error: of the effort, or of the
-    `simulated` position of each family that can be simulated, if there are any. A family is passed over if none of its
-    own terms is told from zero by intervals at `level` for all families together, and the nearest simpler family is not
-    significantly worse.
-    """
-    residuals = simulated or {name: fit.crossed for name, fit in fits.items()}
-    comparison = compare_held_out(residuals, min_improvement)
-    each = 1.0 - (1.0 - level) / max(len(fits) - 1, 1)
-    left = list(order_by_simplicity({name: fits[name] for name in residuals}, comparison))
-    unproven: list[UnprovenFamily] = []
-    while True:
-        smallest = min(comparison.errors[n] for n in left)
-        best = next(n for n in left if is_nearly(comparison.errors[n], smallest, min_improvement))
-        simpler = [n for n in left if len(fits[n].model.symbols) < len(fits[best].model.symbols)]
-        if not simpler:
-            break
-        nearest = min(simpler, key=comparison.errors.__getitem__)
-        added = added_terms(fits[best].estimate, fits[nearest].model.names, each)
-        pair = compare_held_out({name: residuals[name] for name in (nearest, best)}, min_improvement)
-        if not added or any(added.values()) or pair.worse(nearest):
-            break
-        unproven.append(UnprovenFamily(best, nearest, pair.improvement(nearest), tuple(added)))
-        left.remove(best)
-    return FamilyContest(best, comparison, tuple(unproven), bool(simulated))
 
 
 def added_terms(estimate: JointEstimate, simpler: Sequence[str], level: float) -> dict[str, bool]:

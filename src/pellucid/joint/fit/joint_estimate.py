@@ -31,6 +31,7 @@ from ...numerics.sampled import sampled
 from ...numerics.uncertainty import block_bootstrap, correlation_time, sandwich_covariance, whiteness
 from .discrepancy import Discrepancy, States, collect_states, estimate_discrepancy
 from .recording_agreement import (
+    BODY_PARAMETERS,
     RECORDING_DRIFT_CAUSE,
     ParameterDrift,
     RecordingDrift,
@@ -332,6 +333,48 @@ def make_estimate(
         drift=drift,
         between_recordings=between,
         notes=notes,
+    )
+
+
+DISAGREEMENT_CAUSE = "another model that predicts as well"
+"""Cause that is stated where estimates of other models add most to a parameter's interval."""
+
+
+def widen_for_others(estimate: JointEstimate, others: Sequence[JointEstimate]) -> JointEstimate:
+    """Return the estimate with intervals that contain the values of `others`, which predict as well.
+
+    An estimate of the same family counts for every parameter. That of another family counts for the parameters of the
+    body alone, because its friction terms share what one term of this family stands for. Values on a bound and
+    undetermined ones count for nothing.
+    """
+    from scipy.special import ndtri
+
+    times, added = float(ndtri(0.5 + 0.5 * estimate.confidence)), np.zeros(len(estimate.parameters))
+    for i, own in enumerate(estimate.parameters):
+        compared = [
+            other[own.name]
+            for other in others
+            if own.name in other and (other.model.family == estimate.model.family or own.name in BODY_PARAMETERS)
+        ]
+        apart = [abs(p.value - own.value) for p in compared if not (p.at_bound or p.undetermined or own.at_bound)]
+        added[i] = max(0.0, (max(apart, default=0.0) / times) ** 2 - own.standard_error**2)
+    if estimate.discrepancy is None or not added.any():
+        return estimate
+    at = [estimate.discrepancy.names.index(p.name) for p in estimate.parameters]
+    spread = np.zeros(len(estimate.discrepancy.names))
+    spread[at] = added
+    parameters = tuple(
+        replace(p, standard_error=float(np.hypot(p.standard_error, np.sqrt(more)))) if more > 0.0 else p
+        for p, more in zip(estimate.parameters, added, strict=True)
+    )
+    parameters = tuple(
+        replace(p, identifiable=p.identifiable and abs(p.value) > times * p.standard_error) for p in parameters
+    )
+    return replace(
+        estimate,
+        parameters=parameters,
+        covariance=estimate.covariance + np.diag(added),
+        discrepancy=add_drift(estimate.discrepancy, np.diag(spread), DISAGREEMENT_CAUSE),
     )
 
 

@@ -24,16 +24,16 @@ from ...study.study import Study
 from ...study.study_file import JointTable, Processing, SeveralJoints
 from ..fit.causes import ParallelSpring, find_parallel_spring
 from ..fit.drive_constant import LoadShares, decide_load_shares, estimate_drive_constant, widen_for_unknown_shares
-from ..fit.estimators import EstimatorChoice
-from ..fit.friction_family import FamilyFit, SolvedFamily, choose_family, fit_family
+from ..fit.friction_family import FamilyFit, SolvedFamily, fit_family
+from ..fit.headline_choice import choose_headline
 from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import estimate_presliding
 from ..fit.replay import Machine, joint_posterior
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import joint_findings
 from .aligned_motions import align_recordings, require_clocks
-from .joint_causes import causes_of
 from .joint_case import JointCase
+from .joint_causes import causes_of
 from .joint_faults import require_sign, require_velocity
 from .joint_result import JointResult, complete_result, traces_of
 
@@ -126,15 +126,13 @@ def identify_joint(
                 raise
             failures[name] = str(error)
     fits: dict[str, FamilyFit] = {name: each.fit for name, each in solved.items()}
-    tell("choosing an estimator", 0.85)
-    purpose, choices = study.model.purpose, dict[str, EstimatorChoice]()
-    if purpose == "simulation":
-        choices = {name: each.choose_estimator(purpose, machine) for name, each in solved.items()}
-    simulated = {name: choice.crossed for name, choice in choices.items() if choice.crossed}
-    contest = choose_family(fits, study.model.confidence, study.model.min_improvement, simulated)
-    best = contest.best
-    choice = choices[best] if best in choices else solved[best].choose_estimator(purpose, machine)
-    fits[best] = solved[best].with_estimator(choice, everything)
+    tell("choosing the model", 0.85)
+    candidates = {name: each.candidates for name, each in solved.items()}
+    searched = next(iter(solved.values())).data
+    choice = choose_headline(candidates, searched, machine, study.model.purpose, study.model.min_improvement)
+    best = choice.family
+    as_good = [solved[c.family].estimate_by(c.method) for c in choice.as_good if c.name != (best, choice.method)]
+    fits[best] = solved[best].with_choice(choice, everything, as_good)
     del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:
@@ -152,7 +150,7 @@ def identify_joint(
     payloads_found = _find_payloads(study, carried, plain)
     causes = causes_of(study, fits[best], searched, spring)
     case = JointCase(
-        study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
+        study, everything, data, part.motions, fits, choice, machine, failures, constant, no_constant,
         posterior, no_posterior, below_slip, shares, payloads_found, causes,
     )  # fmt: skip
     found = JointResult(
@@ -168,7 +166,7 @@ def identify_joint(
         effort_unit=drive.effort_unit,
         lifts=study.rig.lifts,
         families=fits,
-        best=best,
+        choice=choice,
         filter_note=filter_note(study),
         drive_constant=None if known_drive else constant,
         posterior=posterior,

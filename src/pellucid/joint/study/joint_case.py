@@ -23,7 +23,8 @@ from ...study.study import Study
 from ...study.study_file import Drive
 from ..fit.causes import Cause
 from ..fit.drive_constant import LoadShares
-from ..fit.friction_family import FamilyContest, FamilyFit
+from ..fit.friction_family import FamilyFit
+from ..fit.headline_choice import HeadlineChoice
 from ..fit.presliding import Presliding
 from ..fit.replay import Machine
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
@@ -38,8 +39,7 @@ class JointCase:
     data: Stack  # fitted motions
     excerpt: tuple[Motion, ...]  # all motions, or parts of each if there are hours, for methods that search
     fits: Mapping[str, FamilyFit]  # fit of each family
-    best: str  # name of the best family
-    contest: FamilyContest | None = None  # choice among the families; None if there was none
+    choice: HeadlineChoice  # the model behind the headline, and why
     machine: Machine = field(default_factory=Machine)
     failures: Mapping[str, str] = field(default_factory=dict)  # reasons, by family, why it could not be fitted
     constant: Parameter | None = None  # drive constant from payloads, divided by the stated one if that is known
@@ -53,8 +53,13 @@ class JointCase:
     causes: tuple[Cause, ...] = ()  # causes of what the best family misses
 
     @property
+    def best(self) -> str:
+        """Name of the chosen family."""
+        return self.choice.family
+
+    @property
     def fit(self) -> FamilyFit:
-        """Fit of the best family."""
+        """Fit of the chosen family."""
         return self.fits[self.best]
 
     @property

@@ -15,7 +15,7 @@ from ...models.estimates import Parameter, Verdict
 from ...models.fields import largest_friction, model_fields
 from ...models.friction_terms import LOAD_FEATURE, TERMS, features_of, grows_with_load
 from ...models.joint import GRAVITY, PARALLEL_STIFFNESS, JointModel
-from ...numerics.block_test import SIGNIFICANCE_LEVEL, HeldOutComparison, count_independent_samples
+from ...numerics.block_test import SIGNIFICANCE_LEVEL, count_independent_samples
 from ...numerics.regression import stack
 from ...numerics.spring_evidence import (
     MAX_SPRING_UNEXPLAINED_SHARE,
@@ -28,9 +28,9 @@ from ...study.pages.quantities import METHODS, interval_text, number, parameter_
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_beside import pair_with_posterior, posterior_verdicts
 from ..fit.causes import PARALLEL_SPRING
-from ..fit.estimators import DECISIVE_ERROR_RATIO
 from ..fit.friction_family import added_terms
 from ..fit.friction_solver import solve_family
+from ..fit.headline_choice import Candidate
 from ..fit.joint_estimate import JointEstimate
 from ..fit.recording_agreement import (
     BODY_PARAMETERS,
@@ -82,9 +82,10 @@ class FindingThresholds:
     min_constant_difference: float = 0.1
     # A difference between two values is reported only if it changes the effort by more than this share (RMS).
     min_disagreement_effort_share: float = 0.02
-    # An estimator is the wrong choice if its error on left-out blocks exceeds this multiple of the best one's, and a
-    # paired test finds it worse.
-    max_estimator_error_ratio: float = 1.2
+    # The error of a simulation matters from this share of the motion's standard deviation on. Chosen by judgement.
+    min_simulation_error_share: float = 0.05
+    # The error of a simulation is far larger than another's from this multiple of it on. Chosen by judgement.
+    min_simulation_error_ratio: float = 1.5
     # A drift is told if it is at least this share of the friction at the recording's median speed.
     min_drift_level_share: float = 0.25
     min_drift_z_value: float = 4.0  # A drift is told if it is at least this many standard errors
@@ -386,14 +387,13 @@ def _nearest_ratio(case: JointCase, implied: float) -> float:
 
 
 def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
-    """Report the disagreeing estimators, their parameters and errors on left-out blocks, and which one is used."""
-    fit, choice = case.fit, case.fit.choice
+    """Report estimators that disagree, or that do far better at something that the headline is not chosen for."""
+    fit, choice = case.fit, case.choice
+    compared = choice.methods_of(case.best)
     estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
     apart = {p.name: _disagreeing_methods(p, estimates, case.level) for p in fit.estimate.parameters}
     apart = {name: methods for name, methods in apart.items() if methods}
-    worse = {what: found for what, found in _contests(case).items() if _is_wrong_choice(found, choice.method)}
-    winners = {found.winner for found in _contests(case).values()}
-    shown = {"ls", choice.method, *winners, *(m for methods in apart.values() for m in methods)}
+    shown = {"ls", choice.method, *_winners(compared), *(m for methods in apart.values() for m in methods)}
     involved = [m for m in estimates if m in shown]
     if apart:
         differences_text = "; ".join(
@@ -404,14 +404,51 @@ def report_estimators_disagree(case: JointCase) -> Iterator[Verdict]:
         text = (
             f"Estimators disagree by more than their intervals: {differences_text}. The model is not the whole truth, "
         )
-        text += "and each weighs what it misses differently."
+        text += "and each weighs what it misses differently. The headline's intervals contain the better estimates."
         yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
-    elif worse:
-        text = f"The headline's values are the better ones for {choice.purpose}, but not for {' and '.join(worse)}."
-        yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=5.0)
     elif choice.method != "ls":
-        text = f"Ordinary least squares does worse than {METHODS[choice.method]} on left-out blocks."
+        text = f"Ordinary least squares does worse than {METHODS[choice.method]} on left-out stretches."
         yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
+
+
+def report_other_purpose(case: JointCase) -> Iterator[Verdict]:
+    """Report a headline that simulates so badly that it matters, where another candidate simulates far better.
+
+    An error that is small against the motion matters to nobody, however much smaller that of another candidate is.
+    """
+    chosen = case.choice.chosen
+    if chosen is None or chosen.simulation_error is None or case.choice.purpose == "simulation":
+        return
+    best = min(case.choice.candidates, key=lambda c: c.simulation_error or 0.0)
+    size = float(np.std(case.data.reduced([m.position for m in case.data.motions])))
+    if (
+        chosen.simulation_error < FINDING_THRESHOLDS.min_simulation_error_share * size
+        or chosen.simulation_error < FINDING_THRESHOLDS.min_simulation_error_ratio * (best.simulation_error or 0.0)
+    ):
+        return
+    scale, unit = _position_scale(case)
+    errors = [number(scale * (each.simulation_error or 0.0), digits=3) for each in (chosen, best)]
+    yield Verdict(
+        "warning",
+        f"The headline predicts the effort best, but another model simulates the motion far better: over "
+        f"{case.choice.horizon:g} s the headline errs by {errors[0]} {unit}, {best.family} friction by "
+        f"{METHODS[best.method]} by {errors[1]} {unit} (RMS).",
+        _advice(case),
+        weight=5.0,
+    )
+
+
+def _winners(compared: Mapping[str, Candidate]) -> set[str]:
+    """Return the estimators of one family with the smallest errors of effort and of simulated position."""
+    if not compared:
+        return set()
+    found = {min(compared, key=lambda m: compared[m].effort_error)}
+    simulated = {m: c.simulation_error for m, c in compared.items() if c.simulation_error is not None}
+    return found | ({min(simulated, key=simulated.__getitem__)} if simulated else set())
+
+
+def _position_scale(case: JointCase) -> tuple[float, str]:
+    return (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
 
 
 def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
@@ -435,45 +472,33 @@ def _disagreeing_methods(parameter: Parameter, estimates: dict[str, JointEstimat
     return found
 
 
-def _contests(case: JointCase) -> dict[str, HeldOutComparison]:
-    found = {"torque": case.fit.choice.torque, "simulation": case.fit.choice.simulation}
-    return {what: contest for what, contest in found.items() if contest is not None}
-
-
-def _is_wrong_choice(found: HeldOutComparison, method: str) -> bool:
-    """Return whether a method's errors are far larger than the best one's, or larger and significantly so."""
-    if method not in found.errors:
-        return False
-    ratio = found.errors[method] / found.errors[found.winner] if found.errors[found.winner] else np.inf
-    return ratio > DECISIVE_ERROR_RATIO or (
-        ratio > FINDING_THRESHOLDS.max_estimator_error_ratio and found.worse(method)
-    )
-
-
 def _used(case: JointCase, involved: list[str]) -> str:
     """Return in words the errors of the methods, and which one's values are used."""
-    choice = case.fit.choice
-    if choice.torque is None:
-        return f"Nothing was compared: the headline is by {METHODS[choice.method]}."
+    compared = case.choice.methods_of(case.best)
+    if not compared:
+        return f"Nothing was compared: the headline is by {METHODS[case.choice.method]}."
+    efforts = {m: compared[m].effort_error for m in involved if m in compared}
+    positions = {m: compared[m].simulation_error for m in efforts}
     clauses = []
-    if choice.simulation is not None:
-        scale, unit = (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
-        clauses.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
-    clauses.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
+    if all(error is not None for error in positions.values()):
+        scale, unit = _position_scale(case)
+        simulated = {m: scale * (error or 0.0) for m, error in positions.items()}
+        clauses.append(f"over {case.choice.horizon:g} s the motion is simulated to {_errors(simulated, unit)}")
+    clauses.append(f"effort is predicted to {_errors(efforts, case.fit.model.effort_unit)}")
     return (
-        f"On blocks of the fitted recordings, each left out in turn, {' and '.join(clauses)}. "
-        f"The headline is by {METHODS[choice.method]}."
+        f"On stretches of the fitted recordings, each left out in turn, {' and '.join(clauses)}. "
+        f"The headline is by {METHODS[case.choice.method]}."
     )
 
 
-def _errors(found: HeldOutComparison, involved: list[str], unit: str, scale: float = 1.0) -> str:
-    each = [f"{number(scale * found.errors[m], digits=3)} by {METHODS[m]}" for m in involved if m in found.errors]
+def _errors(errors: Mapping[str, float], unit: str) -> str:
+    each = [f"{number(error, digits=3)} by {METHODS[m]}" for m, error in errors.items()]
     return f"{', '.join(each)} ({unit_text(unit)}, RMS)"
 
 
 def _advice(case: JointCase) -> str:
-    other = "simulation" if case.fit.choice.purpose == "torque" else "torque"
-    return f'It is chosen for {case.fit.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'
+    other = "simulation" if case.choice.purpose == "torque" else "torque"
+    return f'It is chosen for {case.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'
 
 
 def report_failed_attempts(case: JointCase) -> Iterator[Verdict]:
@@ -485,52 +510,51 @@ def report_failed_attempts(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("warning", f"{name[0].upper()}{name[1:]} came to nothing: {why}.")
 
 
-WHERE_TEXT = "on blocks of the fitted recordings, each predicted from the others"
-"""Data that families are chosen by, in words."""
-
-SIMULATED_TEXT = "at simulating the motion, "
-"""What families are chosen by if it is not the effort, in words."""
-
-
 def report_family_choice(case: JointCase) -> Iterator[Verdict]:
-    """Report why the chosen family is used, and the richer ones that were passed over."""
-    if len(case.fits) == 1 or case.contest is None:
+    """Report why the chosen family is used, and what it adds that the recordings do not identify."""
+    chosen = case.choice.chosen
+    if len(case.fits) == 1 or chosen is None or case.choice.best is None:
         return
-    found, best = case.contest.comparison, case.best
-    where = (SIMULATED_TEXT if case.contest.is_simulated else "") + WHERE_TEXT
-    for passed in case.contest.unproven:
-        yield Verdict(
-            "note",
-            f"The '{passed.name}' family is {100.0 * passed.improvement:.2g} % better {where}, than "
-            f"'{passed.simpler}', but these recordings do not identify what it adds ({', '.join(passed.terms)}): "
-            f"the better prediction is no evidence of that friction, and '{best}' is used.",
-        )
-    simpler = [n for n in found.errors if len(case.fits[n].model.symbols) < len(case.fits[best].model.symbols)]
+    family_best = {name: found for name in case.fits if (found := case.choice.best_of(name)) is not None}
+    simpler = [c for c in family_best.values() if c.parameter_count < chosen.parameter_count]
+    best = case.choice.best
     if simpler:
-        nearest = min(simpler, key=found.errors.__getitem__)
-        gain = 100.0 * (1.0 - found.errors[best] / found.errors[nearest])
-        added = added_terms(case.fit.estimate, case.fits[nearest].model.names, case.level)
+        nearest = min(simpler, key=lambda c: c.excess)
+        gain = nearest.excess - chosen.excess
+        added = added_terms(case.fit.estimate, case.fits[nearest.family].model.names, case.level)
         open_ones = [name for name, is_found in added.items() if not is_found]
-        text = f"The '{best}' family is {gain:.2g} % better {where}, than '{nearest}', and every simpler family "
-        text += f"is worse than the best by {100.0 * found.min_improvement:.2g} % or more (paired test over "
-        text += f"{found.blocks} or more blocks: p = {found.p_values[nearest]:.2g} for '{nearest}')."
+        text = f"The '{case.best}' family predicts stretches of the fitted recordings that it was not fitted to better "
+        text += f"than every simpler one: by {_share(gain)} than '{nearest.family}', the best of them, which is worse "
+        text += f"than the best model by {_share(nearest.excess)} ± {_share(nearest.standard_error)}."
         if open_ones:
             is_partly = len(open_ones) < len(added)
-            advice = " and did not decide it." if is_partly else ": use its predictions, not its value."
-            text += f" Of what it adds, {', '.join(open_ones)} is not identified{advice}"
-        chosen = case.fit.headline
-        error = chosen.heldout_effort_error if case.judged_on_held_out else chosen.fitted_effort_error
+            text += f" Of what it adds, {', '.join(open_ones)} is not identified"
+            text += (
+                ", which decides nothing about its predictions."
+                if is_partly
+                else (": use its predictions, not its value.")
+            )
+        head = case.fit.headline
+        error = head.heldout_effort_error if case.judged_on_held_out else head.fitted_effort_error
         is_proven = not added or len(open_ones) < len(added)
         yield Verdict("good" if is_proven and error <= MAX_GOOD_ERROR else "note", text)
-    elif found.winner != best and not any(passed.name == found.winner for passed in case.contest.unproven):
-        gain = 100.0 * found.improvement(best)
+    elif best.family != case.best:
         yield Verdict(
             "note",
-            f"The '{found.winner}' family is {gain:.2g} % better {where} (p = {found.p_values[best]:.2g}): a "
-            f"richer family is used only if it saves {100.0 * found.min_improvement:.2g} % of the error.",
+            f"The '{best.family}' family predicts stretches of the fitted recordings better than '{case.best}', but "
+            f"only by {_share(chosen.excess)} ± {_share(chosen.standard_error)}: a richer family is used only if it "
+            f"is better by {100.0 * case.choice.min_improvement:.2g} %.",
         )
-    elif found.winner == best:
-        yield Verdict("note", f"No richer friction family predicts better {where} than '{best}'.")
+    else:
+        yield Verdict(
+            "note",
+            f"No richer friction family predicts stretches of the fitted recordings better than '{case.best}'.",
+        )
+
+
+def _share(excess: float) -> str:
+    """Return a difference of scores as the percentage that it saves of the larger error."""
+    return f"{-100.0 * np.expm1(-excess):.2g} %"
 
 
 def report_friction_drift(case: JointCase) -> Iterator[Verdict]:

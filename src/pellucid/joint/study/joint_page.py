@@ -65,7 +65,7 @@ def page(study: Study, result: JointResult) -> Page:
             "Parameters",
             (
                 f"The {result.best} model: {FAMILIES.get(result.best, result.best)}. "
-                f"{_by_whom(best)} The last digit shown is the second uncertain one.",
+                f"{_by_whom(result)} The last digit shown is the second uncertain one.",
             ),
             (_parameters(result, best.estimate, result.confidence),),
             notes=tuple(typeset_sentence(note) for note in best.estimate.notes),
@@ -291,15 +291,16 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
     return tiles
 
 
-def _by_whom(best: FamilyFit) -> str:
+def _by_whom(fit: JointResult) -> str:
     """Return in words which estimator's values are shown, and why."""
-    chosen = METHODS[best.estimate.method]
-    if best.choice.torque is None:
+    chosen, choice = METHODS[fit.choice.method], fit.choice
+    if len(choice.methods_of(fit.best)) < 2:
         return f"Values are by {chosen} on filtered data."
-    aim = {"torque": "the torque", "simulation": "the simulated motion"}[best.choice.purpose]
+    aim = {"torque": "the torque", "simulation": "the simulated motion"}[choice.purpose]
     return (
-        f"Values are by {chosen}: of {len(best.choice.torque.errors)} estimators the plainest that is not "
-        f"worse than the best for {aim} on blocks of the fitted recordings, each left out in turn."
+        f"Values are by {chosen}: of {len(choice.candidates)} models, each a friction family with an estimator, it is "
+        f"the simplest that predicts stretches of the fitted recordings, each left out in turn, as well as the best "
+        f"one. The purpose of the study, {aim}, weighs the errors."
     )
 
 
@@ -337,9 +338,8 @@ def _families_words(fit: JointResult) -> str:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     return (
         "All families are fitted by least squares here, so that they differ in nothing else. A richer model always "
-        "fits better. Best is the simplest family that does not predict blocks of the fitted "
-        "recordings, each from the others, worse than another whose own terms are told from zero. Recordings that were "
-        "not fitted judge it."
+        "fits better. Best is the family of the simplest model that predicts stretches of the fitted recordings, each "
+        "left out in turn, as well as the best model. Recordings that were not fitted judge it."
     )
 
 

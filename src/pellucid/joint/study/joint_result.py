@@ -20,6 +20,7 @@ from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
 from ..fit.causes import Cause
 from ..fit.friction_family import FamilyFit
+from ..fit.headline_choice import HeadlineChoice
 from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
@@ -56,7 +57,7 @@ class JointResult(Result):
     effort_unit: str
     lifts: str  # effect of positive motion, in words
     families: Mapping[str, FamilyFit]  # fits of the families, in the requested order
-    best: str  # simplest family that is not significantly worse than the best
+    choice: HeadlineChoice  # the model behind the headline, and why
     filter_note: str  # processing in one line
     drive_constant: Parameter | None = None  # drive constant from recordings with a known payload
     posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
@@ -76,6 +77,11 @@ class JointResult(Result):
             found[self.presliding.travel.name] = self.presliding.travel
         found |= {f"{x.recording}.{p.name}": p for x in self.payloads for p in x.parameters}
         return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
+
+    @property
+    def best(self) -> str:
+        """Name of the chosen family."""
+        return self.choice.family
 
     @property
     def headlined(self) -> FamilyFit:
@@ -281,7 +287,8 @@ def _parameter_row(plain: ResultRow, name: str, p: Parameter) -> ResultRow:
 
 def _headline_rows(fit: JointResult, bare: ResultRow) -> Iterator[ResultRow]:
     one = fit.headlined
-    how = f"method {one.estimate.method}; family {fit.best}; chosen for {one.choice.purpose}"
+    choice = fit.choice
+    how = f"method {one.estimate.method}; family {fit.best}; chosen for {choice.purpose}"
     plain = replace(bare, note=how)
     head = f"{fit.study}.headline"
     for p in one.estimate.parameters:
@@ -292,15 +299,19 @@ def _headline_rows(fit: JointResult, bare: ResultRow) -> Iterator[ResultRow]:
         held = replace(plain, split="heldout")
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
-    simulated, predicted = "position simulated from the command, over fitted", "effort predicted, over"
-    contests = (
-        (one.choice.simulation, f"rmse_{unit}", scale, unit, f"{simulated} blocks"),
-        (one.choice.torque, "effort_rmse", 1.0, fit.effort_unit, f"{predicted} blocks of the fitted recordings"),
-    )
-    for contest, figure, factor, its_unit, what in contests:
-        for method, error in (contest.errors if contest else {}).items():
-            name, note = f"{head}.blocks_out.{method}.{figure}", f"{what} left out in turn, by {method}"
-            yield replace(plain, id=name, value=factor * error, unit=its_unit, note=note)
+    left_out = "stretches of the fitted recordings left out in turn"
+    for method, each in choice.methods_of(fit.best).items():
+        prefix, plainly = f"{head}.blocks_out.{method}", replace(bare, note=f"{left_out}, by {method}")
+        if each.simulation_error is not None:
+            note = f"position simulated from the command for at most {choice.horizon:g} s, over {plainly.note}"
+            error = scale * each.simulation_error
+            yield replace(plainly, id=f"{prefix}.rmse_{unit}", value=error, unit=unit, note=note)
+        error, note = each.effort_error, f"effort predicted, over {plainly.note}"
+        yield replace(plainly, id=f"{prefix}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
+    for each in choice.candidates:
+        note = f"error above the best model's, ± {-100.0 * np.expm1(-each.standard_error):.2g} %, over {left_out}"
+        excess = 100.0 * np.expm1(each.excess)
+        yield replace(bare, id=f"{head}.excess.{each.family}.{each.method}", value=excess, unit="%", note=note)
 
 
 def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:
