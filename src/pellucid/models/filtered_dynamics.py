@@ -101,8 +101,12 @@ def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[in
     direct = _smooth_regressor(motion)[:, : len(smooth)] @ vector[list(smooth)]
     if _presliding_direction(motion) is not None:
         return filtered_jacobian(vector, np.zeros((len(vector), 0)), motion, smooth)[0]
-    whole = _core.inverse_dynamics(vector, motion.position, motion.velocity, motion.acceleration)
-    return direct + motion.smooth(whole - direct)
+    velocity = _slip_velocity(motion)
+    whole = _core.inverse_dynamics(vector, motion.position, velocity, motion.acceleration)
+    if velocity is motion.velocity:
+        return direct + motion.smooth(whole - direct)
+    smoothly = regressor(motion.position, velocity, motion.acceleration, smooth) @ vector[list(smooth)]
+    return direct + motion.smooth(whole - smoothly)
 
 
 def filtered_jacobian(
@@ -110,17 +114,18 @@ def filtered_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same with its derivative, (n, p), by p values of which `selection`, (k, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
-    direction, velocity = _presliding_direction(motion), motion.velocity
+    direction, velocity = _presliding_direction(motion), _slip_velocity(motion)
     if direction is not None:  # as it slips in the direction of s, times |s|
-        velocity = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), direction)
+        velocity = np.copysign(np.maximum(np.abs(motion.velocity), MIN_SLIP_SPEED), direction)
     effort, jacobian = _core.inverse_dynamics_jacobian(vector, motion.position, velocity, motion.acceleration, active)
     whole = np.column_stack([effort, jacobian @ selection[active]])
     terms = list(smooth)
     made = np.column_stack([vector, selection])[terms]
     filtered = _smooth_regressor(motion)[:, : len(terms)] @ made
-    if direction is not None:
-        slipping = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
-        jumps = np.abs(direction)[:, None] * slipping
+    if velocity is not motion.velocity:
+        jumps = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
+        if direction is not None:
+            jumps = np.abs(direction)[:, None] * jumps
     else:
         jumps = whole - filtered
     kept = jumps.any(axis=0)
@@ -148,7 +153,7 @@ def filtered_rows(
     bent[[i for i in terms if i not in BODY_TERMS]] = 0.0
     candidates = np.array([*BODY_TERMS, *curved])
     active = candidates[selection[candidates].any(axis=1)]
-    states = motion.position, motion.velocity, motion.acceleration
+    states = motion.position, _slip_velocity(motion), motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
     chosen = np.flatnonzero(selection[active].any(axis=0))
     # Filters take four signals, or eight, as soon as three, or seven.
@@ -172,9 +177,18 @@ def _linear_rows(motion: FilteredMotion, terms: tuple[int, ...], smooth: int, wi
     kept = vars(motion).setdefault("_linear_rows", {})
     if (terms, smooth, width) not in kept:
         columns = regressor(motion.position, motion.velocity, motion.acceleration, terms, width)
+        slip = _slip_velocity(motion)
+        if slip is not motion.velocity:
+            columns[:, smooth:] = regressor(motion.position, slip, motion.acceleration, terms[smooth:], width)
         columns[:, smooth:] = motion.smooth(columns[:, smooth:])
         kept[terms, smooth, width] = motion.rows(columns)
     return kept[terms, smooth, width]
+
+
+def _slip_velocity(motion: FilteredMotion) -> np.ndarray:
+    """Return the velocity, (n,), whose sign is that of friction."""
+    slip = getattr(motion, "slip_velocity", None)
+    return motion.velocity if slip is None else slip
 
 
 def _presliding_direction(motion: FilteredMotion) -> np.ndarray | None:

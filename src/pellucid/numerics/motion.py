@@ -61,6 +61,9 @@ class Filtering:
     trim: int = 0  # samples dropped at either border, where the filter has not settled
     thin: int = 1  # for a piece of a long motion: factor of thinning between the low-pass and the decimation
     margin: int = 0  # for a piece of a long motion: rows beyond the trimmed borders that only settle the decimation
+    # Cut-off of the position whose turns change the sign of friction, over that of the low-pass. A low-pass rounds the
+    # jump of acceleration at a turn, and so moves the turn.
+    direction_share: float = 1.0
 
     def sentence(self, unit: str) -> str:
         """The same in words, for notes and cards; `unit` is the velocity's."""
@@ -72,6 +75,8 @@ class Filtering:
         ]
         if self.lowpass:
             parts.append("friction low-passed as effort is")
+        if self.direction_share > 1.0 and self.lowpass:
+            parts.append(f"friction turns with the position low-passed at {self.direction_share * self.lowpass:g} Hz")
         if self.trim:
             parts.append(f"{self.trim} samples dropped at either border")
         if self.decimate > 1:
@@ -107,6 +112,8 @@ class Motion:
     initial: tuple[float, float] = (0.0, 0.0)  # Position and velocity where a simulation starts [rad or m; per second]
     # (n,) -1 to 1: what takes the place of the sign of velocity where friction gives before it slips
     direction: np.ndarray | None = None
+    # (n,) [rad/s or m/s]: the velocity with the sign of the direction of motion, if that is sharper than the velocity's
+    slip_velocity: np.ndarray | None = None
 
     @property
     def inner(self) -> slice:
@@ -169,6 +176,32 @@ def differentiate(position: np.ndarray, fs: float, filtering: Filtering) -> tupl
     return smooth, velocity, central_difference(velocity, fs)
 
 
+MIN_SLIP_SPEED = 1e-9
+"""Speed of a motion that has a direction but no velocity [rad/s or m/s]."""
+
+
+def slip_velocity(position: np.ndarray, velocity: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray | None:
+    """The filtered `velocity`, (n,), with the sign of the motion of a less filtered `position`, (n,) [rad or m].
+
+    None if a `filtering` has no sharper direction than the velocity's. `fs` [Hz]."""
+    if filtering.lowpass is None or filtering.direction_share <= 1.0:
+        return None
+    sharp = replace(filtering, lowpass=filtering.direction_share * filtering.lowpass)
+    direction = central_difference(lowpassed(position, fs, sharp), fs)
+    return np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), np.where(direction == 0.0, velocity, direction))
+
+
+def with_direction_share(motion: Motion, share: float) -> Motion:
+    """The motion with its sign of friction from a position low-passed at `share` times its cut-off.
+
+    Pieces of long motions keep no recorded position, and the sign of their velocity."""
+    if motion.raw_position is None:
+        return motion
+    filtering = replace(motion.filtering, direction_share=share)
+    slip = slip_velocity(motion.raw_position, motion.velocity, motion.fs, filtering)
+    return replace(motion, filtering=filtering, slip_velocity=slip)
+
+
 def lowpassed(samples: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray:
     """`samples`, (n,) or (n, k), at `fs` [Hz] through the zero-phase low-pass of a `filtering`, if it has one."""
     if filtering.lowpass is None:
@@ -226,6 +259,7 @@ def motion_of(
         raw_position=position,
         command=command,
         initial=initial_state(position, rate, start),
+        slip_velocity=slip_velocity(position, velocity, rate, filtering),
         **more,
     )
 

@@ -26,7 +26,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace
-from ...numerics.motion import Motion, differentiate
+from ...numerics.motion import Motion, differentiate, slip_velocity
 from ...numerics.regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
 from .friction_solver import values_without_blocks
 from .replay import Machine, is_bounded, replay
@@ -48,7 +48,10 @@ def simulated_motions(
         if not is_bounded(trace.position):
             raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
-        made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration))
+        slip = slip_velocity(trace.position, velocity, motion.fs, motion.filtering)
+        made.append(
+            replace(motion, position=position, velocity=velocity, acceleration=acceleration, slip_velocity=slip)
+        )
     return tuple(made)
 
 

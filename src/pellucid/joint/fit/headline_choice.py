@@ -32,6 +32,7 @@ from ...numerics.regression import Stack, regression_rows
 from .estimators import ESTIMATION_METHODS, SolvedMethod
 from .friction_solver import residuals_without_blocks
 from .replay import DIVERGENCE_THRESHOLD, Machine
+from .slip_direction import DirectionChoice
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ class HeadlineChoice:
     candidates: tuple[Candidate, ...] = ()  # the best first; empty if there was nothing to choose
     horizon: float = field(default=CHOICE_SETTINGS.horizon_s)  # longest free simulation [s]
     min_improvement: float = MIN_IMPROVEMENT  # smallest share of its error by which a candidate is improved on
+    direction: DirectionChoice = field(default_factory=DirectionChoice)  # how sharply the direction of motion is known
 
     @property
     def best(self) -> Candidate | None:
