@@ -25,6 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .. import _core
 from .._errors import PellucidError, RecordingError
 from .filters import central_difference, decimate, decimation_memory, lowpass_memory, zero_phase_lowpass
 
@@ -64,6 +65,7 @@ class Filtering:
     # Cut-off of the position whose turns change the sign of friction, over that of the low-pass. A low-pass rounds the
     # jump of acceleration at a turn, and so moves the turn.
     direction_share: float = 1.0
+    presliding_travel: float = 0.0  # friction builds up over this distance after a turn [rad or m]; 0: at once
 
     def sentence(self, unit: str) -> str:
         """The same in words, for notes and cards; `unit` is the velocity's."""
@@ -77,6 +79,8 @@ class Filtering:
             parts.append("friction low-passed as effort is")
         if self.direction_share > 1.0 and self.lowpass:
             parts.append(f"friction turns with the position low-passed at {self.direction_share * self.lowpass:g} Hz")
+        if self.presliding_travel:
+            parts.append(f"friction builds up over {1e3 * self.presliding_travel:.3g} m{unit.partition('/')[0]}")
         if self.trim:
             parts.append(f"{self.trim} samples dropped at either border")
         if self.decimate > 1:
@@ -180,26 +184,34 @@ MIN_SLIP_SPEED = 1e-9
 """Speed of a motion that has a direction but no velocity [rad/s or m/s]."""
 
 
-def slip_velocity(position: np.ndarray, velocity: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray | None:
-    """The filtered `velocity`, (n,), with the sign of the motion of a less filtered `position`, (n,) [rad or m].
+def friction_signals(
+    position: np.ndarray, velocity: np.ndarray, fs: float, filtering: Filtering
+) -> dict[str, np.ndarray | None]:
+    """What decides on the sign of friction, of a recorded `position` and the filtered `velocity`, (n,), at `fs` [Hz].
 
-    None if a `filtering` has no sharper direction than the velocity's. `fs` [Hz]."""
+    Gives `slip_velocity` and `direction` of a `Motion`; None where the sign of the velocity decides."""
+    cutoff = filtering.lowpass and filtering.direction_share * filtering.lowpass
+    sharp = replace(filtering, lowpass=cutoff)
+    if filtering.presliding_travel:
+        direction = _core.presliding(filtering.presliding_travel, lowpassed(position, fs, sharp))
+        return {"slip_velocity": None, "direction": direction}
     if filtering.lowpass is None or filtering.direction_share <= 1.0:
-        return None
-    sharp = replace(filtering, lowpass=filtering.direction_share * filtering.lowpass)
-    direction = central_difference(lowpassed(position, fs, sharp), fs)
-    return np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), np.where(direction == 0.0, velocity, direction))
+        return {"slip_velocity": None, "direction": None}
+    turning = central_difference(lowpassed(position, fs, sharp), fs)
+    slip = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), np.where(turning == 0.0, velocity, turning))
+    return {"slip_velocity": slip, "direction": None}
 
 
-def with_direction_share(motion: Motion, share: float) -> Motion:
+def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 0.0) -> Motion:
     """The motion with its sign of friction from a position low-passed at `share` times its cut-off.
 
-    Pieces of long motions keep no recorded position, and the sign of their velocity."""
+    Friction builds up over a `travel` [rad or m] after a turn. Pieces of long motions keep no recorded position, and
+    thus the sign of their velocity."""
     if motion.raw_position is None:
         return motion
-    filtering = replace(motion.filtering, direction_share=share)
-    slip = slip_velocity(motion.raw_position, motion.velocity, motion.fs, filtering)
-    return replace(motion, filtering=filtering, slip_velocity=slip)
+    filtering = replace(motion.filtering, direction_share=share, presliding_travel=travel)
+    signals = friction_signals(motion.raw_position, motion.velocity, motion.fs, filtering)
+    return replace(motion, filtering=filtering, **signals)
 
 
 def lowpassed(samples: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray:
@@ -259,7 +271,7 @@ def motion_of(
         raw_position=position,
         command=command,
         initial=initial_state(position, rate, start),
-        slip_velocity=slip_velocity(position, velocity, rate, filtering),
+        **friction_signals(position, velocity, rate, filtering),
         **more,
     )
 

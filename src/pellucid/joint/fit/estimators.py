@@ -26,7 +26,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import JointTrace
-from ...numerics.motion import Motion, differentiate, slip_velocity
+from ...numerics.motion import Motion, differentiate, friction_signals
 from ...numerics.regression import Solution, Stack, linearise, remember_last_call, snap_to_bounds
 from .friction_solver import values_without_blocks
 from .replay import Machine, is_bounded, replay
@@ -48,10 +48,8 @@ def simulated_motions(
         if not is_bounded(trace.position):
             raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
-        slip = slip_velocity(trace.position, velocity, motion.fs, motion.filtering)
-        made.append(
-            replace(motion, position=position, velocity=velocity, acceleration=acceleration, slip_velocity=slip)
-        )
+        signals = friction_signals(trace.position, velocity, motion.fs, motion.filtering)
+        made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration, **signals))
     return tuple(made)
 
 

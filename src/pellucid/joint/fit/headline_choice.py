@@ -82,7 +82,7 @@ class HeadlineChoice:
     candidates: tuple[Candidate, ...] = ()  # the best first; empty if there was nothing to choose
     horizon: float = field(default=CHOICE_SETTINGS.horizon_s)  # longest free simulation [s]
     min_improvement: float = MIN_IMPROVEMENT  # smallest share of its error by which a candidate is improved on
-    direction: DirectionChoice = field(default_factory=DirectionChoice)  # how sharply the direction of motion is known
+    direction: DirectionChoice = field(default_factory=DirectionChoice)  # what decides on the sign of friction
 
     @property
     def best(self) -> Candidate | None:
@@ -312,6 +312,7 @@ def simulated_errors(
         back_emf=machine.back_emf,
         position0=motion.position[kept[starts]],
         velocity0=motion.velocity[kept[starts]],
+        presliding_travel=motion.filtering.presliding_travel,
         stiction=True,
     )[0]
     owner = np.repeat(np.arange(len(starts)), ends - starts)

@@ -173,7 +173,15 @@ class JointEstimate(Estimates):
         speed = number("simulate", "velocity", velocity, unit=units["velocity"])
         period = float(time[-1] - time[0]) / (len(time) - 1)
         vector = self.model.vector(self.array)
-        trace = simulate(vector, drive, period, loop=LoopSetting(), position0=start, velocity0=speed)
+        trace = simulate(
+            vector,
+            drive,
+            period,
+            loop=LoopSetting(),
+            position0=start,
+            velocity0=speed,
+            presliding_travel=self.filtering.presliding_travel,
+        )
         if not (np.abs(trace.position) < MAX_SIMULATED_POSITION).all():
             raise IdentificationError("simulate: effort: found one at which the simulated joint diverges")
         return trace

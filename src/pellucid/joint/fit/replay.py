@@ -109,7 +109,7 @@ def replay(
         position0=motion.initial[0],
         velocity0=motion.initial[1],
         stiction=not differentiate,
-        presliding_travel=travel,
+        presliding_travel=travel or motion.filtering.presliding_travel,
         active=active,
     )
     if trace.jacobians is None:

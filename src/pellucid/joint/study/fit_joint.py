@@ -20,7 +20,7 @@ from ...models.card import ModelCard
 from ...models.estimates import Verdict
 from ...models.joint import DEFAULT_FAMILIES, FAMILIES, SYMBOLS_BY_NAME, UNITS
 from ...numerics.arguments import choice, number, shown, whole_number, with_checked_arguments
-from ...numerics.motion import Filtering, shortest, with_direction_share
+from ...numerics.motion import Filtering, shortest
 from ...study.array_study import ArrayStudy, array_study, parse_tables
 from ...study.procedures.run import run
 from ...study.quality import require_sound
@@ -179,7 +179,7 @@ class JointFit(JointEstimate):
             scored.found["alignments"] = tuple(each for each in self.delays if not each.recording)
             for recording in scored.recordings():
                 require_sound(recording, scored)
-            motions = [with_direction_share(m, self.filtering.direction_share) for m in aligned_motions(scored)]
+            motions = [self.result.choice.direction.apply(m) for m in aligned_motions(scored)]
             made = predict(self.model, self.array, motions, head.predictions[0].half_width)
         except PellucidError as error:
             raise _of_arrays("score", config, error) from None

@@ -12,7 +12,6 @@ from ...files.recording import Recording
 from ...models.estimates import Parameter
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
-from ...numerics.motion import with_direction_share
 from ...numerics.posterior.ensemble import require_sampler
 from ...numerics.regression import stack
 from ...study.drive_channel import drive_channel
@@ -30,7 +29,7 @@ from ..fit.headline_choice import choose_headline
 from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import estimate_presliding
 from ..fit.replay import Machine, joint_posterior
-from ..fit.slip_direction import choose_direction
+from ..fit.slip_direction import DirectionChoice, choose_direction
 from ..fit.unknown_payload import UnknownPayload, estimate_payload
 from . import joint_findings
 from .aligned_motions import align_recordings, require_clocks
@@ -95,11 +94,9 @@ def identify_joint(
         return replace(plain, payload_scale=scale)
 
     direction = choose_direction(model_of("symmetric"), data.motions, study.model.min_improvement)
-    if direction.share > 1.0:
-        everything = tuple(with_direction_share(m, direction.share) for m in everything)
-        sharper = everything if not part.said else tuple(with_direction_share(m, direction.share) for m in part.motions)
-        part = replace(part, motions=sharper)
-        data = stack([m for m in everything if m.split == "fitted"])
+    everything = tuple(map(direction.apply, everything))
+    part = replace(part, motions=tuple(map(direction.apply, part.motions)) if part.said else everything)
+    data = stack([m for m in everything if m.split == "fitted"])
     require_sign(model_of("symmetric"), data, drive_channel(recordings[0], study))
     searched = stack([m for m in part.motions if m.split == "fitted"]) if part.said else data
     spring = find_parallel_spring(model_of("symmetric"), searched)
@@ -156,7 +153,7 @@ def identify_joint(
     if constant is not None and not known_drive:
         constant = widen_for_unknown_shares(constant, plain)
     below_slip = estimate_presliding(plain.model, plain.array, fitted, held, study.model.confidence)
-    payloads_found = _find_payloads(study, carried, plain, direction.share)
+    payloads_found = _find_payloads(study, carried, plain, direction)
     causes = causes_of(study, fits[best], searched, spring)
     case = JointCase(
         study, everything, data, part.motions, fits, choice, machine, failures, constant, no_constant,
@@ -176,7 +173,7 @@ def identify_joint(
         lifts=study.rig.lifts,
         families=fits,
         choice=choice,
-        filter_note=filter_note(study, direction.share),
+        filter_note=filter_note(study, direction),
         drive_constant=None if known_drive else constant,
         posterior=posterior,
         presliding=below_slip,
@@ -188,36 +185,36 @@ def identify_joint(
 
 
 def _find_payloads(
-    study: Study, carried: Sequence[Recording], joint: JointEstimate, direction_share: float
+    study: Study, carried: Sequence[Recording], joint: JointEstimate, direction: DirectionChoice
 ) -> dict[str, UnknownPayload | None]:
     """Return the payload of each recording that carries an unknown one; None where it cannot be estimated."""
     found = {}
     for recording in carried:
         distance = 0.0 if recording.payload is None else recording.payload.distance
-        motions = [with_direction_share(m, direction_share) for m in motions_of([recording], study)]
+        motions = [direction.apply(m) for m in motions_of([recording], study)]
         found[recording.name] = estimate_payload(
             joint.model, joint.array, joint.covariance, joint.statistical, motions, distance
         )
     return found
 
 
-def filter_note(study: Study, direction_share: float = 1.0) -> str:
-    """Return the study's processing in one line, with that of recordings that differ.
-
-    `direction_share` is the cut-off of the position that gives the direction, over that of the low-pass.
-    """
+def filter_note(study: Study, direction: DirectionChoice) -> str:
+    """Return the study's processing in one line, with that of recordings that differ."""
     unit = "rad/s" if study.rig.motion == "rotary" else "m/s"
     own = [
-        f"{e.name}: {_processing_sentence(e.processing, unit, direction_share)}"
+        f"{e.name}: {_processing_sentence(e.processing, unit, direction)}"
         for e in study.config.recordings
         if e.processing is not None
     ]
-    return "; of ".join([_processing_sentence(study.processing, unit, direction_share), *own])
+    return "; of ".join([_processing_sentence(study.processing, unit, direction), *own])
 
 
-def _processing_sentence(processing: Processing, unit: str, direction_share: float) -> str:
+def _processing_sentence(processing: Processing, unit: str, direction: DirectionChoice) -> str:
     """Return one processing in words."""
-    sentence = replace(filtering_of(processing), direction_share=direction_share).sentence(unit)
+    filtering = replace(
+        filtering_of(processing), direction_share=direction.share, presliding_travel=direction.travel
+    )
+    sentence = filtering.sentence(unit)
     if processing.velocity == "recorded":
         sentence = sentence.replace("central differences", "velocity as recorded")
     return f"resampled to {processing.resample:g} Hz; {sentence}" if processing.resample else sentence
