@@ -42,7 +42,7 @@ def errors(motion):
 
 def test_a_travel_takes_the_error_from_friction_and_weight():
     motion = recorded(travel=4e-3, noise=0.005)
-    choice = choose_direction(MODEL, [motion], 0.05)
+    choice = choose_direction([MODEL], [motion], 0.05)
     assert 2e-3 < choice.travel < 8e-3
     before, after = errors(motion), errors(choice.apply(motion))
     assert after["coulomb"] < 0.5 * before["coulomb"]
@@ -50,12 +50,12 @@ def test_a_travel_takes_the_error_from_friction_and_weight():
 
 
 def test_noise_that_hides_the_turns_leaves_the_sign_of_the_velocity():
-    choice = choose_direction(MODEL, [recorded(noise=1.0)], 0.05)
+    choice = choose_direction([MODEL], [recorded(noise=1.0)], 0.05)
     assert (choice.share, choice.travel) == (1.0, 0.0)
 
 
 def test_a_coarse_encoder_shows_no_travel_below_its_steps():
-    choice = choose_direction(MODEL, [recorded(travel=4e-3, noise=0.005, counts=300)], 0.05)
+    choice = choose_direction([MODEL], [recorded(travel=4e-3, noise=0.005, counts=300)], 0.05)
     assert choice.travel == 0.0 or choice.travel > 2.0 * np.pi / 300
 
 
@@ -83,7 +83,7 @@ def test_rows_and_effort_agree_with_a_sharper_direction():
 
 def test_motions_without_a_recorded_position_keep_the_sign_of_their_velocity():
     motion = replace(recorded(), raw_position=None)
-    assert choose_direction(MODEL, [motion], 0.05) == DirectionChoice()
+    assert choose_direction([MODEL], [motion], 0.05) == DirectionChoice()
     assert with_friction_direction(motion, share=4.0) is motion
 
 
@@ -92,4 +92,4 @@ def test_held_out_motions_are_refused():
         *(getattr(recorded(), n) for n in ("time", "raw_position", "command", "filtering")), split="heldout"
     )
     with pytest.raises(JudgedDataInFitError):
-        choose_direction(MODEL, [held], 0.05)
+        choose_direction([MODEL], [held], 0.05)

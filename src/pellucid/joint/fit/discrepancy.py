@@ -89,11 +89,12 @@ class States:
     snap: np.ndarray  # second derivative of the acceleration
     standstill: np.ndarray  # share of each filtered row that comes from samples at standstill
     like: States | None = None  # states that define the usual travel and speed; these states if None
+    heading: np.ndarray | None = None  # direction of friction, -1 to 1; the sign of the velocity if None
 
     @property
     def direction(self) -> np.ndarray:
-        """Sign of the velocity."""
-        return np.sign(self.velocity)
+        """Direction of friction, -1 to 1."""
+        return np.sign(self.velocity) if self.heading is None else self.heading
 
     @property
     def travel(self) -> np.ndarray:
@@ -225,7 +226,21 @@ def collect_states(
         for m, n, end in zip(data.motions, data.lengths, ends, strict=True)
     ]
     cosine = np.cos(position) if rotary else np.zeros(len(position))
-    return States(position, velocity, acceleration, np.concatenate(loads), cosine, snap, standstill)
+    return States(
+        position, velocity, acceleration, np.concatenate(loads), cosine, snap, standstill, heading=_heading(data)
+    )
+
+
+def _heading(data: Stack[DifferentiatedMotionT]) -> np.ndarray | None:
+    """Return the direction of friction in the rows of a stack, filtered as the model's is; None if by the velocity."""
+    turning = [(getattr(m, "direction", None), getattr(m, "slip_velocity", None)) for m in data.motions]
+    if all(direction is None and slip is None for direction, slip in turning):
+        return None
+    made = []
+    for m, (direction, slip) in zip(data.motions, turning, strict=True):
+        sharp = np.sign(m.velocity if slip is None else slip) if direction is None else direction
+        made.append(m.rows(m.smooth(sharp)))
+    return np.concatenate(made)
 
 
 @dataclass(frozen=True)

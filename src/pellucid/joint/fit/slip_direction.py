@@ -22,7 +22,7 @@ from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...numerics.motion import Motion, require_fitted, with_friction_direction
 from ...numerics.regression import stack
-from .friction_solver import cross_validate_family, solve_family
+from .friction_solver import cross_validated_residuals, solve_family
 from .presliding import PRESLIDING_SEARCH, position_resolution
 
 DIRECTION_SHARES = (1.0, 2.0, 4.0, 8.0)
@@ -55,12 +55,15 @@ class DirectionChoice:
         return with_friction_direction(motion, self.share, self.travel) if self.errors else motion
 
 
-def choose_direction(model: JointModel, motions: Sequence[Motion], min_improvement: float) -> DirectionChoice:
+def choose_direction(
+    models: Sequence[JointModel], motions: Sequence[Motion], min_improvement: float
+) -> DirectionChoice:
     """Choose what decides on the sign of friction, by the effort of fitted `motions`.
 
-    The `model` is one that is fast to solve. Of the candidates whose error the best one improves on by no more than the
-    share `min_improvement` the simplest is chosen: the sign of the velocity, a sharper direction, a travel. Motions
-    without a recorded position or a low-pass keep the sign of their velocity.
+    Each candidate has the error of the best of some `models` that are fast to solve. Where friction grows with the
+    load, a model without load friction misses more than a direction can save. Of the candidates whose error the best
+    one improves on by no more than the share `min_improvement` the simplest is chosen: the sign of the velocity, a
+    sharper direction, a travel. Motions without a recorded position or a low-pass keep the sign of their velocity.
     """
     require_fitted(motions, "choose_direction")
     if any(m.raw_position is None or not m.filtering.lowpass for m in motions):
@@ -76,10 +79,10 @@ def choose_direction(model: JointModel, motions: Sequence[Motion], min_improveme
     for share, travel in tried:
         data = stack([with_friction_direction(m, share, travel) for m in motions])
         try:
-            crossed = cross_validate_family(model, data, solve_family(model, data))
+            crossed = [cross_validated_residuals(solve_family(model, data), data.lengths) for model in models]
         except IdentificationError:
             return DirectionChoice()  # the fit that follows reports the error
-        errors.append((share, travel, float(np.sqrt(np.mean(np.square(np.concatenate(crossed)))))))
+        errors.append((share, travel, min(float(np.sqrt(np.mean(np.concatenate(each) ** 2))) for each in crossed)))
     smallest = min(error for *_, error in errors)
     share, travel = next((s, t) for s, t, error in errors if smallest >= (1.0 - min_improvement) * error)
     if travel:  # every travel is as simple as another

@@ -93,7 +93,8 @@ def identify_joint(
         scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
         return replace(plain, payload_scale=scale)
 
-    direction = choose_direction(model_of("symmetric"), data.motions, study.model.min_improvement)
+    plain = [model_of(name) for name in ("symmetric", "load") if name == "symmetric" or name in names]
+    direction = choose_direction(plain, data.motions, study.model.min_improvement)
     everything = tuple(map(direction.apply, everything))
     part = replace(part, motions=tuple(map(direction.apply, part.motions)) if part.said else everything)
     data = stack([m for m in everything if m.split == "fitted"])
@@ -149,11 +150,11 @@ def identify_joint(
             no_posterior = str(error)
     tell("verdicts", 0.9)
     fitted, held = ([m for m in part.motions if m.split == split] for split in ("fitted", "heldout"))
-    plain = fits[best].estimate
+    estimate = fits[best].estimate
     if constant is not None and not known_drive:
-        constant = widen_for_unknown_shares(constant, plain)
-    below_slip = estimate_presliding(plain.model, plain.array, fitted, held, study.model.confidence)
-    payloads_found = _find_payloads(study, carried, plain, direction)
+        constant = widen_for_unknown_shares(constant, estimate)
+    below_slip = estimate_presliding(estimate.model, estimate.array, fitted, held, study.model.confidence)
+    payloads_found = _find_payloads(study, carried, estimate, direction)
     causes = causes_of(study, fits[best], searched, spring)
     case = JointCase(
         study, everything, data, part.motions, fits, choice, machine, failures, constant, no_constant,
