@@ -840,8 +840,8 @@ class Model(StudyTable):
     posterior : bool
         Whether a posterior is computed beside the intervals.
     min_improvement : float
-        Share of its error that a richer friction family must save a simpler one, on blocks of the fitted recordings
-        that are predicted from the others, in [0, 1).
+        Share of its error that a richer model must save a simpler one, on stretches of the fitted recordings that are
+        predicted from the others, in [0, 1).
     """
 
     families: Annotated[tuple[Literal[tuple(FAMILIES)], ...], AfterValidator(_each_once)] = DEFAULT_FAMILIES
