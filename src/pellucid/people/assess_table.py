@@ -24,22 +24,23 @@ from .certificate import (
     Doubt,
     Estimand,
     LostCounts,
-    carry_over_doubt,
     certificate_from_tests,
     doubts_of_loss,
     doubts_of_lost_people,
     learning_doubt,
     margin_of,
-    period_doubt,
-    require_people,
+    share_reason,
+    share_rule,
     too_many_lost,
     undecided_reason,
 )
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
-from .equivalence import UNDECIDED, equivalence
+from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED, equivalence
 from .mixed_model import Thirds, thirds
 from .movement_indices import shared_cells
+from .session_periods import SessionPeriods
+from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, TOO_FEW, ShareRule
 
 DEFAULT_MAX_LEFT_OUT = 0.10
 """Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""
@@ -143,13 +144,14 @@ class TableAssessment(Mapping[str, ConditionComparison]):
             if own.said_of(name) != UNDECIDED:
                 continue
             found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
-            if own.far_people(name):
-                found.append(f"{len(own.far_people(name))} far beyond the margin")
-            if own.lacks_people(name):
-                found.append("not enough people are shown to lie within")
+            shares = own.share_test(name) if own.lacks_people(name) else None
+            if shares is not None:
+                few = f"too few people, {shares.people} of {MIN_PEOPLE}"
+                found.append(few if shares.answer == TOO_FEW else share_reason(shares))
             if not found and own.verdict == CANNOT_SAY:
                 test = own.end_points[name]
-                found = ["; ".join((f"undecided: {undecided_reason(test)}", *self._losses(name, test.pairs)))]
+                reason = undecided_reason(test, own.rule)
+                found = ["; ".join((f"undecided: {reason}", *self._losses(name, test.pairs)))]
             if found:
                 reasons.append(f"{name} {', '.join(found)}")
         return f" ({'; '.join(reasons)})" if reasons else ""
@@ -179,6 +181,8 @@ def assess_table(
     alpha: float = 0.05,
     estimand: Estimand = "mean",
     people: float | None = None,
+    people_level: float = DEFAULT_RULE.alpha,
+    largest_carry_over: float = DEFAULT_CARRY_OVER,
     max_left_out: float = DEFAULT_MAX_LEFT_OUT,
 ) -> TableAssessment:
     """Compare conditions over participants from a table, as the command ``assess`` compares a study's recordings.
@@ -189,8 +193,9 @@ def assess_table(
         One row for each movement, trial or participant, with the columns `participant` and `condition` and one column
         for each index. A movement that gave no value has NaN, or no row. A participant's movements of one condition
         are averaged within each level of the `factors`, then over the levels that the participant has in all
-        conditions. A column ``period`` says when conditions came, ``block`` and ``trial`` when movements came: with
-        them the change of an index with a margin is tested without the effects of order and learning, too.
+        conditions. A column ``period`` says when conditions came: the change of an index with a margin is estimated
+        without the effect of the period. ``block`` and ``trial`` say when movements came: such a change is tested
+        without the effect of learning, too.
     control : str
         Name of the condition with which the others are compared.
     indices : sequence of str, optional
@@ -209,6 +214,11 @@ def assess_table(
         What must lie within the margins, as in `certify`.
     people : float, optional
         Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
+    people_level : float
+        Level of the tests of both shares of people, as in `certify`.
+    largest_carry_over : float
+        Largest effect of one session on the next, as a share of the margin, for which the certificate holds. It matters
+        only with a column ``period``.
     max_left_out : float
         Largest share of a condition's movements, or of participants, that may be missing where "transparent" is said of
         the others, in [0, 1]; 1 where conditions have other numbers of movements by design.
@@ -228,7 +238,7 @@ def assess_table(
             raise PellucidError(f"assess: found the columns {', '.join(columns)}, expected {name!r} among them")
     if not 0.0 <= max_left_out <= 1.0:
         raise PellucidError(f"assess: found max_left_out = {max_left_out:g}, expected a share from 0 to 1")
-    require_people("assess", estimand, people)
+    rule = share_rule("assess", estimand, people, people_level)
     who, what = ([str(value) for value in columns[name]] for name in (participant, condition))
     conditions = list(dict.fromkeys(what))
     if control not in conditions:
@@ -278,8 +288,9 @@ def assess_table(
         periods = _periods(design, roles, who, what)
         for name in conditions[1:]:
             certificates[name] = _certificate(
-                rows, tables, ends, (control, name), both, people_names, periods, alpha, estimand, people, max_left_out
-            )
+                rows, tables, ends, (control, name), both, people_names, periods, alpha, estimand, rule,
+                largest_carry_over, max_left_out,
+            )  # fmt: skip
     notes += _notes(tables, participants, lost, max_left_out)
     uncompared = tuple(name for name in roles if name not in used)
     return TableAssessment(
@@ -403,7 +414,8 @@ def _lost(rows: _Rows, index: str, participants: Sequence[str], conditions: Sequ
 
 def _certificate(
     rows: _Rows, tables, ends, pair: tuple[str, str], both: Sequence[str], everybody: Sequence[str],
-    periods: Mapping[tuple[str, str], float], alpha: float, estimand: Estimand, people: float | None, max_share: float,
+    periods: Mapping[tuple[str, str], float], alpha: float, estimand: Estimand, rule: ShareRule, carry_over: float,
+    max_share: float,
 ) -> Certificate:  # fmt: skip
     """Return the certificate of the second condition of a `pair` against the first."""
     method = ESTIMAND_METHODS[estimand]
@@ -421,28 +433,29 @@ def _certificate(
             raise PellucidError(f"assess, {name}: found means of 0 or less, expected positive ones for its margin")
         logs = np.log(np.where(values > 0.0, values, np.nan))
         seen = logs[:, to] - logs[:, at]
-        tests[name] = equivalence(seen, margin, alpha=alpha, method=method)
+        sessions = None
+        if all((person, c) in periods for person in both for c in conditions):
+            places = np.array([[periods[person, c] for c in conditions] for person in both])
+            sessions = SessionPeriods.of_conditions(places, at, to)
+        tests[name] = equivalence(
+            seen, margin, alpha=alpha, method=method, sessions=sessions, largest_carry_over=carry_over
+        )
         lost[name] = _lost(rows, name, both, pair)
         losers[name] = np.array([any(gone for gone, _ in _lost(rows, name, [p], pair).values()) for p in both])
         own: list[Doubt | None] = []
-        if all((person, c) in periods for person in both for c in conditions):
-            at_period = np.array([[periods[person, c] for c in conditions] for person in both])
-            own.append(period_doubt(seen, at_period[:, to] - at_period[:, at], margin, alpha=alpha, method=method))
-            if np.isfinite(logs).all():
-                own.append(carry_over_doubt(logs, at_period, at, to, margin, alpha=alpha))
         base, worn = (_thirds(rows, name, both, c) for c in pair)
         if base is not None and worn is not None:
             drift = np.array([b.drift - a.drift for a, b in zip(base, worn, strict=True)])
             late = np.array([b.last - a.last for a, b in zip(base, worn, strict=True)])
-            own.append(learning_doubt(drift, seen + late, margin, alpha=alpha, method=method))
+            own.append(learning_doubt(drift, seen + late, tests[name]))
         doubts[name] = tuple(each for each in own if each is not None)
     missing = sum(person not in both for person in everybody)
     for name, doubt in (
-        *doubts_of_loss(tests, lost, alpha, max_share, losers, method, alike=len(set(rows.cells)) > 1).items(),
-        *doubts_of_lost_people(tests, missing, alpha, max_share, method).items(),
+        *doubts_of_loss(tests, lost, alpha, max_share, losers, alike=len(set(rows.cells)) > 1).items(),
+        *doubts_of_lost_people(tests, missing, alpha, max_share).items(),
     ):
         doubts[name] = (*doubts[name], doubt)
-    return certificate_from_tests(tests, alpha, doubts, people=people)
+    return certificate_from_tests(tests, alpha, doubts, rule=rule)
 
 
 def _thirds(rows: _Rows, index: str, people: Sequence[str], condition: str) -> list[Thirds] | None:

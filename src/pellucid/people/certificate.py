@@ -5,19 +5,16 @@ that of each [1]_, so that nothing is divided by the number of end points; power
 transparent" is claimed if one end point lies beyond its margin; of several tries one may succeed by chance, so their p
 are corrected after Holm. Between both the study cannot say, and is told how many participants would.
 
-What is said of an end point may be owed to something else than the condition: to the order of conditions, to what came
-before, to movements that were still changing, or to slow ones that gave no value. Each is a `Doubt`: it is tested, and
-the change without it is held against the margin too. Where it weighs and the change without it does not say the same,
-the end point is undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only
-with what is seen would let through what few people do not show.
+What is claimed is an *estimand*, stated before the data: the mean of people's changes or their pseudo-median. Where
+sessions came in an order, it is estimated without the effects of their periods, and claimed for every carry-over up to
+a declared one (`session_periods`). A mean may be small although somebody is slowed by half. Therefore two shares must
+be shown beside it: people within the margin, and people far beyond it (`share_of_people`).
 
-What is claimed is an *estimand*, stated before the data: the mean of people's changes, their pseudo-median, or the mean
-and with it that at least a declared share of people lies within the margin. No estimand is claimed to lie within where
-one person lies far beyond the margin: a mean that is small although somebody is slowed by half misleads its reader.
-
-A certificate of transparency from arrays of participants' values.
-
-Doubts on the change of an end point: order of conditions, movements that were still changing, lost values.
+A change may have another cause than the condition: movements that were still changing, slow ones that gave no value, or
+the period of differences that are known by bounds alone. Each is a `Doubt`: it is tested, and the change without it is
+held against the margin too. Where it weighs and the change without it does not say the same, the end point is
+undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only with what is seen
+would let through what few people do not show.
 
 What tests a study's recordings and what tests a table of values take their doubts from here.
 
@@ -28,9 +25,9 @@ What tests a study's recordings and what tests a table of values take their doub
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,11 +35,21 @@ from numpy.typing import ArrayLike
 from .._errors import PellucidError
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
-from .comparison import HIDDEN_SHARE, MIN_PEOPLE, signed_rank
+from .comparison import signed_rank
 from .curves import CurveComparison
-from .equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN, Equivalence, Margin, Method, equivalence
+from .equivalence import (
+    BEYOND_MARGIN,
+    DEFAULT_CARRY_OVER,
+    UNDECIDED,
+    WITHIN_MARGIN,
+    Equivalence,
+    Margin,
+    Method,
+    equivalence,
+)
 from .indices import INDICES, PercentOf, Worse
-from .mixed_model import carry_over, is_balanced, period_effect
+from .session_periods import SessionPeriods
+from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, SHOWN, TOO_FEW, ShareRule, ShareTest
 
 Estimand = Literal["mean", "pseudo-median", "mean and people"]
 
@@ -67,15 +74,14 @@ CANNOT_SAY = "cannot say"
 class Doubt:
     """Another possible cause of a change, and the equivalence test of the end point without that cause."""
 
-    what: str  # cause: ``"period"``, ``"carry-over"``, ``"learning"`` or ``"left out"``
+    what: str  # cause: ``"period"``, ``"learning"``, ``"left out"``, ``"lost movements"`` or ``"lost people"``
     p_value: float  # p value of the test that the cause has no effect
     without: Equivalence  # test of the end point with the effect of the cause removed
     always: bool = False  # True: both tests must agree even if the cause is not significant
-    never: bool = False  # True: the cause cannot have moved the estimate, and is told for information
 
     def weighs(self, alpha: float) -> bool:
         """Return whether the doubt counts: its p value is at most `alpha`, or it counts always."""
-        return not self.never and (self.always or self.p_value <= alpha)
+        return self.always or self.p_value <= alpha
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ class Certificate:
     alpha: float
     doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # doubts by end point
     curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # curves with margins, judged as end points
-    people: float | None = None  # share of people who must be shown to lie within, if declared
+    rule: ShareRule = DEFAULT_RULE  # shares of people that must be shown
 
     @property
     def p_value(self) -> float:
@@ -120,26 +126,47 @@ class Certificate:
         said = self.tested(name)
         own = self.doubts.get(name, ()) if said != UNDECIDED else ()
         level = self.alpha / len(self.end_points)
-        return tuple(doubt for doubt in own if doubt.weighs(level) and doubt.without.verdict != said)
+        return tuple(doubt for doubt in own if doubt.weighs(level) and not self._says_without(doubt, said))
 
-    def far_people(self, name: str) -> tuple[int, ...]:
-        """Return the rows of people who lie so far beyond an end point's margin that nothing is claimed within."""
-        tested = self.tested(name) == WITHIN_MARGIN and name in self.end_points
-        return self.end_points[name].far_people if tested else ()
+    def _says_without(self, doubt: Doubt, said: str) -> bool:
+        """Return whether the change without a cause says the same: of people whose changes are bounds, shares too."""
+        without = doubt.without
+        if without.verdict != said:
+            return False
+        return said != WITHIN_MARGIN or not without.bounded or without.shows_people(self.rule)
+
+    def share_test(self, name: str) -> ShareTest | None:
+        """Return the tests of the shares of people of an end point; None of a curve."""
+        return self.end_points[name].share_test(self.rule) if name in self.end_points else None
+
+    def people_answer(self, name: str) -> str:
+        """Return ``"shown"``, ``"not shown"`` or ``"too few"``: are the shares of people of an end point shown?
+
+        A curve has no shares, and is said to be shown.
+        """
+        shares = self.share_test(name)
+        return SHOWN if shares is None else shares.answer
 
     def lacks_people(self, name: str) -> bool:
-        """Return whether an end point tested within fails to show the declared share of people to lie within."""
-        if self.people is None or name not in self.end_points or self.tested(name) != WITHIN_MARGIN:
-            return False
-        return self.end_points[name].share_within < self.people
+        """Return whether an end point tested within fails to show the shares of people."""
+        own = self.end_points.get(name)
+        return own is not None and self.tested(name) == WITHIN_MARGIN and not own.shows_people(self.rule)
+
+    def tipping_point(self, name: str) -> float | None:
+        """Return the carry-over, in half-widths of its margin, that overturns the verdict of an end point.
+
+        None if none would: the verdict is "undecided", or nobody's sessions are ordered.
+        """
+        if name not in self.end_points or self.said_of(name) == UNDECIDED:
+            return None
+        return self.end_points[name].tipping_point(self.rule)
 
     def said_of(self, name: str) -> str:
         """Return the result of one end point's test.
 
-        A doubt that contradicts it, a person far beyond the margin, and a declared share of people that is not shown
-        each make it ``"undecided"``.
+        A doubt that contradicts it and shares of people that are not shown each make it ``"undecided"``.
         """
-        taken = self.contradicted(name) or self.far_people(name) or self.lacks_people(name)
+        taken = self.contradicted(name) or self.lacks_people(name)
         return UNDECIDED if taken else self.tested(name)
 
 
@@ -150,6 +177,9 @@ def certificate(
     alpha: float = 0.05,
     estimand: Estimand = "mean",
     people: float | None = None,
+    people_level: float = DEFAULT_RULE.alpha,
+    sessions: SessionPeriods | None = None,
+    largest_carry_over: float = DEFAULT_CARRY_OVER,
     method: Method | None = None,
 ) -> Certificate:
     """Test end points together.
@@ -164,9 +194,15 @@ def certificate(
         Chance of a false "transparent" about the estimand.
     estimand : str
         ``"mean"`` of the differences, whatever their skewness; ``"pseudo-median"``, which supposes that they are spread
-        symmetrically; or ``"mean and people"``, the mean and a share of `people` within the margin.
+        symmetrically; or ``"mean and people"``, the mean with another share of `people` than 75 %.
     people : float, optional
         Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
+    people_level : float
+        Level of the tests of both shares of people.
+    sessions : SessionPeriods, optional
+        When participants had both conditions.
+    largest_carry_over : float
+        Largest carry-over between sessions for which the verdict holds, in half-widths of each margin.
     method : str, optional
         Another test in place of the estimand's: ``"t"``, whose level does not hold for skewed differences.
 
@@ -195,14 +231,26 @@ def certificate(
             f"certificate: found values of {', '.join(differences) or 'nothing'}, expected those of "
             f"{', '.join(lacking)} too"
         )
-    require_people("certificate", estimand, people)
+    rule = share_rule("certificate", estimand, people, people_level)
     used: Method = ESTIMAND_METHODS[estimand] if method is None else method
-    made = {name: equivalence(differences[name], margin, alpha=alpha, method=used) for name, margin in margins.items()}
-    return certificate_from_tests(made, alpha, people=people)
+    made = {
+        name: equivalence(
+            differences[name],
+            margin,
+            alpha=alpha,
+            method=used,
+            sessions=sessions,
+            largest_carry_over=largest_carry_over,
+        )
+        for name, margin in margins.items()
+    }
+    return certificate_from_tests(made, alpha, rule=rule)
 
 
-def require_people(where: str, estimand: str, people: float | None) -> None:
-    """Refuse an unknown estimand, and a share of people that does not belong to it."""
+def share_rule(
+    where: str, estimand: str, people: float | None = None, people_level: float = DEFAULT_RULE.alpha
+) -> ShareRule:
+    """Return the shares of people that must be shown; refuse an unknown estimand, and a share that it does not have."""
     if estimand not in ESTIMAND_METHODS:
         raise PellucidError(f"{where}: found the estimand {estimand!r}, expected one of {', '.join(ESTIMAND_METHODS)}")
     if (people is not None) != (estimand == "mean and people"):
@@ -212,6 +260,9 @@ def require_people(where: str, estimand: str, people: float | None) -> None:
         )
     if people is not None and not 0.0 < people < 1.0:
         raise PellucidError(f"{where}: found people = {people:g}, expected a share above 0 and below 1")
+    if not 0.0 < people_level < 0.5:
+        raise PellucidError(f"{where}: found people_level = {people_level:g}, expected a level between 0 and 0.5")
+    return replace(DEFAULT_RULE, within=DEFAULT_RULE.within if people is None else people, alpha=people_level)
 
 
 def certificate_from_tests(
@@ -219,15 +270,16 @@ def certificate_from_tests(
     alpha: float,
     doubts: Mapping[str, tuple[Doubt, ...]] | None = None,
     curves: Mapping[str, CurveComparison] | None = None,
-    people: float | None = None,
+    rule: ShareRule = DEFAULT_RULE,
 ) -> Certificate:
     """Return the certificate of end points and curves that were tested already, each at level `alpha`.
 
-    `doubts` holds the other possible causes of each end point's change; `people` is the declared share of people.
+    `doubts` holds the other possible causes of each end point's change. `rule` says which shares of people must be
+    shown.
     """
     every: dict[str, Equivalence | CurveComparison] = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
-    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, people)
+    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, rule)
 
 
 @with_checked_arguments
@@ -239,13 +291,17 @@ def certify(
     alpha: float = 0.05,
     estimand: Estimand = "mean",
     people: float | None = None,
+    people_level: float = DEFAULT_RULE.alpha,
+    later: ArrayLike | None = None,
+    largest_carry_over: float = DEFAULT_CARRY_OVER,
 ) -> Certificate:
     """Test whether a robot changes its wearers' movements by less than margins that were stated beforehand.
 
     The null hypothesis is that at least one index changes by its margin or more (two one-sided tests for each index,
     joined by the intersection-union principle). What changes is the estimand. The test of the mean holds its level for
-    skewed changes and claims nothing with fewer than 12 participants; that of the pseudo-median supposes symmetry. With
-    one participant far beyond a margin the verdict is never "transparent".
+    skewed changes; that of the pseudo-median supposes symmetry. "Transparent" also needs two shares of people to be
+    shown: at least 75 % within each margin, and at most 5 % beyond three margins. It is never said with fewer than 12
+    participants.
 
     Parameters
     ----------
@@ -260,10 +316,18 @@ def certify(
     alpha : float
         Probability of a false "transparent" about the estimand.
     estimand : {"mean", "pseudo-median", "mean and people"}
-        What must lie within the margins: the mean of participants' changes, their pseudo-median, or the mean and with
-        it a share of `people`.
+        What must lie within the margins: the mean of participants' changes, their pseudo-median, or the mean with
+        another share of `people` than 75 %.
     people : float, optional
         Share of people in (0, 1) who must be shown to lie within the margin, for ``"mean and people"``.
+    people_level : float
+        Level of the tests of both shares of people.
+    later : array_like, shape (n,), optional
+        By how many periods each participant's session with the robot came after the one without it, such as 1 and -1
+        in a cross-over study. The effect of the period is then taken out of the estimate.
+    largest_carry_over : float
+        Largest effect of one session on the next, as a share of the margin, for which the verdict holds; 0 assumes
+        none. It matters only with `later`.
 
     Returns
     -------
@@ -283,10 +347,11 @@ def certify(
     >>> free = rng.normal(1.0, 0.1, 16)
     >>> worn = free * np.exp(rng.normal(0.0, 0.03, 16))
     >>> found = pl.certify({"duration": (free, worn)}, {"duration": 0.10})
-    >>> found.verdict, round(found.end_points["duration"].share_within, 2)
-    ('transparent', 0.83)
+    >>> found.verdict, found.people_answer("duration")
+    ('transparent', 'shown')
     """
     changes, limits = {}, {}
+    sessions = None if later is None else SessionPeriods.of_two(np.asarray(later, float))
     for name, margin in margins.items():
         if name not in values:
             raise PellucidError(
@@ -304,7 +369,21 @@ def certify(
                 "relative=False compares differences"
             )
         changes[name] = np.log(worn / free) if relative else worn - free
-    return certificate(changes, limits, alpha=alpha, estimand=estimand, people=people)
+        if sessions is not None and len(sessions.contrasts) != len(free):
+            raise PellucidError(
+                f"certify, {name}: found later of {len(sessions.contrasts)} participants, expected one of each of the "
+                f"{len(free)}"
+            )
+    return certificate(
+        changes,
+        limits,
+        alpha=alpha,
+        estimand=estimand,
+        people=people,
+        people_level=people_level,
+        sessions=sessions,
+        largest_carry_over=largest_carry_over,
+    )
 
 
 def margin_of(name: str, margin: float | tuple[float, float], relative: bool = True) -> Margin:
@@ -325,10 +404,7 @@ def margin_of(name: str, margin: float | tuple[float, float], relative: bool = T
 
 
 PERIOD_DOUBT = "period"
-"""Doubt: the period of the session may have changed the end point."""
-
-CARRY_OVER_DOUBT = "carry-over"
-"""Doubt: the preceding condition may have changed the end point."""
+"""Doubt: the period of the session may have changed an end point whose differences are known by bounds alone."""
 
 LEARNING_DOUBT = "learning"
 """Doubt: the end point was still changing during the session."""
@@ -346,39 +422,39 @@ LostCounts = Mapping[str, tuple[int, int]]
 """Number of movements without a value, and of all movements, by condition."""
 
 
-def period_doubt(
-    differences: np.ndarray, later: np.ndarray, margin: Margin, *, alpha: float, method: Method
-) -> Doubt | None:
-    """Return the doubt that the period changed an end point; None if that cannot be told from the change itself.
+def period_doubt(differences: np.ndarray, test: Equivalence) -> Doubt | None:
+    """Return the doubt that the period changed an end point whose differences are known by bounds alone; else None.
 
-    `differences` (n,); `later`, (n,), is by how many periods each came after control.
+    `differences`, (n,), are the differences as far as they were seen; those of `test` are bounds, from which no effect
+    of a period is taken out.
     """
-    effect = period_effect(differences, later, margin, alpha=alpha, method=method)
-    if effect is None:
+    if not test.bounded or test.sessions is None or not np.isfinite(differences).all():
         return None
-    balanced = is_balanced(later)
-    return Doubt(PERIOD_DOUBT, effect.p_value, effect.without, always=not balanced, never=balanced)
+    seen = _tested_as(test, differences)
+    return None if seen.fit.is_plain else Doubt(PERIOD_DOUBT, float("nan"), seen, always=True)
 
 
-def carry_over_doubt(
-    values: np.ndarray, periods: np.ndarray, control: int, compared: int, margin: Margin, *, alpha: float
-) -> Doubt | None:
-    """Return the doubt that the condition before changed an end point; None if that cannot be told.
+def _tested_as(test: Equivalence, differences: np.ndarray, upper: np.ndarray | None = None) -> Equivalence:
+    """Return the test of other `differences` (n,) with the settings of `test`."""
+    same = len(differences) == test.pairs
+    return equivalence(
+        differences,
+        test.margin,
+        upper=upper,
+        alpha=test.alpha,
+        method=cast("Method", test.method),
+        sessions=test.sessions if same else None,
+        largest_carry_over=test.largest_carry_over,
+    )
 
-    `values` and `periods`, (n, k); `control` and `compared` are columns.
-    """
-    lingers = carry_over(values, periods, control, compared, margin, alpha=alpha)
-    return None if lingers is None else Doubt(CARRY_OVER_DOUBT, lingers.p_value, lingers.without)
 
-
-def learning_doubt(drift: np.ndarray, at_end: np.ndarray, margin: Margin, *, alpha: float, method: Method) -> Doubt:
+def learning_doubt(drift: np.ndarray, at_end: np.ndarray, test: Equivalence) -> Doubt:
     """Return the doubt that movements were still changing.
 
     `drift`, (n,), is each person's change from the first to the last third; `at_end`, (n,), the differences with the
-    last third in the place of all.
+    last third in the place of all; `test` that of the end point.
     """
-    p = signed_rank(drift).p_value
-    return Doubt(LEARNING_DOUBT, p, equivalence(at_end, margin, alpha=alpha, method=method))
+    return Doubt(LEARNING_DOUBT, signed_rank(drift).p_value, _tested_as(test, at_end))
 
 
 def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, int]]:
@@ -388,7 +464,7 @@ def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, in
 
 def doubts_of_loss(
     tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float,
-    losers: Mapping[str, np.ndarray], method: Method, *, alike: bool = True,
+    losers: Mapping[str, np.ndarray], *, alike: bool = True,
 ) -> dict[str, Doubt]:  # fmt: skip
     """Return a doubt for each end point within its margin of which too many movements were lost.
 
@@ -399,13 +475,13 @@ def doubts_of_loss(
     made = {}
     for name, test in tests.items():
         if (test.p_within <= alpha or not alike) and too_many_lost(lost[name], max_share):
-            bounded = _without_knowing(test, losers.get(name), alpha, method)
+            bounded = _without_knowing(test, losers.get(name))
             made[name] = Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), bounded, always=True)
     return made
 
 
 def doubts_of_lost_people(
-    tests: Mapping[str, Equivalence | CurveComparison], count: int, alpha: float, max_share: float, method: Method
+    tests: Mapping[str, Equivalence | CurveComparison], count: int, alpha: float, max_share: float
 ) -> dict[str, Doubt]:
     """Return a doubt for each end point within its margin if a `count` of participants, too many, take no part."""
     made = {}
@@ -413,41 +489,58 @@ def doubts_of_lost_people(
         n = len(test.differences) if isinstance(test, Equivalence) else 0
         if test.p_within <= alpha and count > max_share * (n + count):
             hidden = np.concatenate([np.zeros(n, bool), np.ones(count, bool)]) if n else None
-            bounded = _without_knowing(test, hidden, alpha, method)
+            bounded = _without_knowing(test, hidden)
             made[name] = Doubt(LOST_PEOPLE_DOUBT, float("nan"), bounded, always=True)
     return made
 
 
-def undecided_reason(test: Equivalence) -> str:
+def undecided_reason(test: Equivalence, rule: ShareRule = DEFAULT_RULE) -> str:
     """Return why a test of logarithms of ratios claims neither "within" nor "beyond", by the rule that decided."""
     (low, high), n = test.interval, test.pairs
     if test.verdict == BEYOND_MARGIN:
         return f"beyond the margin if tested alone, with {n} people; of several end points one may be so by chance"
     reasons = []
+    allowed = test.allowance
     if not np.isfinite([low, high]).all():
         reasons.append(f"the change has no bounds with {n} people")
-    elif low <= test.margin.low or high >= test.margin.high:
+    elif low - allowed <= test.margin.low or high + allowed >= test.margin.high:
         ends, margin = (100.0 * np.expm1(pair) for pair in ((low, high), (test.margin.low, test.margin.high)))
+        more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
         reasons.append(
             f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people, {ends[0]:+.1f} to {ends[1]:+.1f} %, "
-            f"reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %"
+            f"reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %{more}"
         )
-    if test.method == "skew_robust" and n < MIN_PEOPLE:
-        reasons.append(f"{n} people took part, and a mean is said to lie within a margin from {MIN_PEOPLE} people on")
-    elif test.method == "skew_robust" and not reasons:
-        reasons.append(f"with {n} people the {100.0 * HIDDEN_SHARE:g} % who lie farthest away may not have been seen")
+    shares = test.share_test(rule)
+    if shares.answer == TOO_FEW:
+        reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
+    elif shares.answer == NOT_SHOWN and not reasons:
+        reasons.append(share_reason(shares))
     return "; ".join(reasons)
 
 
-def _without_knowing(
-    test: Equivalence | CurveComparison, hidden: np.ndarray | None, alpha: float, method: Method
-) -> Equivalence:
+def share_reason(shares: ShareTest) -> str:
+    """Return which share of people is not shown, with its bound."""
+    rule, level = shares.rule, f"{100.0 * (1.0 - shares.rule.alpha):g} % confidence"
+    reasons = []
+    if shares.p_within > rule.alpha:
+        reasons.append(
+            f"{shares.within} of {shares.people} people lie within the margin, which shows at least "
+            f"{100.0 * shares.least_within:.0f} % of people to ({level}), not {100.0 * rule.within:g} %"
+        )
+    if shares.p_far > rule.alpha:
+        reasons.append(
+            f"{shares.far} of {shares.people} people lie beyond {rule.far_margins:g} margins; up to "
+            f"{100.0 * shares.most_far:.0f} % of people may ({level}), not at most {100.0 * rule.far:g} %"
+        )
+    return "; ".join(reasons)
+
+
+def _without_knowing(test: Equivalence | CurveComparison, hidden: np.ndarray | None) -> Equivalence:
     """Return the test with the differences of `hidden` people unknown; of a curve nothing is known then."""
     if hidden is None or not isinstance(test, Equivalence):
-        low, high, margin = np.full(2, -np.inf), np.full(2, np.inf), Margin.either_way(1.0)
-    else:
-        more, margin = np.zeros(len(hidden) - len(test.differences)), test.margin
-        low = np.where(hidden, -np.inf, np.concatenate([test.differences, more]))
-        upper = test.differences if test.upper is None else test.upper
-        high = np.where(hidden, np.inf, np.concatenate([upper, more]))
-    return equivalence(low, margin, upper=high, alpha=alpha, method=method)
+        return equivalence(np.full(2, -np.inf), Margin.either_way(1.0), upper=np.full(2, np.inf), alpha=test.alpha)
+    more = np.zeros(len(hidden) - len(test.differences))
+    low = np.where(hidden, -np.inf, np.concatenate([test.differences, more]))
+    upper = test.differences if test.upper is None else test.upper
+    high = np.where(hidden, np.inf, np.concatenate([upper, more]))
+    return _tested_as(test, low, high)

@@ -52,6 +52,7 @@ from .._tabular import html_table, text_table
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tie_groups, tied_ranks, tied_signs
+from .session_periods import SessionPeriods, adjustment
 
 MAX_EXACT_CONDITIONS = 6
 """Largest number of conditions for the exact distribution, which lists all orders of the conditions."""
@@ -194,17 +195,6 @@ MAX_REFERENCE_PEOPLE = 200
 LOGNORMAL_SIGMA = 1.0
 """Standard deviation of the logarithm of the skewed reference shape."""
 
-HIDDEN_SHARE = 0.2
-"""Share of people who may form a group that lies far from the others."""
-
-HIDDEN_DISTANCE_SD = 13.0
-"""Distance of that group, in standard deviations of the others. If it lies farther, the level is exceeded with fewer
-than 14 people, to `HIDDEN_SHARE`'s limit of 6.9 % with 12: every study that sees none of the group errs."""
-
-MIN_PEOPLE = 12
-"""Fewest people with whom a mean is claimed to lie within a margin: a fifth of people hides from 6.9 % of studies."""
-
-
 def student_statistics(differences: np.ndarray, value: float | np.ndarray = 0.0) -> np.ndarray:
     """Return Student's statistic of the mean of `differences` (..., n) above a `value`; shape (...).
 
@@ -218,38 +208,36 @@ def student_statistics(differences: np.ndarray, value: float | np.ndarray = 0.0)
     return np.where(error > 0.0, ratio, np.where(gap > 0.0, np.inf, -np.inf))
 
 
-def skewed_p(statistic: np.ndarray | float, people: int) -> np.ndarray:
-    """Return the p value of Student's `statistic` of a number of `people`, for the least favourable skew."""
-    normal, lognormal, _ = _reference_statistics(min(people, MAX_REFERENCE_PEOPLE))
+def skewed_p(statistic: np.ndarray | float, people: int, sessions: SessionPeriods | None = None) -> np.ndarray:
+    """Return the p value of Student's `statistic` of a number of `people`, for the least favourable skew.
+
+    With `sessions` it is the statistic of differences that were adjusted for their periods.
+    """
+    normal, lognormal = _reference(people, sessions)
     return np.maximum(_tail_share(normal, statistic), _tail_share(lognormal, statistic))
 
 
-def hidden_fifth_p(statistic: np.ndarray | float, people: int) -> np.ndarray:
-    """Return the p value of the `statistic` if a fifth of people lies far away; 1 with too few people for a claim."""
-    if people < MIN_PEOPLE:
-        return np.ones_like(np.asarray(statistic, float))
-    return _tail_share(_reference_statistics(min(people, MAX_REFERENCE_PEOPLE))[2], statistic)
-
-
-def critical_statistic(people: int, alpha: float) -> float:
+def critical_statistic(people: int, alpha: float, sessions: SessionPeriods | None = None) -> float:
     """Return the smallest statistic whose `skewed_p` is at most `alpha`."""
-    own = _reference_statistics(min(people, MAX_REFERENCE_PEOPLE))[:2]
     allowed = int(np.floor(alpha * (REFERENCE_STUDY_COUNT + 1.0) - 1.0 + 1e-9))
+    own = _reference(people, sessions)
     return max(float(np.nextafter(each[-1 - allowed], np.inf)) for each in own) if allowed >= 0 else np.inf
 
 
-def mean_p_values(lower: np.ndarray, upper: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+def mean_p_values(
+    lower: np.ndarray, upper: np.ndarray, low: float, high: float, *, allowance: float = 0.0,
+    sessions: SessionPeriods | None = None,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return the p values of "the mean lies within" and "the mean lies beyond" a margin from `low` to `high`.
 
     `lower` and `upper`, (..., n), are bounds of the differences, or twice the differences themselves; p have shape
-    (...).
+    (...). Differences of ordered `sessions` come adjusted for the periods, and widened. Both claims hold even if the
+    mean is off by an `allowance`.
     """
     n = lower.shape[-1]
-    above_low, below_high = _statistics(lower, low), _statistics(-upper, -high)
-    worse = np.minimum(above_low, below_high)
-    within = np.maximum(skewed_p(worse, n), hidden_fifth_p(worse, n))
-    beyond = np.maximum(_statistics(lower, high), _statistics(-upper, -low))
-    return within, skewed_p(beyond, n)
+    inside = np.minimum(_statistics(lower, low + allowance), _statistics(-upper, allowance - high))
+    beyond = np.maximum(_statistics(lower, high + allowance), _statistics(-upper, allowance - low))
+    return skewed_p(inside, n, sessions), skewed_p(beyond, n, sessions)
 
 
 def _statistics(differences: np.ndarray, value: float) -> np.ndarray:
@@ -267,23 +255,34 @@ def _tail_share(reference: np.ndarray, statistic: np.ndarray | float) -> np.ndar
     return (1.0 + above) / (len(reference) + 1.0)
 
 
-@lru_cache(maxsize=64)
-def _reference_statistics(people: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return sorted statistics of normal and lognormal studies and of those with a far fifth, about their true means.
+def _reference(people: int, sessions: SessionPeriods | None) -> tuple[np.ndarray, np.ndarray]:
+    if sessions is None or people > MAX_REFERENCE_PEOPLE or adjustment(people, sessions).is_plain:
+        return _reference_statistics(min(people, MAX_REFERENCE_PEOPLE), ())
+    return _reference_statistics(people, sessions.key)
 
-    The statistics are those of a mean that lies too high because of a tail downwards.
+
+@lru_cache(maxsize=64)
+def _reference_statistics(people: int, periods: tuple) -> tuple[np.ndarray, np.ndarray]:
+    """Return sorted statistics of normal and lognormal studies about their true means.
+
+    The statistics are those of a mean that lies too high because of a tail downwards. `periods` are the contrasts of
+    ordered sessions, for whose effects the studies are adjusted; () for none.
     """
     rng = np.random.default_rng([REFERENCE_SEED, people])
-    found: tuple[list[np.ndarray], ...] = ([], [], [])
+    ordered = SessionPeriods(np.array(periods), np.empty((people, 0))) if periods else None
+    adjusted = adjustment(people, ordered)
+
+    def statistics(drawn: np.ndarray, mean: float) -> np.ndarray:
+        return student_statistics(adjusted.widened(adjusted.adjusted(drawn)), mean)
+
+    found: tuple[list[np.ndarray], ...] = ([], [])
     part = max(1, min(REFERENCE_STUDY_COUNT, 2_000_000 // people))
     for first in range(0, REFERENCE_STUDY_COUNT, part):
         z = rng.standard_normal((min(part, REFERENCE_STUDY_COUNT - first), people))
-        far = HIDDEN_DISTANCE_SD * (rng.uniform(size=z.shape) < HIDDEN_SHARE)
-        found[0].append(student_statistics(z))
-        found[1].append(student_statistics(-np.exp(LOGNORMAL_SIGMA * z), -float(np.exp(0.5 * LOGNORMAL_SIGMA**2))))
-        found[2].append(student_statistics(z - far, -HIDDEN_SHARE * HIDDEN_DISTANCE_SD))
-    normal, lognormal, hidden = (np.sort(np.concatenate(each)) for each in found)
-    return normal, lognormal, hidden
+        found[0].append(statistics(z, 0.0))
+        found[1].append(statistics(-np.exp(LOGNORMAL_SIGMA * z), -float(np.exp(0.5 * LOGNORMAL_SIGMA**2))))
+    normal, lognormal = (np.sort(np.concatenate(each)) for each in found)
+    return normal, lognormal
 
 
 @dataclass(frozen=True)

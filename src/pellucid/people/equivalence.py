@@ -11,9 +11,12 @@ there to compare with. For the pseudo-median it is counted signed ranks, exact w
 below it. Ranks count through the means of all pairs of differences, Walsh's averages: as many of them
 lie above a margin as W+ says, so the interval's ends are two of them [2]_.
 
-Neither mean nor pseudo-median says that everybody is spared. Beside them stands how many people lie within the margin,
-with a lower confidence bound of their share after Clopper and Pearson, which supposes no distribution: twelve of twelve
-show 78 % at most.
+Neither mean nor pseudo-median says that everybody is spared. Beside them stand the share of people within the margin
+and the share far beyond it, with their bounds (`share_of_people`).
+
+Where sessions came in an order, the effects of their periods are taken out of people's differences first
+(`session_periods`). Both claims hold for any carry-over up to a declared one: the margin is narrower for "within", and
+wider for "beyond", by as much as that carry-over could move the estimate.
 
 That a change is *beyond* a margin is a claim too, with a test of its own; between both nothing can be said.
 
@@ -35,7 +38,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf, nan
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,7 +46,9 @@ from scipy import stats
 
 from .._errors import PellucidError
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
-from .comparison import critical_statistic, mean_p_values, sign_distribution
+from .comparison import critical_statistic, mean_p_values, rank_sums, sign_distribution, student_statistics
+from .session_periods import Adjustment, SessionPeriods, adjustment
+from .share_of_people import DEFAULT_RULE, ShareRule, ShareTest, limits, share_p_values, share_test
 
 Method = Literal["skew_robust", "signed_rank", "t"]
 METHODS = ("skew_robust", "signed_rank", "t")
@@ -57,8 +62,11 @@ BEYOND_MARGIN = "beyond"
 UNDECIDED = "undecided"
 """Verdict if neither is significant."""
 
-FAR_MARGIN_COUNT = 3.0
-"""A person lies far beyond if the change leaves the middle of the margin by more than this many of its half-widths."""
+DEFAULT_CARRY_OVER = 0.25
+"""Largest carry-over that is assumed, in half-widths of the margin, unless a study declares another."""
+
+MAX_TIPPING_POINT = 10.0
+"""Carry-overs up to this many half-widths of the margin are tried for the tipping point."""
 
 PRIOR_SCALE = 0.5**0.5
 """Scale of the Cauchy prior on the standardised change."""
@@ -76,16 +84,12 @@ class Margin:
         if not self.low < self.high or (self.low == -inf and self.high == inf):
             raise PellucidError(f"margin: found {self.low:g} to {self.high:g}, expected a low end below a high one")
 
-    def excess(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-        """Return how many half-widths differences between bounds (..., n) may lie from the middle; at most 1 is within.
-
-        Of a margin with one end the half-width is the distance of that end from 0.
-        """
+    @property
+    def half_width(self) -> float:
+        """Half of the margin's width; of a margin with one end the distance of that end from 0."""
         if np.isinf(self.low) or np.isinf(self.high):
-            end, worst = (self.high, upper) if np.isinf(self.low) else (-self.low, -lower)
-            return 1.0 + (worst - end) / abs(end) if end else np.where(worst > 0.0, inf, 0.0)
-        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
-        return np.maximum(upper - middle, middle - lower) / half
+            return abs(self.high if np.isinf(self.low) else self.low)
+        return 0.5 * (self.high - self.low)
 
     @classmethod
     def either_way(cls, size: float) -> Margin:
@@ -110,24 +114,83 @@ class Equivalence:
     p_beyond: float  # p value of "beyond": the smaller of the two one-sided tests
     alpha: float
     method: str
-    differences: np.ndarray = field(repr=False)  # (n,); lower bounds if bounded; empty if a model was fitted
+    # People's differences, adjusted for periods, (n,); lower bounds if bounded; empty if a model was fitted
+    differences: np.ndarray = field(repr=False)
     bounded: int = 0  # number of differences that are known by bounds alone
     upper: np.ndarray | None = field(default=None, repr=False)  # (n,); upper bounds if bounded
 
+    sessions: SessionPeriods | None = field(default=None, repr=False)  # when people had both conditions, if stated
+    largest_carry_over: float = 0.0  # largest carry-over for which both claims hold, in half-widths of the margin
+
     @property
-    def excess(self) -> np.ndarray:
-        """Distance of each person's difference, in half-widths of the margin (`Margin.excess`), (n,)."""
-        return self.margin.excess(self.differences, self.differences if self.upper is None else self.upper)
+    def fit(self) -> Adjustment:
+        """How the differences were adjusted for periods."""
+        return adjustment(len(self.differences), self.sessions, known=not self.bounded)
+
+    @property
+    def allowance(self) -> float:
+        """Largest shift of the estimate by the largest carry-over, in the unit of the differences."""
+        return _allowance(self.margin, self.fit, self.largest_carry_over) if len(self.differences) else 0.0
+
+    def share_test(self, rule: ShareRule = DEFAULT_RULE) -> ShareTest:
+        """Return the tests of the shares of people within and far beyond the margin; nothing is shown for a model."""
+        if not len(self.differences):
+            return ShareTest(rule, 0, 0, 0, 1.0, 1.0, nan, nan)
+        upper = self.differences if self.upper is None else self.upper
+        return share_test(self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule)
+
+    def shows_people(self, rule: ShareRule = DEFAULT_RULE) -> bool:
+        """Return whether the shares of people within and far beyond the margin are shown."""
+        if not len(self.differences):
+            return False
+        upper = self.differences if self.upper is None else self.upper
+        shares = share_p_values(
+            self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule
+        )
+        return bool(max(shares) <= rule.alpha)
+
+    def tested_again(self, *, alpha: float | None = None, largest_carry_over: float | None = None) -> Equivalence:
+        """Return the same test at another level, or for another largest carry-over."""
+        return equivalence(
+            self.differences,
+            self.margin,
+            upper=self.upper,
+            alpha=self.alpha if alpha is None else alpha,
+            method=cast("Method", self.method),
+            sessions=self.sessions,
+            largest_carry_over=self.largest_carry_over if largest_carry_over is None else largest_carry_over,
+        )
+
+    def tipping_point(self, rule: ShareRule = DEFAULT_RULE) -> float | None:
+        """Return the carry-over, in half-widths of the margin, that overturns the verdict of the differences.
+
+        None if there is no verdict to overturn, or no carry-over moves it: sessions are not stated, or too few.
+        """
+        if not len(self.differences) or self.fit.carry_over_share == 0.0:
+            return None
+
+        def says(carry_over: float) -> str:
+            again = self.tested_again(largest_carry_over=carry_over)
+            return again.verdict if again.verdict != WITHIN_MARGIN or again.shows_people(rule) else UNDECIDED
+
+        said = says(0.0)
+        if said == UNDECIDED:
+            return None
+        low, high = 0.0, MAX_TIPPING_POINT
+        while high - low > 0.005:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if says(middle) == said else (low, middle)
+        return low
 
     @property
     def people_within(self) -> int:
         """Number of people whose difference lies within the margin."""
-        return int(np.sum(self.excess <= 1.0 + TIE_TOLERANCE))
+        return self.share_test().within
 
     @property
     def share_within(self) -> float:
-        """Lower confidence bound, at level alpha, of the share of people who lie within; NaN for a model."""
-        return share_bound(self.people_within, len(self.differences), self.alpha) if len(self.differences) else nan
+        """Lower confidence bound of the share of people who lie within; NaN for a model and with too few people."""
+        return self.share_test().least_within
 
     @property
     def far_people(self) -> tuple[int, ...]:
@@ -135,12 +198,10 @@ class Equivalence:
         if not len(self.differences):
             return ()
         upper = self.differences if self.upper is None else self.upper
-        inside = 0.5 * (self.margin.low + self.margin.high)
-        inside = inside if np.isfinite(inside) else (-inf if self.margin.low == -inf else inf)
-        nearest = np.clip(inside, self.differences, upper)
-        excess = self.margin.excess(nearest, nearest)
-        far = np.flatnonzero(excess > FAR_MARGIN_COUNT)
-        return tuple(int(i) for i in far[np.argsort(-excess[far], kind="stable")])
+        low, high = limits(self.margin, DEFAULT_RULE.far_margins)
+        beyond = np.maximum(low - upper, self.differences - high)
+        far = np.flatnonzero(beyond > TIE_TOLERANCE * self.margin.half_width)
+        return tuple(int(i) for i in far[np.argsort(-beyond[far], kind="stable")])
 
     @property
     def bayes_factor(self) -> float:
@@ -164,6 +225,8 @@ def equivalence(
     upper: ArrayLike | None = None,
     alpha: float = 0.05,
     method: Method = "skew_robust",
+    sessions: SessionPeriods | None = None,
+    largest_carry_over: float = DEFAULT_CARRY_OVER,
 ) -> Equivalence:
     """Test whether paired differences lie within a margin.
 
@@ -180,6 +243,11 @@ def equivalence(
         Level of each one-sided test, in (0, 0.5).
     method : str
         ``"skew_robust"`` or ``"t"`` for the mean; ``"signed_rank"`` for the pseudo-median.
+    sessions : SessionPeriods, optional
+        When each participant had both conditions: the effects of the periods are taken out of finite differences.
+    largest_carry_over : float
+        Largest carry-over from one session to the next for which both claims hold, in half-widths of the margin. It
+        matters only with `sessions`.
 
     Returns
     -------
@@ -195,8 +263,8 @@ def equivalence(
     >>> import numpy as np
     >>> changes = np.random.default_rng(1).normal(0.01, 0.03, 16)
     >>> found = equivalence(changes, Margin.either_way(0.08))
-    >>> found.verdict, found.people_within, round(found.share_within, 2)
-    ('within', 16, 0.83)
+    >>> found.verdict, found.people_within, found.share_test().answer
+    ('within', 16, 'shown')
     >>> equivalence(changes[:8], Margin.either_way(0.08)).verdict
     'undecided'
     """
@@ -213,32 +281,87 @@ def equivalence(
     bounded = int(np.sum(high > d))
     if bounded and method == "t":
         raise PellucidError(f"equivalence: found bounds and the method {method!r}, expected skew_robust or signed_rank")
+    if not 0.0 <= largest_carry_over < inf:
+        raise PellucidError(
+            f"equivalence: found largest_carry_over = {largest_carry_over:g}, expected a share of the margin, 0 or more"
+        )
     ends = high if bounded else None
+    fit = adjustment(len(d), sessions, known=not bounded)
+    d, high = (d, high) if bounded else (fit.adjusted(d),) * 2
+    allowance = _allowance(margin, fit, largest_carry_over)
+    within, beyond = (float(p) for p in margin_p_values(d, high, margin, fit, method, sessions, allowance))
+    estimate, interval = _location(d, high, alpha, fit, method, sessions)
+    return Equivalence(
+        margin, len(d), estimate, interval, within, beyond, alpha, method, d, bounded, ends, sessions,
+        largest_carry_over,
+    )  # fmt: skip
+
+
+def _allowance(margin: Margin, fit: Adjustment, largest_carry_over: float) -> float:
+    return largest_carry_over * margin.half_width * fit.carry_over_share
+
+
+def margin_p_values(
+    lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, method: Method,
+    sessions: SessionPeriods | None, allowance: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the p values of "within" and of "beyond" of many studies, shape (...) each.
+
+    `lower` and `upper`, (..., n), are bounds of people's adjusted differences, or twice the differences themselves.
+    """
+    d, high = fit.widened(lower), fit.widened(upper)
     if method == "skew_robust":
-        within, beyond = (float(p) for p in mean_p_values(d, high, margin.low, margin.high))
-        interval = (_mean_end(d, alpha), -_mean_end(-high, alpha))
-        known = d if np.isfinite(d).all() else high
-        middle = float(known.mean()) if np.isfinite(known).all() else nan
-        return Equivalence(margin, len(d), middle, interval, within, beyond, alpha, method, d, bounded, ends)
-    if method == "t":
-        error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
-        return equivalence_of_estimate(float(d.mean()), error, len(d) - 1, margin, alpha=alpha, differences=d)
-    p_above, interval = _test_by_ranks(d, high, alpha)
+        return mean_p_values(d, high, margin.low, margin.high, allowance=allowance,
+                             sessions=None if fit.is_plain else sessions)  # fmt: skip
+    above = _t_above if method == "t" else _ranks_above
+    within = np.maximum(above(d, margin.low + allowance), above(-high, allowance - margin.high))
+    beyond = np.minimum(above(-high, allowance - margin.low), above(d, margin.high + allowance))
+    return within, beyond
+
+
+def _location(
+    d: np.ndarray, high: np.ndarray, alpha: float, fit: Adjustment, method: Method, sessions: SessionPeriods | None
+) -> tuple[float, tuple[float, float]]:
+    """Return the estimate of people's differences, (n,), and its interval at level 1 - 2 alpha."""
     known = d if np.isfinite(d).all() else high
-    middle = float(np.median(walsh_averages(known))) if np.isfinite(known).all() else nan
-    within = max(p_above(margin.low, d), p_above(-margin.high, -high))
-    beyond = min(p_above(-margin.low, -high), p_above(margin.high, d))
-    return Equivalence(margin, len(d), middle, interval, within, beyond, alpha, method, d, bounded, ends)
+    wide, wide_high = fit.widened(d), fit.widened(high)
+    if method == "signed_rank":
+        middle = float(np.median(walsh_averages(fit.widened(known)))) if np.isfinite(known).all() else nan
+        needed = critical_rank_sum(len(d), alpha)
+        if needed is None:
+            return middle, (-inf, inf)
+        return middle, (float(walsh_averages(wide)[-needed]), float(walsh_averages(wide_high)[needed - 1]))
+    middle = float(known.mean()) if np.isfinite(known).all() else nan
+    if method == "t":
+        reach = float(stats.t.isf(alpha, len(d) - 1)) * float(np.std(wide, ddof=1)) / np.sqrt(len(d))
+        return middle, (middle - reach, middle + reach)
+    own = None if fit.is_plain else sessions
+    return middle, (_mean_end(wide, alpha, own), -_mean_end(-wide_high, alpha, own))
 
 
-def share_bound(count: int, people: int, alpha: float) -> float:
-    """Return the lower confidence bound of a share of which `count` of a number of `people` have been seen."""
-    return float(stats.beta.ppf(alpha, count, people - count + 1)) if count else 0.0
+def _t_above(differences: np.ndarray, value: float) -> np.ndarray:
+    """Return the p value of Student's t that the mean of differences (..., n) lies above a value, shape (...)."""
+    if np.isinf(value):
+        return np.full(differences.shape[:-1], 0.0 if value < 0.0 else 1.0)
+    return stats.t.sf(student_statistics(differences, value), differences.shape[-1] - 1)
 
 
-def people_for_share(share: float, alpha: float) -> int:
-    """Return the fewest people, all of them within, whose lower confidence bound reaches a `share` in (0, 1)."""
-    return max(int(np.ceil(np.log(alpha) / np.log(share) - 1e-9)), 2)
+def _ranks_above(differences: np.ndarray, value: float) -> np.ndarray:
+    """Return the exact p value of signed ranks that differences (..., n) lie above a value, shape (...)."""
+    n = differences.shape[-1]
+    tail = np.cumsum(sign_distribution(np.arange(1, n + 1))[::-1])[::-1]
+    if np.isinf(value):
+        return np.full(differences.shape[:-1], tail[-1] if value < 0.0 else 1.0)
+    if differences.ndim > 1 and np.isfinite(differences).all():
+        return tail[np.floor(rank_sums(differences - value) + 1e-9).astype(int)]
+    rows = [_walsh_above(each, value) for each in differences.reshape(-1, n)]
+    return tail[np.array(rows)].reshape(differences.shape[:-1])
+
+
+def _walsh_above(d: np.ndarray, value: float) -> int:
+    # A Walsh average equal to the margin does not count as above it: ties are no evidence.
+    above = tied_signs(walsh_averages(d) - value, scale_of(d, np.array([value])))
+    return int(np.sum(above > 0.0))
 
 
 def equivalence_of_estimate(
@@ -290,30 +413,12 @@ def critical_rank_sum(pairs: int, alpha: float) -> int | None:
     return int(enough[0]) if len(enough) else None
 
 
-def _mean_end(differences: np.ndarray, alpha: float) -> float:
+def _mean_end(differences: np.ndarray, alpha: float, sessions: SessionPeriods | None = None) -> float:
     """Return the lower end of the interval of the mean of `differences`, (n,); -infinite with unknown bounds."""
     if not np.isfinite(differences).all():
         return -inf
     error = float(np.std(differences, ddof=1)) / np.sqrt(len(differences))
-    return float(differences.mean() - critical_statistic(len(differences), alpha) * error)
-
-
-def _test_by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
-    tail = np.cumsum(sign_distribution(np.arange(1, len(d) + 1))[::-1])[::-1]
-
-    def p_above(margin: float, d: np.ndarray) -> float:
-        if margin == -inf:
-            return float(tail[-1])
-        if margin == inf:
-            return 1.0
-        # A Walsh average equal to the margin does not count as above it: ties are no evidence.
-        above = tied_signs(walsh_averages(d) - margin, scale_of(d, np.array([margin])))
-        return float(tail[int(np.sum(above > 0.0))])
-
-    needed = critical_rank_sum(len(d), alpha)
-    if needed is None:
-        return p_above, (-inf, inf)
-    return p_above, (float(walsh_averages(d)[-needed]), float(walsh_averages(high)[needed - 1]))
+    return float(differences.mean() - critical_statistic(len(differences), alpha, sessions) * error)
 
 
 def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:

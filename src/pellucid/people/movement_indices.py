@@ -14,20 +14,18 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from .._errors import RecordingError
 from .._tabular import html_table, text_table
 from ..numerics.arguments import with_checked_arguments
-from ..numerics.tied_ranks import TIE_TOLERANCE
 from ..units import COORDINATES_BY_UNIT, Coordinate
-from .certificate import ESTIMAND_METHODS, Estimand
-from .comparison import mean_p_values, rank_sums, two_sided_p
+from .comparison import rank_sums, two_sided_p
 from .design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
-from .equivalence import FAR_MARGIN_COUNT, Margin, Method, critical_rank_sum, share_bound
+from .equivalence import DEFAULT_CARRY_OVER, Margin, Method, margin_p_values
 from .indices import MEAN_VELOCITY, MOVEMENT_DURATION, Index, indices_along, smoothness
-from .mixed_model import carry_over_of_studies, is_balanced, without_period
 from .movements import MovementRule, kinematics, movements, rest_stretches, target_stretches
+from .session_periods import SessionPeriods, adjustment
+from .share_of_people import DEFAULT_RULE, ShareRule, share_p_values
 from .survival import survival
 
 UNITS = {
@@ -169,17 +167,14 @@ class SimulatedStudies:
     ----------
     changes : ndarray, shape (k, n, m)
         People's changes from control, in the unit of the margins.
-    later : ndarray, shape (n,), optional
-        Number of periods by which the condition came after control; without it, orders are not stated.
-    levels : ndarray, shape (k, n, m), optional
-        People's values in the control condition, for carry-over; needs `later`.
+    sessions : SessionPeriods, optional
+        When people had both conditions; without it, orders are not stated.
     drifts, late : ndarray, shape (k, n, m), optional
         Change of the last third of movements less that of the first, and that of the last third less that of all.
     """
 
     changes: np.ndarray
-    later: np.ndarray | None = None
-    levels: np.ndarray | None = None
+    sessions: SessionPeriods | None = None
     drifts: np.ndarray | None = None
     late: np.ndarray | None = None
 
@@ -189,68 +184,31 @@ def are_transparent(
     margins: Sequence[Margin],
     *,
     alpha: float = 0.05,
-    estimand: Estimand = "mean",
-    people: float | None = None,
-    method: Method | None = None,
+    rule: ShareRule = DEFAULT_RULE,
+    largest_carry_over: float = DEFAULT_CARRY_OVER,
+    method: Method = "skew_robust",
 ) -> np.ndarray:
     """Return whether each study is certified as transparent, shape (k,): what `certificate` says of its values."""
-    used: Method = ESTIMAND_METHODS[estimand] if method is None else method
-    said = np.ones(len(studies.changes), bool)
+    count, n, m = studies.changes.shape
+    fit = adjustment(n, studies.sessions)
+    said = np.ones(count, bool)
     for j, margin in enumerate(margins):
-        d = studies.changes[:, :, j]
-        excess = margin.excess(d, d)
-        said &= are_within(d, margin, alpha, used) & (excess <= FAR_MARGIN_COUNT).all(axis=1)
-        if people is not None:
-            said &= np.sum(excess <= 1.0 + TIE_TOLERANCE, axis=1) >= _needed_count(people, d.shape[1], alpha)
-        said &= ~_is_contradicted(studies, j, margin, alpha, used)
+        allowance = largest_carry_over * margin.half_width * fit.carry_over_share
+        d = fit.adjusted(studies.changes[:, :, j])
+        said &= margin_p_values(d, d, margin, fit, method, studies.sessions, allowance)[0] <= alpha
+        shares = share_p_values(d, d, margin, fit, allowance=allowance, rule=rule)
+        said &= np.maximum(*shares) <= rule.alpha
+        if studies.drifts is not None and studies.late is not None:
+            drifting = _has_trend(studies.drifts[:, :, j], alpha / m)
+            late = fit.adjusted(studies.changes[:, :, j] + studies.late[:, :, j])
+            within = margin_p_values(late, late, margin, fit, method, studies.sessions, allowance)[0] <= alpha
+            said &= ~drifting | within
     return said
-
-
-def are_within(differences: np.ndarray, margin: Margin, alpha: float, method: Method) -> np.ndarray:
-    """Return whether each row of differences, (k, n), tests within a margin at level `alpha`; shape (k,)."""
-    n = differences.shape[1]
-    if method == "skew_robust":
-        return mean_p_values(differences, differences, margin.low, margin.high)[0] <= alpha
-    said = np.ones(len(differences), bool)
-    for inner in (differences - margin.low, margin.high - differences):
-        if np.isfinite(inner).all():
-            if method == "t":
-                error = np.std(inner, axis=1, ddof=1) / np.sqrt(n)
-                said &= inner.mean(axis=1) >= stats.t.isf(alpha, n - 1) * error
-            else:
-                needed = critical_rank_sum(n, alpha)
-                said &= needed is not None and rank_sums(inner) >= needed
-    return said
-
-
-def _is_contradicted(studies: SimulatedStudies, j: int, margin: Margin, alpha: float, method: Method) -> np.ndarray:
-    """Return whether a doubt takes the claim about one end point from each study, shape (k,)."""
-    d, level = studies.changes[:, :, j], alpha / studies.changes.shape[2]
-    taken = np.zeros(len(d), bool)
-    later = studies.later
-    if later is not None and d.shape[1] >= 4 and np.ptp(later) > 0.0:
-        if not is_balanced(later):
-            taken |= ~are_within(without_period(d, later)[1], margin, alpha, method)
-        first = later < 0.0
-        if studies.levels is not None and min(first.sum(), (~first).sum()) >= 2:
-            control = studies.levels[:, :, j]
-            p, change, error = carry_over_of_studies(control, control + d, first)
-            reach = stats.t.isf(alpha, d.shape[1] - 2) * error
-            taken |= (p <= level) & ~((change - reach >= margin.low) & (change + reach <= margin.high))
-    if studies.drifts is not None and studies.late is not None:
-        drifting = _has_trend(studies.drifts[:, :, j], level)
-        taken |= drifting & ~are_within(d + studies.late[:, :, j], margin, alpha, method)
-    return taken
 
 
 def _has_trend(drifts: np.ndarray, alpha: float) -> np.ndarray:
     """Return whether the exact two-sided p of signed ranks of each row of drifts, (k, n), is at most `alpha`."""
     return two_sided_p(rank_sums(drifts), drifts.shape[1]) <= alpha
-
-
-def _needed_count(share: float, people: int, alpha: float) -> int:
-    """Return the fewest people within of a number of `people` whose lower confidence bound reaches a `share`."""
-    return next((k for k in range(people + 1) if share_bound(k, people, alpha) >= share), people + 1)
 
 
 @dataclass(frozen=True, eq=False)

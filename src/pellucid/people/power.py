@@ -11,8 +11,8 @@ an executor of the standard library's kind; without one, small runs stay in this
 With how many participants "transparent" would be said, if it is true, is found in the same way (`equivalence_power`).
 Changes of all end points are drawn together about the changes that are supposed to be true (none, unless said): from a
 normal distribution with their covariance over participants, or from a pilot's own people with replacement. Each draw is
-one study, decided by `are_transparent` with everything that the study will have: its estimand, a declared share of
-people, a person far beyond, and, where they are `Active`, orders of conditions and movements in their order.
+one study, decided by `are_transparent` with everything that the study will have: its estimand, the shares of people,
+and, where they are `Active`, orders of conditions and movements in their order.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ from .._errors import PellucidError
 from .._processes import processes
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
-from .certificate import Estimand, require_people
+from .certificate import ESTIMAND_METHODS, Estimand, share_rule
 from .comparison import rank_sums, two_sided_p
 from .design_columns import MovementDuration
-from .equivalence import Margin, Method
+from .equivalence import DEFAULT_CARRY_OVER, Margin, Method
 from .movement_indices import SimulatedStudies, are_transparent
+from .session_periods import SessionPeriods
+from .share_of_people import DEFAULT_RULE
 from .survival import survival
 
 STUDIES_PER_PART = 500
@@ -333,9 +335,6 @@ def _bounded_median(own: Sequence[MovementDuration], longest: float) -> tuple[fl
     return curve.bounded_median, bool(np.isfinite(curve.median))
 
 
-LEVEL_SPREAD_RATIO = 5.0
-"""People's levels in the control condition are drawn with this multiple of the standard deviation of their changes."""
-
 LATE_SPREAD_RATIO = 1.0
 """Standard deviation of "the last third less all movements", as a multiple of that of people's changes.
 
@@ -348,11 +347,13 @@ class Active:
 
     estimand: Estimand = "mean"
     people: float | None = None  # declared share of people
+    people_level: float = DEFAULT_RULE.alpha  # level of the tests of both shares of people
     order: bool = False  # orders of two conditions are stated, each begun by half of the people
+    largest_carry_over: float = DEFAULT_CARRY_OVER  # in half-widths of the margin; matters where orders are stated
     learning: bool = False  # movements are recorded in their order, at least nine of each condition
 
 
-CERTIFICATE_SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
+CERTIFICATE_SIZES = (12, 14, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that the search tries first. It does not look for more than the last."""
 
 
@@ -412,7 +413,7 @@ def equivalence_power(
     >>> margins = [Margin.of_ratio(0.1), Margin.of_ratio(0.1)]
     >>> curve = equivalence_power(0.05**2 * np.eye(2), margins, (8, 12, 20), studies=500)
     >>> [round(p, 1) for p in curve.power]
-    [0.0, 0.0, 1.0]
+    [0.0, 0.8, 1.0]
     """
     covariance, m = np.atleast_2d(np.asarray(covariance, float)), len(margins)
     moved = np.zeros(m) if change is None else np.asarray(change, float)
@@ -423,7 +424,7 @@ def equivalence_power(
         )
     if method not in (None, "skew_robust", "signed_rank", "t"):
         raise PellucidError(f"equivalence power: found the method {method!r}, expected skew_robust, signed_rank or t")
-    require_people("equivalence power", active.estimand, active.people)
+    share_rule("equivalence power", active.estimand, active.people, active.people_level)
     if pilot is not None and (pilot.ndim != 2 or pilot.shape[1] != m or len(pilot) < 3):
         raise PellucidError(
             f"equivalence power: found a pilot of shape {pilot.shape}, expected at least 3 people x {m} end points"
@@ -445,7 +446,7 @@ def find_equivalence_participants(
     def enough(n: int) -> bool:
         return equivalence_power(covariance, margins, (n,), **options).power[0] >= power
 
-    return find_fewest(CERTIFICATE_SIZES, enough, 1)
+    return find_fewest(CERTIFICATE_SIZES, enough, CERTIFICATE_SIZES[0] - 1)
 
 
 def participants_for_changes(
@@ -513,17 +514,23 @@ def _count_transparent_studies(n, studies, seed, change, factor, margins, alpha,
         own = people[rng.integers(len(people), size=(studies, n))]
         spread = np.std(people, axis=0)
     drawn = draw_active(change + own, spread, active, rng)
-    said = are_transparent(drawn, margins, alpha=alpha, estimand=active.estimand, people=active.people, method=method)
+    said = are_transparent(
+        drawn,
+        margins,
+        alpha=alpha,
+        rule=share_rule("equivalence power", active.estimand, active.people, active.people_level),
+        largest_carry_over=active.largest_carry_over,
+        method=ESTIMAND_METHODS[active.estimand] if method is None else method,
+    )
     return int(said.sum())
 
 
 def draw_active(changes: np.ndarray, spread: np.ndarray, active: Active, rng: np.random.Generator) -> SimulatedStudies:
     """Return simulated studies of `changes` (k, n, m) with what is `active`; `spread`, (m,), is that of changes."""
-    later = levels = drifts = late = None
+    sessions = drifts = late = None
     if active.order:
-        later = np.where(np.arange(changes.shape[1]) % 2 == 0, 1.0, -1.0)
-        levels = LEVEL_SPREAD_RATIO * spread * rng.standard_normal(changes.shape)
+        sessions = SessionPeriods.of_two(np.where(np.arange(changes.shape[1]) % 2 == 0, 1.0, -1.0))
     if active.learning:
         thirds = np.sqrt(1.5) * LATE_SPREAD_RATIO * spread * rng.standard_normal((3, *changes.shape))
         drifts, late = thirds[2] - thirds[0], thirds[2] - thirds.mean(axis=0)
-    return SimulatedStudies(changes, later, levels, drifts, late)
+    return SimulatedStudies(changes, sessions, drifts, late)

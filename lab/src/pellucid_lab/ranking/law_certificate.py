@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
-from pellucid.people.comparison import MIN_PEOPLE
 from pellucid.people.equivalence import Margin
+from pellucid.people.share_of_people import MIN_PEOPLE, TOO_FEW
 
 from .tried import ControllerTrial
 
@@ -51,5 +51,5 @@ def certificate_words(tried: Sequence[ControllerTrial]) -> str:
     found = certify_controller(tried)
     if found is None:
         return f"{CANNOT_SAY}: one person" if len(tried) == 1 else CANNOT_SAY
-    few = found.verdict == CANNOT_SAY and len(tried) < MIN_PEOPLE
-    return f"{found.verdict}: {len(tried)} of {MIN_PEOPLE} people" if few else found.verdict
+    few = found.verdict == CANNOT_SAY and any(found.people_answer(name) == TOO_FEW for name in found.end_points)
+    return f"{found.verdict}: too few, {len(tried)} of {MIN_PEOPLE} people" if few else found.verdict

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
-from pellucid.people.comparison import MIN_PEOPLE
+from pellucid.people.share_of_people import MIN_PEOPLE
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table, number_table
 from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page

@@ -2,8 +2,8 @@
 
 The indices of the finished trials are those of `assess`: the same functions measure all trials of a person together,
 and compare movements that every condition has. EMG waits for `assess`, which needs every trial of a person for its
-scale. What is said here takes no doubts into account (order, learning, what was left out), so that it never replaces
-the certificate.
+scale. What is said here takes periods and carry-over into account, but no doubts (learning, what was left out), so that
+it never replaces the certificate.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ...people.power import Active, find_equivalence_participants
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.certified import PLANNED_POWER, end_points
 from ...people.study.measured_study import MeasuredStudy, join_studies, measure, with_assumed_delays
-from ...people.study.pointing import PointingRecord, labelled_amplitudes, usable_records, with_rule
+from ...people.study.pointing import PointingRecord, labelled_amplitudes, session_order, usable_records, with_rule
 
 SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
 """Indices that the operator's page shows."""
@@ -143,16 +143,25 @@ class RunningIndices:
             return RunningVerdict(condition, "cannot say yet", len(both), None, "two people are the least")
         seen = {name: np.array([own[person] for person in both]) for name, own in changes.items()}
         margins = {name: point.margin for name, point in points.items()}
+        order = session_order([record.recording for record in self._records.values()])
+        rule = self.spec.share_rule
         try:
-            said = certificate(
-                seen, margins, alpha=self.spec.alpha, estimand=self.spec.estimand, people=self.spec.people
-            ).verdict
+            sessions = order.sessions(both, recorded, control, condition)
+            found = certificate(
+                seen, margins, alpha=self.spec.alpha, estimand=self.spec.estimand, people=self.spec.people,
+                people_level=rule.alpha, sessions=sessions, largest_carry_over=self.spec.largest_carry_over,
+            )  # fmt: skip
+            said = found.verdict
             more = None
             if said == "cannot say" and len(both) > 2:
-                covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
+                covariance = np.atleast_2d(np.cov([test.differences for test in found.end_points.values()]))
                 needed = find_equivalence_participants(
                     covariance, list(margins.values()), power=PLANNED_POWER, alpha=self.spec.alpha,
-                    active=Active(self.spec.estimand, self.spec.people), studies=SIMULATED_STUDIES,
+                    active=Active(
+                        self.spec.estimand, self.spec.people, rule.alpha, sessions is not None,
+                        self.spec.largest_carry_over,
+                    ),
+                    studies=SIMULATED_STUDIES,
                 )  # fmt: skip
                 more = None if needed is None else max(needed - len(both), 1)
         except PellucidError as error:

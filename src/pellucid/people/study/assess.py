@@ -15,7 +15,6 @@ from ...files.recording import Recording
 from ...study.procedures.procedure import Progress, quiet
 from ...study.study import Study
 from ...units import Coordinate
-from ..certificate import Estimand
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
@@ -33,6 +32,7 @@ from .movement_curves import Curves, participants_curves
 from .paper import write_tables
 from .pointing import (
     PointingRecord,
+    SessionOrder,
     labelled_amplitudes,
     pointing_faults,
     recordings_with_condition,
@@ -111,12 +111,12 @@ def assess_recordings(
     whole = next(iter(measured.values()))
     found = _assessed(whole, participants, conditions, spec, along, [index.name for index in SHOWN_INDICES])
     tried = index_names(lambda index: index.tries_rules)
-    sensitivity = _sensitivity(measured, spec, participants, conditions, along, tried)
+    sensitivity = _sensitivity(measured, spec, participants, conditions, along, tried, order)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
         sensitivity += _sensitivity(
             {words: join_studies(shifted)}, spec, participants, conditions, along,
-            index_names(lambda index: index.delay_place),
+            index_names(lambda index: index.delay_place), order,
         )  # fmt: skip
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
@@ -136,6 +136,7 @@ def assess_recordings(
         checksums={recording.name: recording.checksum for recording in used},
         confidence=spec.confidence,
         estimand=spec.estimand,
+        order=order,
         control=spec.control,
         conditions=conditions,
         participants=participants,
@@ -291,9 +292,10 @@ def _sensitivity(
     conditions: Sequence[str],
     along: Coordinate,
     names: Sequence[str],
+    order: SessionOrder,
 ) -> tuple[Sensitivity, ...]:
     return tuple(
-        _sensitive(words, each, condition, spec.control, spec.estimand)
+        _sensitive(words, each, condition, spec, conditions, order)
         for words, whole in measured.items()
         for each in _assessed(whole, participants, conditions, spec, along, names).values()
         for condition in each.table.conditions
@@ -301,10 +303,14 @@ def _sensitivity(
     )
 
 
-def _sensitive(words: str, each: Assessed, condition: str, control: str, estimand: Estimand) -> Sensitivity:
+def _sensitive(
+    words: str, each: Assessed, condition: str, spec: AssessmentTable, conditions: Sequence[str], order: SessionOrder
+) -> Sensitivity:
+    control = spec.control
     base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
     p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
-    found = change_of_table(each.table, condition, control, estimand)
+    sessions = order.sessions(each.table.participants, conditions, control, condition)
+    found = change_of_table(each.table, condition, control, spec.estimand, sessions=sessions)
     change = float("nan") if found is None else found.value / (100.0 if found.unit == "%" else 1.0)
     return Sensitivity(words, each.name, condition, base, change, p)
 

@@ -23,9 +23,8 @@ from ...study.procedures.result import FigureTable
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..certificate import FAIL, PASS
-from ..comparison import HIDDEN_SHARE, MIN_PEOPLE
-from ..equivalence import FAR_MARGIN_COUNT
 from ..indices import SHOWN_INDICES, index_names, leading_index
+from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult, kept_certificates
@@ -398,22 +397,27 @@ def _margins(spec: AssessmentTable, found: AssessmentResult) -> Section:
 
 def _assumptions(found: AssessmentResult) -> Section:
     each = found.certified[0]
+    rule = each.certificate.rule
     texts = [
         f"The level of each test holds if {TEST_ASSUMPTIONS[each.test]}.",
         "No test sees people who are not in the sample. A group of "
         f"{100.0 * HIDDEN_SHARE:g} % of people is missing from "
         f"{100.0 * (1.0 - HIDDEN_SHARE) ** each.participants:.2g} % of studies of {each.participants} people; "
-        f"with fewer than {MIN_PEOPLE} nothing is claimed of a mean.",
-        f"Nothing is claimed to lie within where a person's change exceeds {FAR_MARGIN_COUNT:g} margins.",
+        f"with fewer than {MIN_PEOPLE} nothing is claimed to lie within.",
+        f"Of each end point at least {100.0 * rule.within:g} % of people must be shown to lie within the margin, and "
+        f"at most {100.0 * rule.far:g} % beyond {rule.far_margins:g} margins. Each test has a level of "
+        f"{100.0 * rule.alpha:g} %. With fewer than {MODEL_PEOPLE} people these bounds assume normal changes, unless "
+        "the changes look otherwise.",
         "Participants are independent of each other and drawn from those of whom the claim is made.",
     ]
     texts += [text for own in found.certified for text in own.unknown]
     rows = [
-        (own.condition, point.index.short, people_text(own.certificate.end_points[name]))
+        (own.condition, point.index.short, people_text(own.certificate.end_points[name].share_test(rule)))
         for own in found.certified
         for name, point in own.end_points.items()
     ]
-    share = _plain_table(("Condition", "Index", "People within"), rows, "Share of people within, a lower bound.", 2)
+    legend = "Shares of people within and far beyond, with their bounds."
+    share = _plain_table(("Condition", "Index", "People"), rows, legend, 2)
     return Section("assumptions", "Assumptions", tuple(dict.fromkeys(map(typeset_sentence, texts))), (share,))
 
 

@@ -24,9 +24,11 @@ from ..equivalence import Equivalence, Margin
 from ..indices import Index, indices_along
 from ..mixed_model import MixedModel
 from ..movement_indices import IndexTable, Isochrony
+from ..session_periods import SessionPeriods
 from ..survival import Survival
 from .assessment_table import AssessmentTable
 from .movement_curves import CurveEndPoint
+from .pointing import SessionOrder
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,7 @@ class AssessmentResult(Result):
     # by condition, whether somebody's median duration was not reached: in the condition, and in control
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes
+    order: SessionOrder | None = field(default=None, repr=False)  # order of the recordings
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     settling: tuple[Settling, ...] = field(default=(), repr=False)
@@ -207,6 +210,13 @@ class AssessmentResult(Result):
         """Return what the certificate of a condition says of an index; None if no margin of it is stated."""
         own = next((each for each in self.certified if each.condition == condition and index in each.end_points), None)
         return None if own is None else own.certificate.said_of(index)
+
+    def sessions(self, table: IndexTable, condition: str) -> SessionPeriods | None:
+        """Return when a table's participants had a condition and control; None if that is not stated."""
+        compared = self.control in table.conditions or table.index.over_control
+        if self.order is None or not compared:
+            return None
+        return self.order.sessions(table.participants, self.conditions, self.control, condition)
 
     @property
     def along(self) -> Coordinate:

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
+from ..._errors import PellucidError
 from ...study.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...study.study_file import StudyFile
 
 if TYPE_CHECKING:
     from ..certificate import Estimand
+    from ..share_of_people import ShareRule
 
-MARGIN_SETTINGS = ("estimand", "people")
+MARGIN_SETTINGS = ("estimand", "people", "people_level", "largest_carry_over")
 """Keys of [assessment.margins] that are no indices."""
 
 DEFAULT_STUDIES = 1000
@@ -53,7 +55,10 @@ class AssessmentTable(ProcedureTable):
     margins : dict of str to str
         By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
         data are seen. Beside them ``estimand``: ``"mean"`` of people's changes (the default), ``"pseudo-median"``, or
-        ``"mean and people"``, with ``people``, the share of them who must be shown to lie within, such as ``"75 %"``.
+        ``"mean and people"``, with ``people``, the share of them who must be shown to lie within, such as ``"80 %"``
+        (otherwise 75 %); ``people_level``, the level of the tests of the shares of people (default ``"10 %"``); and
+        ``largest_carry_over``, the largest effect of one session on the next in margins for which the certificate
+        holds (default ``"0.25"``; it matters where recordings state their period).
     justification : dict of str to str
         By index why a change of its margin does not matter: what a reviewer asks for first.
     spreads : dict of str to str
@@ -118,6 +123,32 @@ class AssessmentTable(ProcedureTable):
         return None if stated is None else parse_quantity(stated, "1", "[assessment.margins] people")
 
     @property
+    def share_rule(self) -> ShareRule:
+        """Shares of people that must be shown, and the level of their tests."""
+        from ...units import parse_quantity
+        from ..certificate import share_rule
+        from ..share_of_people import DEFAULT_RULE
+
+        stated = self.margins.get("people_level")
+        level = DEFAULT_RULE.alpha
+        if stated is not None:
+            level = parse_quantity(stated, "1", "[assessment.margins] people_level")
+        return share_rule("[assessment.margins]", self.estimand, self.people, level)
+
+    @property
+    def largest_carry_over(self) -> float:
+        """Largest carry-over between sessions for which the certificate holds, in half-widths of each margin."""
+        from ...units import parse_quantity
+        from ..equivalence import DEFAULT_CARRY_OVER
+
+        where = "[assessment.margins] largest_carry_over"
+        stated = self.margins.get("largest_carry_over")
+        size = DEFAULT_CARRY_OVER if stated is None else parse_quantity(stated, "1", where)
+        if not 0.0 <= size < float("inf"):
+            raise PellucidError(f'{where}: found "{stated}", expected a number of margins, 0 or more')
+        return size
+
+    @property
     def alpha(self) -> float:
         """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
         from ..survival import looks
@@ -145,9 +176,8 @@ class AssessmentTable(ProcedureTable):
     @model_validator(mode="after")
     def _estimand_and_people(self) -> AssessmentTable:
         if self.margins:
-            from ..certificate import require_people
-
-            require_people("[assessment.margins]", self.estimand, self.people)
+            # Both raise an error for what is stated wrongly.
+            _ = self.share_rule, self.largest_carry_over
         strangers = [name for name in self.justification if name not in self.index_margins]
         if strangers:
             raise ValueError(f"[assessment.justification]: found {', '.join(strangers)}, expected indices with margins")

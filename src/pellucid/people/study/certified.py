@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from ..certificate import (
     LEFT_OUT_DOUBT,
     Doubt,
     LostCounts,
-    carry_over_doubt,
     certificate_from_tests,
     doubts_of_loss,
     doubts_of_lost_people,
@@ -32,6 +31,7 @@ from ..equivalence import Equivalence, Margin, Method, equivalence
 from ..indices import CutOff, Index, PercentOf, Worse
 from ..mixed_model import MIN_MOVEMENTS, MixedModel, Thirds, failed_model, mixed_model, thirds
 from ..power import Active, find_equivalence_participants, lasting_bounds
+from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
 from .assessment_result import Certified, EndPoint
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
@@ -197,7 +197,7 @@ def people_with_losses(
 
 def find_doubts(
     found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
-    seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float, method: Method,
+    seen: Mapping[str, np.ndarray], order: SessionOrder, tests: Mapping[str, Equivalence],
 ) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
     """Return the doubts and the trend of each end point, and sentences on what cannot be tested.
 
@@ -205,50 +205,28 @@ def find_doubts(
     """
     doubts, trends, unknown = {}, {}, []
     if not order.period:
-        unknown.append(f"{order.unknown}: what order and carry-over did cannot be told from what conditions did.")
+        unknown.append(
+            f"{order.unknown}: the effects of period and carry-over cannot be separated from those of conditions."
+        )
     for name, point in wanted.items():
-        own = []
-        if order.period:
-            own += _of_order(found, point, condition, people, seen[name], order, alpha, method, unknown)
-        own += _learning(found, whole, point, condition, people, seen[name], order, alpha, method, trends, unknown)
+        test = tests[name]
+        own = [period_doubt(seen[name], test)]
+        if order.period and adjustment(len(people), test.sessions).is_plain:
+            unknown.append(
+                f"With {len(people)} participants the effect of the period is not estimated."
+                if len(people) < MIN_ORDERED_PEOPLE
+                else f"{condition} came equally long after {found.control} for everybody: the effect of the period "
+                "cannot be separated from that of the condition."
+            )
+        own += _learning(found, whole, point, condition, people, seen[name], order, test, trends, unknown)
         failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
         if point.index.cut_off is CutOff.AT_LEAST_SEEN and failed:
-            own += _left_out(found, whole, point, condition, people, alpha, method)
-        doubts[name] = tuple(own)
+            own += _left_out(found, whole, point, condition, people, test)
+        doubts[name] = tuple(each for each in own if each is not None)
     return doubts, trends, tuple(dict.fromkeys(unknown))
 
 
-def _of_order(found, point, condition, people, seen, order, alpha, method, unknown) -> list[Doubt]:
-    made = []
-    table = found.assessed[point.index.name].table
-    later = order.later(people, condition, _control(found, point.index.name))
-    doubt = period_doubt(seen, later, point.margin, alpha=alpha, method=method)
-    if doubt is None:
-        few = len(people) < 4
-        unknown.append(
-            f"With {len(people)} participants an effect of the period is not looked for."
-            if few
-            else f"{condition} came equally long after {found.control} for everybody: an effect of the period cannot "
-            "be told from its own."
-        )
-    else:
-        made.append(doubt)
-    if found.control in table.conditions:
-        rows = [table.participants.index(person) for person in people]
-        values = np.log(table.values[rows]) if point.ratio else table.values[rows]
-        periods = np.array([[order.by_condition[person, c] for c in table.conditions] for person in people])
-        at = table.conditions.index
-        lingers = carry_over_doubt(values, periods, at(found.control), at(condition), point.margin, alpha=alpha)
-        if lingers is None:
-            unknown.append(
-                "Orders differ too little between people to tell what lingers of the condition before (carry-over)."
-            )
-        else:
-            made.append(lingers)
-    return made
-
-
-def _learning(found, whole, point, condition, people, seen, order, alpha, method, trends, unknown) -> list[Doubt]:
+def _learning(found, whole, point, condition, people, seen, order, test, trends, unknown) -> list[Doubt]:
     base = _control(found, point.index.name)
     conditions = [condition] if base is None else [base, condition]
     own = movements_of(whole, point, conditions, people, order)
@@ -266,19 +244,22 @@ def _learning(found, whole, point, condition, people, seen, order, alpha, method
     drift = np.sum([[s * each.drift for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
     late = np.sum([[s * each.last for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
     at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
-    doubt = learning_doubt(drift, at_end, point.margin, alpha=alpha, method=method)
+    doubt = learning_doubt(drift, at_end, test)
     trends[point.index.name] = float(np.median(drift)), doubt.p_value
     return [doubt]
 
 
-def _left_out(found, whole, point, condition, people, alpha, method) -> list[Doubt]:
+def _left_out(found, whole, point, condition, people, test) -> list[Doubt]:
     """Return a doubt if failed movements, counted as longer than any other, change the verdict."""
     every = whole.lasted + whole.failed
     bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
     if bounds is None:
         return []
     low, high = bounds
-    counted = equivalence(low, point.margin, upper=high, alpha=alpha, method=method)
+    counted = equivalence(
+        low, point.margin, upper=high, alpha=test.alpha, method=cast("Method", test.method), sessions=test.sessions,
+        largest_carry_over=test.largest_carry_over,
+    )  # fmt: skip
     return [Doubt(LEFT_OUT_DOUBT, float("nan"), counted, always=True)]
 
 
@@ -368,7 +349,8 @@ def _certify(
     seen = {name: _differences(found.assessed[name], point, condition, found.control, people)
             for name, point in wanted.items()}  # fmt: skip
     tests, other = (
-        {name: _of_people(found, whole, point, condition, people, seen[name], alpha, used)
+        {name: _of_people(found, whole, point, condition, people, seen[name], alpha, used, order,
+                          spec.largest_carry_over)
          for name, point in wanted.items()}
         for used in (method, "signed_rank" if method == "skew_robust" else "skew_robust")
     )  # fmt: skip
@@ -378,7 +360,7 @@ def _certify(
     fitted = {name: of_model(models[name], point, alpha) for name, point in wanted.items()
               if models[name].movements}  # fmt: skip
     beside = {next(iter(other.values())).method: other, **({"mixed_model": fitted} if fitted else {})}
-    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, alpha, method)
+    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, tests)
     shown = compare_with_control(curves, people, condition, found.control, spec.curves, found.along, alpha)
     with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
     pair = found.control, condition
@@ -387,14 +369,15 @@ def _certify(
     lost_people = tuple(person for person in everybody if person not in people)
     for name, doubt in (
         *doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out,
-                        people_with_losses(whole, wanted, pair, people), method).items(),
-        *doubts_of_lost_people({**tests, **with_margins}, len(lost_people), alpha, spec.max_left_out, method).items(),
+                        people_with_losses(whole, wanted, pair, people)).items(),
+        *doubts_of_lost_people({**tests, **with_margins}, len(lost_people), alpha, spec.max_left_out).items(),
     ):  # fmt: skip
         doubts[name] = (*doubts.get(name, ()), doubt)
-    joint = certificate_from_tests(tests, alpha, doubts, with_margins, spec.people)
-    active = Active(spec.estimand, spec.people, bool(order.period), bool(trends))
+    joint = certificate_from_tests(tests, alpha, doubts, with_margins, spec.share_rule)
+    active = Active(spec.estimand, spec.people, spec.share_rule.alpha, bool(order.period), spec.largest_carry_over,
+                    bool(trends))  # fmt: skip
     return Certified(
-        condition, joint, wanted, len(people), _needed(wanted, seen, alpha, active, executor), spec.estimand,
+        condition, joint, wanted, len(people), _needed(wanted, tests, seen, alpha, active, executor), spec.estimand,
         tuple(people), models, beside, trends, unknown, _failed(whole, pair, people), shown, lost, spec.max_left_out,
         lost_people,
     )  # fmt: skip
@@ -408,7 +391,7 @@ def _control(found: AssessmentResult, name: str) -> str | None:
 
 def _of_people(
     found: AssessmentResult, whole: MeasuredStudy, point: EndPoint, condition: str, people: list[str],
-    seen: np.ndarray, alpha: float, method: Method,
+    seen: np.ndarray, alpha: float, method: Method, order: SessionOrder, largest_carry_over: float,
 ) -> Equivalence:  # fmt: skip
     pair, upper = (found.control, condition), None
     if point.index.cut_off is CutOff.AT_LEAST_SEEN:
@@ -420,14 +403,22 @@ def _of_people(
         cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
         base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
         seen, upper = np.where(base, -inf, seen), np.where(own, inf, seen)
-    return equivalence(seen, point.margin, upper=upper, alpha=alpha, method=method)
+    control = _control(found, point.index.name)
+    sessions = order.sessions(people, found.conditions, control, condition)
+    return equivalence(
+        seen, point.margin, upper=upper, alpha=alpha, method=method, sessions=sessions,
+        largest_carry_over=largest_carry_over,
+    )  # fmt: skip
 
 
 def _needed(
-    wanted: Mapping[str, EndPoint], seen: Mapping[str, np.ndarray], alpha: float, active: Active, executor: Any
-) -> int | None:
+    wanted: Mapping[str, EndPoint], tests: Mapping[str, Equivalence], seen: Mapping[str, np.ndarray], alpha: float,
+    active: Active, executor: Any,
+) -> int | None:  # fmt: skip
     if len(next(iter(seen.values()))) < 3:
         return None
+    # The effects of periods are none of how much people differ.
+    seen = {name: seen[name] if tests[name].bounded else tests[name].differences for name in wanted}
     covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
     # An index without control, such as a torque, is planned about its own mean.
     change = [float(d.mean()) if point.margin.low == -inf else 0.0

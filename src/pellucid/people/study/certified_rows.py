@@ -11,7 +11,6 @@ from ...models.estimates import Verdict
 from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow
 from ..certificate import (
-    CARRY_OVER_DOUBT,
     FAIL,
     LEARNING_DOUBT,
     LEFT_OUT_DOUBT,
@@ -20,17 +19,11 @@ from ..certificate import (
     PASS,
     PERIOD_DOUBT,
     Doubt,
+    share_reason,
     too_many_lost,
 )
-from ..comparison import HIDDEN_SHARE, MIN_PEOPLE
-from ..equivalence import (
-    BEYOND_MARGIN,
-    FAR_MARGIN_COUNT,
-    UNDECIDED,
-    WITHIN_MARGIN,
-    Equivalence,
-    people_for_share,
-)
+from ..equivalence import BEYOND_MARGIN, MAX_TIPPING_POINT, UNDECIDED, WITHIN_MARGIN, Equivalence
+from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, TOO_FEW, ShareTest
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
 
@@ -57,7 +50,6 @@ TEST_ASSUMPTIONS = {
 
 DOUBT_DESCRIPTIONS = {
     PERIOD_DOUBT: "without what the period did",
-    CARRY_OVER_DOUBT: "without what lingers of the condition before",
     LEARNING_DOUBT: "by the last third of movements, which were still changing,",
     LEFT_OUT_DOUBT: "with targets that got no movement counted as never reached",
     LOST_MOVEMENTS_DOUBT: "whatever the people did whose movements were left out",
@@ -74,18 +66,32 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
             own = each.certificate.end_points[name]
             rows.append(
                 (each.condition, point.index.short, _change(point, own), _interval(point, own), point.stated,
-                 _p(own.p_within), people_text(own), each.certificate.said_of(name))
+                 _p(own.p_within), people_text(own.share_test(each.certificate.rule)), tipping_text(each, name),
+                 each.certificate.said_of(name))
             )  # fmt: skip
-    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People within",
-             "Said")  # fmt: skip
+    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People",
+             "Carry-over that overturns it", "Said")  # fmt: skip
     return FigureTable(
         f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
     )
 
 
-def people_text(own: Equivalence) -> str:
-    """Say how many people lie within, and what share that shows at least."""
-    return f"{own.people_within} of {len(own.differences)}, at least {100.0 * own.share_within:.0f} %"
+def people_text(shares: ShareTest) -> str:
+    """Say how many people lie within, and what the bounds of both shares are."""
+    counted = f"{shares.within} of {shares.people} within"
+    if shares.answer == TOO_FEW:
+        return f"{counted}: too few"
+    far = f"at most {100.0 * shares.most_far:.0f} % beyond {shares.rule.far_margins:g} margins"
+    return f"{counted}: at least {100.0 * shares.least_within:.0f} %; {far}"
+
+
+def tipping_text(each: Certified, name: str) -> str:
+    """Say how large a carry-over would overturn what is said of an end point."""
+    own, test = each.certificate.tipping_point(name), each.certificate.end_points[name]
+    if own is not None:
+        most = own > MAX_TIPPING_POINT - 0.1
+        return f"none up to {MAX_TIPPING_POINT:g} margins" if most else f"over {own:.2f} margins"
+    return "sessions not ordered" if test.sessions is None else "none"
 
 
 def beside_table(found: AssessmentResult) -> FigureTable:
@@ -206,6 +212,7 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
     """Return remarks on a certificate: disagreement of tests, and questions that could not be tested."""
     remarks = []
     for each in found.certified:
+        remarks += [*_far(each), *_tipping(each)]
         remarks += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
     remarks += [text for each in found.certified for text in each.unknown]
     return tuple(dict.fromkeys(remarks))
@@ -233,17 +240,17 @@ def _sentence(each: Certified) -> str:
 def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
     """Return the reason of "cannot say" that a reader can act on first."""
     own = each.certificate
-    far = {n: rows for n in each.end_points if (rows := own.far_people(n))}
-    if far:
-        return " ".join(_far_sentence(each, name, rows) for name, rows in far.items())
-    lacking = [n for n in each.end_points if own.lacks_people(n)]
-    if lacking:
-        shown = "; ".join(f"{words[n]}: {people_text(own.end_points[n])}" for n in lacking)
-        needed = people_for_share(own.people or 0.0, own.alpha)
+    lacking = {n: own.share_test(n) for n in each.end_points if own.lacks_people(n)}
+    if any(shares is not None and shares.answer == TOO_FEW for shares in lacking.values()):
+        hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
         return (
-            f"The mean lies within, but {100.0 * (own.people or 0.0):g} % of people are not shown to ({shown}). That "
-            f"takes {needed} people or more, all of them within."
+            f"Too few people: {each.participants} took part, and nothing is claimed to lie within from fewer than "
+            f"{MIN_PEOPLE}. If one person in five were slowed, {hidden:.0f} % of studies of {each.participants} would "
+            "see none of them."
         )
+    if lacking:
+        shown = "; ".join(f"{words[n]}: {share_reason(shares)}" for n, shares in lacking.items() if shares)
+        return f"The estimate lies within its margin, but not enough people are shown to. {shown}."
     doubted = [(words[n], own.tested(n), own.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
     kinds = {d.what for *_, why in doubted for d in why}
@@ -270,12 +277,6 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
             f"Undecided: {', '.join(undecided)}. How long movements lasted was not seen to its end "
             f"({', '.join(cut)}): record until they settle.{counts}"
         )
-    if each.test == "skew_robust" and each.participants < MIN_PEOPLE:
-        hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
-        return (
-            f"With {each.participants} people nothing is claimed of a mean: if one person in five were slowed, "
-            f"{hidden:.0f} % of studies would see none of them. Record {MIN_PEOPLE} people or more.{counts}"
-        )
     more = (
         f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
         "nothing changes and people differ as these do."
@@ -287,31 +288,54 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
     return f"Undecided: {', '.join(undecided)}.{counts} {more}"
 
 
-def _far_sentence(each: Certified, name: str, rows: tuple[int, ...]) -> str:
-    """Say who lies far beyond the margin of an end point, and by how much."""
-    point, test = each.end_points[name], each.certificate.end_points[name]
-    who = ", ".join(
-        f"{each.people[i] if each.people else f'person {i + 1}'} ({_signed(point, test.differences[i])} {point.unit})"
-        for i in rows
-    )
-    return (
-        f"The {TEST_NAMES[each.test].partition(',')[0]} of {point.index.short} lies within {point.stated}, but "
-        f"{who} {'lies' if len(rows) == 1 else 'lie'} far beyond: more than {FAR_MARGIN_COUNT:g} margins. Find out why."
-    )
+def _far(each: Certified) -> list[str]:
+    """Name everybody who lies far beyond the margin of an end point, and say by how much."""
+    remarks = []
+    for name, point in each.end_points.items():
+        test, count = each.certificate.end_points[name], each.certificate.rule.far_margins
+        rows = test.far_people
+        if rows:
+            who = ", ".join(f"{_person(each, i)} ({_signed(point, test.differences[i])} {point.unit})" for i in rows)
+            lie = "lies" if len(rows) == 1 else "lie"
+            remarks.append(
+                f"{each.condition}: {who} {lie} far beyond in {point.index.short}: more than {count:g} margins "
+                f"({point.stated}). Find out why."
+            )
+    return remarks
+
+
+def _person(each: Certified, row: int) -> str:
+    return each.people[row] if each.people else f"person {row + 1}"
+
+
+def _tipping(each: Certified) -> list[str]:
+    """Say for which carry-over the verdict holds, and which one would overturn it."""
+    points = {n: own for n in each.end_points if (own := each.certificate.tipping_point(n)) is not None}
+    if not points:
+        return []
+    name = min(points, key=lambda n: points[n])
+    declared = each.certificate.end_points[name].largest_carry_over
+    least = f"more than {points[name]:.2f}" if points[name] < MAX_TIPPING_POINT - 0.1 else f"over {MAX_TIPPING_POINT:g}"
+    return [
+        f"{each.condition}: a carry-over of up to {declared:g} margins from one session to the next is assumed. One of "
+        f"{least} margins would overturn what is said of {each.end_points[name].index.short}."
+    ]
 
 
 def _people_sentence(each: Certified) -> str:
-    """Say what share of people is shown to lie within, of the end point that shows least."""
-    least = min(each.certificate.end_points.values(), key=lambda own: own.share_within)
+    """Say which shares of people are shown, of the end point that shows least."""
+    tests = [own for name in each.end_points if (own := each.certificate.share_test(name)) is not None]
+    least = min(tests, key=lambda own: own.least_within)
+    far, rule = max(own.most_far for own in tests), least.rule
     return (
-        f"{least.people_within} of {len(least.differences)} people lie within: whatever their distribution, at least "
-        f"{100.0 * least.share_within:.0f} % of people do, with {100.0 * (1.0 - least.alpha):g} % confidence."
+        f"{least.within} of {least.people} people lie within: at least {100.0 * least.least_within:.0f} % of people "
+        f"do, and at most {100.0 * far:.1f} % lie beyond {rule.far_margins:g} margins, each with "
+        f"{100.0 * (1.0 - rule.alpha):g} % confidence."
     )
 
 
 DOUBT_REMEDIES = {
     PERIOD_DOUBT: "Have as many people begin with the robot as without it.",
-    CARRY_OVER_DOUBT: "Leave a pause between conditions, and let each follow each as often.",
     LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
     LEFT_OUT_DOUBT: "Find why targets got no movement.",
     LOST_MOVEMENTS_DOUBT: "Find why movements were left out, and record again.",
@@ -442,12 +466,16 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             level = f"{100.0 * (1.0 - 2.0 * own.alpha):.4g} % interval"
             _test_rows(name, point, part, add, TEST_NAMES[each.test], level, f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
-            add(f"{name}.people_within", part.people_within, "1", f"of {len(part.differences)}")
-            bound = f"lower bound at {100.0 * (1.0 - own.alpha):.4g} % confidence"
-            add(f"{name}.share_within", 100.0 * part.share_within, "%", bound)
+            shares = part.share_test(own.rule)
+            add(f"{name}.people_within", shares.within, "1", f"of {shares.people}: {shares.answer}")
+            bound = f"bound at {100.0 * (1.0 - own.rule.alpha):.4g} % confidence"
+            add(f"{name}.share_within", 100.0 * shares.least_within, "%", f"lower {bound}")
+            add(f"{name}.share_far", 100.0 * shares.most_far, "%", f"upper {bound}")
+            if part.sessions is not None:
+                add(f"{name}.largest_carry_over", part.largest_carry_over, "1", "assumed, in margins")
+                add(f"{name}.tipping_point", own.tipping_point(name), "1", "carry-over that overturns it, in margins")
             for rank, row in enumerate(part.far_people, start=1):
-                who = each.people[row] if each.people else f"person {row + 1}"
-                add(f"{name}.far.{rank}", point.shown(part.differences[row]), point.unit, who)
+                add(f"{name}.far.{rank}", point.shown(part.differences[row]), point.unit, _person(each, row))
             add(f"{name}.bayes_factor", part.bayes_factor, "1", "of within against beyond")
             for condition, (gone, of) in each.lost[name].items():
                 share = 100.0 * gone / of if of else 0.0

@@ -12,8 +12,7 @@ from ..._errors import StudyError
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, parse_quantity
 from ..certificate import Estimand
-from ..comparison import MIN_PEOPLE
-from ..equivalence import Margin, critical_rank_sum, people_for_share
+from ..equivalence import Margin
 from ..indices import indices_along
 from ..power import (
     CERTIFICATE_SIZES,
@@ -22,6 +21,7 @@ from ..power import (
     find_equivalence_participants,
     participants_for_changes,
 )
+from ..share_of_people import MIN_PEOPLE
 from .assessment_result import EndPoint, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified import end_points
@@ -65,14 +65,15 @@ def plan(
     along = COORDINATES_BY_UNIT["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
     points = end_points(spec, indices_along(along))
     margins = [point.margin for point in points.values()]
-    least = _fewest(spec)
-    if participants is not None and participants < least:
-        reason = f"{100.0 * spec.people:g} % of people cannot be shown to lie within" if spec.people else "of a mean"
+    if participants is not None and participants < MIN_PEOPLE:
         raise StudyError(
-            f"{where}: found {participants} participants, expected at least {least}: with fewer nothing is claimed "
-            f"({reason})"
+            f"{where}: found {participants} participants, expected at least {MIN_PEOPLE}: with fewer people nothing is "
+            "claimed to lie within its margin"
         )
-    active = Active(spec.estimand, spec.people, order=True, learning=True)
+    active = Active(
+        spec.estimand, spec.people, spec.share_rule.alpha, order=True, largest_carry_over=spec.largest_carry_over,
+        learning=True,
+    )  # fmt: skip
     options = {"alpha": spec.false_transparent, "active": active, "studies": studies, "executor": executor}
     if pilot is not None:
         return _of_pilot(points, pilot, margins, power, participants, options)
@@ -117,7 +118,8 @@ def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
 
 
 _ACTIVE_WORDS = (
-    "Orders of two conditions in balance, carry-over, learning and a person far beyond are looked for in each study."
+    "Each study has two conditions in balanced orders, the largest carry-over that is declared, a test for learning, "
+    "and the tests of the shares of people within and far beyond."
 )
 
 
@@ -128,14 +130,6 @@ def _title(power: float) -> str:
 def _tested(estimand: Estimand, people: float | None, alpha: float) -> str:
     share = f" ({100.0 * people:g} %)" if people is not None else ""
     return f"{estimand.capitalize()}{share} at {100.0 * alpha:g} %"
-
-
-def _fewest(spec: AssessmentTable) -> int:
-    """Return the fewest participants with whom anything can be certified."""
-    if spec.estimand == "pseudo-median":
-        return next(n for n in CERTIFICATE_SIZES if critical_rank_sum(n, spec.false_transparent) is not None)
-    share = 0 if spec.people is None else people_for_share(spec.people, spec.false_transparent)
-    return max(MIN_PEOPLE, share)
 
 
 def _of_pilot(

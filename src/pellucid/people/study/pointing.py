@@ -37,6 +37,7 @@ from ..movements import (
     segment_angle,
     target_stretches,
 )
+from ..session_periods import SessionPeriods
 from .assessment_table import AssessmentTable
 
 MIN_TRAVEL_RAD = 0.05
@@ -232,12 +233,15 @@ class SessionOrder:
     within: Mapping[str, int]  # rank of a recording in its participant and condition; -1 if unknown
     unknown: str = ""  # reason why the order cannot be used
 
-    def later(self, participants: Sequence[str], condition: str, control: str | None) -> np.ndarray:
-        """Return the number of periods by which the condition followed control, or its own mean, (n,)."""
-        own = np.array([self.by_condition[person, condition] for person in participants])
-        if control is None:
-            return own - own.mean()
-        return own - np.array([self.by_condition[person, control] for person in participants])
+    def sessions(
+        self, participants: Sequence[str], conditions: Sequence[str], control: str | None, condition: str
+    ) -> SessionPeriods | None:
+        """Return when participants had a condition and its control; None if that is not stated, or without control."""
+        names = [control, *(c for c in conditions if c != control)]
+        if control is None or not all((person, c) in self.by_condition for person in participants for c in names):
+            return None
+        places = np.array([[self.by_condition[person, c] for c in names] for person in participants])
+        return SessionPeriods.of_conditions(places, 0, names.index(condition))
 
 
 def session_order(recordings: Sequence[Recording]) -> SessionOrder:

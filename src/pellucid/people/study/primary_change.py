@@ -1,7 +1,8 @@
 """The primary change of each index from control: the one number that tile, headline, text and certificate tell.
 
-It is the study's estimand: the mean of people's own changes, or their pseudo-median. Changes of an index with a zero
-are ratios, so that their mean is a geometric one; an index with a stated margin is compared as the margin is. Whatever
+It is the study's estimand: the mean of people's own changes, or their pseudo-median, without the effects of periods
+where sessions came in an order. Changes of an index with a zero are ratios, so that their mean is a geometric one; an
+index with a stated margin is compared as the margin is. Whatever
 else describes a change (the change of the mean, the mixed model, other filters) is a sensitivity analysis.
 """
 
@@ -17,6 +18,7 @@ from ..certificate import ESTIMAND_METHODS, Estimand
 from ..equivalence import Margin, equivalence
 from ..indices import CutOff
 from ..movement_indices import IndexTable
+from ..session_periods import SessionPeriods
 from .assessment_result import EndPoint
 
 if TYPE_CHECKING:
@@ -72,12 +74,12 @@ def primary_change(found: AssessmentResult, name: str, condition: str) -> Primar
     level = 0.5 * (1.0 - found.confidence)
     if certified is not None:
         point, own = certified.end_points[name], certified.certificate.end_points[name]
-        again = equivalence(own.differences, own.margin, upper=own.upper, alpha=level, method=certified.test)
+        again = own.tested_again(alpha=level)
         bounded = bool(own.bounded and np.isfinite(own.differences).all())
         ends = (point.shown(end) for end in again.interval)
         return PrimaryChange(point.shown(own.estimate), *ends, point.unit, bounded)
     table = found.assessed[name].table
-    change = change_of_table(table, condition, found.control, found.estimand, level)
+    change = change_of_table(table, condition, found.control, found.estimand, level, found.sessions(table, condition))
     above, below = found.unreached.get(condition, (False, False))
     if change is None or table.index.cut_off is not CutOff.AT_LEAST_SEEN or not (above or below):
         return change
@@ -86,9 +88,13 @@ def primary_change(found: AssessmentResult, name: str, condition: str) -> Primar
 
 
 def change_of_table(
-    table: IndexTable, condition: str, control: str, estimand: Estimand, level: float = 0.025
+    table: IndexTable, condition: str, control: str, estimand: Estimand, level: float = 0.025,
+    sessions: SessionPeriods | None = None,
 ) -> PrimaryChange | None:
-    """Return the change that a table's participants show; None without values of the condition or of control."""
+    """Return the change that a table's participants show; None without values of the condition or of control.
+
+    With `sessions` it is that without the effects of the periods.
+    """
     if condition not in table.conditions or condition == control:
         return None
     own, index = table.column(condition), table.index
@@ -100,6 +106,6 @@ def change_of_table(
     d = point.differences(own, base)
     if len(d) < 2:
         return PrimaryChange(point.shown(float(d[0])), nan, nan, point.unit)
-    tested = equivalence(d, point.margin, alpha=level, method=ESTIMAND_METHODS[estimand])
+    tested = equivalence(d, point.margin, alpha=level, method=ESTIMAND_METHODS[estimand], sessions=sessions)
     low, high = (point.shown(end) if np.isfinite(end) else nan for end in tested.interval)
     return PrimaryChange(point.shown(tested.estimate), low, high, point.unit)
