@@ -37,7 +37,7 @@ from research.benchmarks._size import sized
 
 from . import _certified_files, _designs, _doubted
 
-STUDY_COUNT = sized(10_000, smallest=40)
+STUDY_COUNT = sized(20_000, smallest=40)
 """Number of simulated studies of each cell."""
 
 DOUBTED_STUDY_COUNT = sized(400, smallest=8)

@@ -1,114 +1,114 @@
-"""Order, carry-over and learning: found where they were put, and taken out; against statsmodels where it has them."""
+"""Periods, carry-over and learning: taken out of the change, declared, and doubted; against least squares."""
 
 import numpy as np
 import pytest
-from scipy import stats
 
+import pellucid as pl
+from pellucid._errors import PellucidError
 from pellucid.people.certificate import PASS, Doubt, certificate, certificate_from_tests
-from pellucid.people.equivalence import Margin
-from pellucid.people.mixed_model import carry_over, is_balanced, period_effect, thirds
+from pellucid.people.equivalence import Margin, equivalence
+from pellucid.people.mixed_model import thirds
+from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.session_periods import SessionPeriods, adjustment
 
 WIDE = Margin.either_way(1.0)
-WILLIAMS = ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))
+WILLIAMS = np.array([(0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1)])
 
 
-def test_the_period_is_told_from_the_change(rng):
-    later = np.array([1.0, -1.0] * 6)
-    d = 0.1 + 0.2 * later + rng.normal(0.0, 0.02, 12)
-    found = period_effect(d, later, WIDE)
-    assert found.effect == pytest.approx(0.2, abs=0.02)
-    assert found.p_value < 0.01
-    assert found.without.estimate == pytest.approx(0.1, abs=0.02)
-    # Of both orders alike it is the mean of the two sequences' means, with their pooled error: Hills and Armitage.
-    pooled = np.sqrt((d[::2].var(ddof=1) + d[1::2].var(ddof=1)) / 2.0 / 12.0)
-    without = found.without.differences
-    assert without.mean() == pytest.approx(d.mean(), rel=1e-12)
-    assert without.std(ddof=1) / np.sqrt(12) == pytest.approx(pooled, rel=1e-9)
-    assert period_effect(d, np.ones(12), WIDE) is None
+def test_two_orders_are_the_mean_of_both_sequences_means(rng):
+    """Hills and Armitage: twelve of fourteen have control first, and the period lowers their change."""
+    later = np.where(np.arange(14) < 12, 1.0, -1.0)
+    d = 0.1 - 0.08 * later + rng.normal(0.0, 0.02, 14)
+    found = equivalence(d, WIDE, sessions=SessionPeriods.of_two(later))
+    assert found.estimate == pytest.approx(0.5 * (d[:12].mean() + d[12:].mean()))
+    assert abs(found.estimate - 0.1) < 0.03 < abs(d.mean() - 0.1)
+    # Its error is that of least squares with an intercept and the period.
+    design = np.column_stack([np.ones(14), later])
+    rest = np.linalg.lstsq(design, d, rcond=None)[1][0]
+    error = np.sqrt(rest / 12 * np.linalg.inv(design.T @ design)[0, 0])
+    wide = found.fit.widened(found.differences)
+    assert wide.std(ddof=1) / np.sqrt(14) == pytest.approx(error, rel=1e-9)
 
 
-def test_its_p_value_is_counted_and_its_error_that_of_least_squares(rng):
-    later = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-    d = 0.1 + 0.03 * later + rng.normal(0.0, 0.05, 7)
-    found = period_effect(d, later, WIDE)
-    counted = stats.permutation_test(
-        (d[:4], d[4:]), lambda a, b, axis: np.abs(a.mean(axis=axis) - b.mean(axis=axis)), vectorized=True,
-        n_resamples=np.inf, alternative="greater",
-    )  # fmt: skip
-    assert found.p_value == pytest.approx(counted.pvalue, abs=1e-12)
-    line = stats.linregress(later, d)
-    assert found.effect == pytest.approx(line.slope)
-    assert found.without.estimate == pytest.approx(line.intercept)
-    without = found.without.differences
-    assert without.std(ddof=1) / np.sqrt(7) == pytest.approx(line.intercept_stderr, rel=1e-9)
+def test_a_balanced_period_costs_no_power(rng):
+    later = np.where(np.arange(20) < 10, 1.0, -1.0)
+    drawn = 0.4 * rng.standard_normal((2000, 20))
+    sessions = SessionPeriods.of_two(later)
+    said = [
+        are_transparent(SimulatedStudies((drawn + period * later)[:, :, None], sessions), [WIDE])
+        for period in (0.0, 1.5)
+    ]
+    assert said[0].mean() > 0.9
+    np.testing.assert_array_equal(*said)
 
 
-def test_stating_periods_in_balanced_orders_changes_no_decision(rng):
-    later = np.array([1.0, -1.0] * 8)
-    margin = Margin.either_way(0.06)
-    for _ in range(200):
-        d = rng.normal(0.0, 0.05, 16)
-        plain = certificate({"duration": d}, {"duration": margin})
-        effect = period_effect(d, later, margin)
-        doubt = Doubt("period", effect.p_value, effect.without, never=is_balanced(later))
-        told = certificate_from_tests(plain.end_points, 0.05, {"duration": (doubt,)})
-        assert told.verdict == plain.verdict
-
-
-def made(rng, people, lingers):
-    """Values and periods of people in Williams' square, in which condition 2 leaves something for the next."""
-    orders = np.array([WILLIAMS[i % 4] for i in range(people)])
-    period = np.argsort(orders, axis=1) + 1
-    values = rng.normal(0.0, 0.2, (people, 1)) + np.array([0.0, 0.1, 0.3, 0.05]) + 0.02 * period
-    for i, order in enumerate(orders):
-        values[i, order[1:]] += lingers * (order[:-1] == 2)
-    return values + rng.normal(0.0, 0.03, values.shape), period
-
-
-def test_what_lingers_is_found_and_taken_out(rng):
-    values, period = made(rng, 12, 0.2)
-    found = carry_over(values, period, 0, 1, WIDE)
-    assert found.effect == pytest.approx(0.2, abs=0.05)
-    assert found.p_value < 1e-4
-    assert abs(found.without.estimate - 0.1) < 3.0 * (found.without.interval[1] - found.without.estimate) / 1.6
-    assert carry_over(values, np.tile([1, 2, 3, 4], (12, 1)), 0, 1, WIDE) is None
-
-
-def test_its_test_is_that_of_statsmodels(rng):
+def test_periods_of_a_williams_design_are_those_of_statsmodels(rng):
     api = pytest.importorskip("statsmodels.api")
-    values, period = made(rng, 8, 0.05)
-    found = carry_over(values, period, 0, 3, WIDE)
-    rank, order = period - 1, np.argsort(period, axis=1)
-    rows, y = [], []
-    for i in range(8):
-        for j in range(4):
-            row = np.zeros(8 + 4 + 4 + 4)
-            row[i] = row[8 + j] = row[12 + rank[i, j]] = 1.0
-            if rank[i, j]:
-                row[16 + order[i, rank[i, j] - 1]] = 1.0
-            rows.append(row)
-            y.append(values[i, j])
-    # Of each kind of column but people's the first is what the others are told from.
-    columns = [*range(8), 9, 10, 11, 13, 14, 15, 17, 18, 19]
-    whole = api.OLS(y, np.array(rows)[:, columns]).fit()
-    base = api.OLS(y, np.array(rows)[:, columns[:-3]]).fit()
-    _, p, _ = whole.compare_f_test(base)
-    assert found.p_value == pytest.approx(p, rel=1e-6)
-    assert found.without.estimate == pytest.approx(whole.params[10], abs=1e-9)
-    assert found.without.interval == pytest.approx(tuple(whole.conf_int(0.1)[10]), abs=1e-9)
+    periods = np.argsort(np.tile(WILLIAMS, (3, 1))[:11], axis=1) + 1
+    d = rng.normal(0.1, 0.05, 11)
+    found = equivalence(d, WIDE, method="t", sessions=SessionPeriods.of_conditions(periods, 0, 1))
+    columns = [(periods[:, 1] == p) * 1.0 - (periods[:, 0] == p) for p in (2, 3, 4)]
+    line = api.OLS(d, api.add_constant(np.column_stack(columns))).fit()
+    assert found.estimate == pytest.approx(line.params[0])
+    assert found.fit.degrees == line.df_resid
+    wide = found.fit.widened(found.differences)
+    assert wide.std(ddof=1) / np.sqrt(11) == pytest.approx(line.bse[0])
 
 
-def test_two_conditions_are_told_by_peoples_sums(rng):
-    period = np.array([[1, 2], [2, 1]] * 5)
-    values = rng.normal(0.0, 0.05, (10, 2)) + np.array([0.0, 0.1])
-    lingering = values + 0.5 * ((period == 2) & np.array([True, False])[None, :])
-    found = carry_over(lingering, period, 0, 1, WIDE)
-    first = period[:, 1] == 1
-    assert found.p_value == pytest.approx(
-        stats.mannwhitneyu(*(lingering[s].sum(axis=1) for s in (first, ~first)), method="exact").pvalue
-    )
-    assert found.p_value < 0.01
-    assert found.without.estimate == pytest.approx(lingering[first, 1].mean() - lingering[~first, 0].mean())
+def test_an_order_that_is_the_same_for_all_changes_nothing(rng):
+    d = rng.normal(0.0, 0.1, 12)
+    same = SessionPeriods.of_two(np.ones(12))
+    assert adjustment(12, same).is_plain
+    assert equivalence(d, WIDE, sessions=same).interval == equivalence(d, WIDE).interval
+
+
+def test_a_carry_over_up_to_the_declared_one_is_allowed_for():
+    later = np.array([1.0, -1.0] * 6)
+    d = 0.7 + np.random.default_rng(6).normal(0.0, 0.05, 12)
+    sessions = SessionPeriods.of_two(later)
+    assert adjustment(12, sessions).carry_over_share == pytest.approx(0.5)
+    none, some, much = (equivalence(d, WIDE, sessions=sessions, largest_carry_over=c) for c in (0.0, 0.25, 1.0))
+    assert none.p_within < some.p_within <= 0.05 < much.p_within
+    assert none.interval == some.interval
+    # Of four conditions one person in four has the control after the robot.
+    williams = SessionPeriods.of_conditions(np.argsort(np.tile(WILLIAMS, (3, 1)), axis=1), 0, 1)
+    assert adjustment(12, williams).carry_over_share == pytest.approx(0.25)
+
+
+def test_the_tipping_point_overturns_the_verdict():
+    later = np.array([1.0, -1.0] * 8)
+    d = 0.3 + np.random.default_rng(8).normal(0.0, 0.1, 16)
+    sessions = SessionPeriods.of_two(later)
+    found = certificate({"d": d}, {"d": WIDE}, sessions=sessions)
+    tip = found.tipping_point("d")
+    assert found.verdict == PASS
+    assert 0.25 < tip < 1.4
+    for carry_over, same in ((tip - 0.01, True), (tip + 0.02, False)):
+        again = certificate({"d": d}, {"d": WIDE}, sessions=sessions, largest_carry_over=carry_over)
+        assert (again.verdict == PASS) == same
+    assert certificate({"d": d}, {"d": WIDE}).tipping_point("d") is None
+
+
+def test_arrays_and_tables_tell_the_same_adjusted_change(rng):
+    later = np.where(np.arange(14) < 12, 1.0, -1.0)
+    free = np.exp(rng.normal(0.0, 0.1, 14))
+    worn = free * np.exp(rng.normal(0.0, 0.02, 14) + 0.08 * later)
+    by_arrays = pl.certify({"duration": (free, worn)}, {"duration": 0.10}, later=later).end_points["duration"]
+    rows = [
+        (f"P{i}", condition, value, period)
+        for i in range(14)
+        for condition, value, period in (
+            ("Ctrl", free[i], 1 if later[i] > 0 else 2), ("Robot", worn[i], 2 if later[i] > 0 else 1),
+        )
+    ]  # fmt: skip
+    table = dict(zip(("participant", "condition", "duration", "period"), zip(*rows, strict=True), strict=True))
+    assessed = pl.assess(table, control="Ctrl", margins={"duration": 0.10}).certificates["Robot"]
+    by_table = assessed.end_points["duration"]
+    assert by_table.estimate == pytest.approx(by_arrays.estimate, abs=1e-12)
+    assert by_table.interval == pytest.approx(by_arrays.interval, abs=1e-12)
+    assert (by_table.p_within, by_table.p_beyond) == (by_arrays.p_within, by_arrays.p_beyond)
+    with pytest.raises(PellucidError, match="found later of 3 participants"):
+        pl.certify({"duration": (free, worn)}, {"duration": 0.10}, later=[1.0, -1.0, 1.0])
 
 
 def test_thirds_show_a_drift_and_not_the_kinds_of_movements(rng):
