@@ -218,9 +218,9 @@ def test_a_condition_differs_only_if_both_tests_say_so():
 @pytest.mark.parametrize("estimand", ["mean", "pseudo-median"])
 def test_a_session_says_of_an_estimand_what_its_certificate_does(estimand):
     """A session asks the certificate with the estimand of the study, not with another one."""
-    # One person in twenty is much slower: ranks do not see by how much.
-    changes = np.append(np.random.default_rng(1).normal(0.0, 0.01, 19), 0.28)
-    people = [f"P{i}" for i in range(20)]
+    # One person in eighty is much slower: ranks do not see by how much.
+    changes = np.append(np.random.default_rng(1).normal(0.0, 0.01, 79), 3.0)
+    people = [f"P{i}" for i in range(80)]
     spec = AssessmentTable(control=CONTROL, margins={"vmax": "10 %", "estimand": estimand})
     indices = RunningIndices(spec)
     point = certified.end_points(spec, indices._indices)

@@ -25,7 +25,7 @@ duration_median = "10 %"
 end_absolute = "2 deg"
 [assessment.spreads]
 """
-SPREADS = 'duration_median = "4 %"\nend_absolute = "0.8 deg"\n'
+SPREADS = 'duration_median = "3 %"\nend_absolute = "0.6 deg"\n'
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def study(tmp_path):
 def test_it_is_the_search_of_the_certificate(study):
     found = plan(study(), studies=300)
     margins = [Margin.of_ratio(0.1), Margin(-np.inf, np.radians(2.0))]
-    spread = np.array([np.log1p(0.04), np.radians(0.8)])
+    spread = np.array([np.log1p(0.03), np.radians(0.6)])
     third = np.array([margin.high for margin in margins]) / 3.0
     active = Active(order=True, learning=True)
     needed = find_equivalence_participants(np.diag(spread**2), margins, change=third, active=active, studies=300)
@@ -62,9 +62,9 @@ def test_it_is_the_same_wherever_it_runs(study):
 @pytest.mark.parametrize(
     ("spreads", "said"),
     [
-        ('duration_median = "4 %"\n', "expected those of duration_median, end_absolute"),
-        (SPREADS.replace("4 %", "60 ms"), "of the kind of its margin, 10 %"),
-        (SPREADS.replace("0.8 deg", "0 deg"), "above 0"),
+        ('duration_median = "3 %"\n', "expected those of duration_median, end_absolute"),
+        (SPREADS.replace("3 %", "60 ms"), "of the kind of its margin, 10 %"),
+        (SPREADS.replace("0.6 deg", "0 deg"), "above 0"),
     ],
 )
 def test_spreads_that_do_not_fit_are_told(study, spreads, said):

@@ -12,7 +12,7 @@ confidence bound of its share.
 - **Shape.** Changes look normal unless the test of Shapiro and Francia [3]_, the correlation of sorted changes with
   normal scores, rejects it. With 12 people one person in five is missing from 6.9 % of studies; of the studies that
   show nobody far away, so many are refused, those with the least normal changes first, that such a group is missed in
-  at most `MISSED_GROUP_LEVEL`.
+  at most `MISSED_GROUP_LEVEL`. A group is supposed to lie within `HIDDEN_GAP_SD` of the others.
 - **Skewed changes.** The far share may also be bounded where the shape is not normal: by the least favourable of the
   normal and the lognormal distribution of sigma 1, with its long tail to the nearer end.
 
@@ -50,6 +50,10 @@ HIDDEN_SHARE = 0.2
 MISSED_GROUP_LEVEL = 0.0555
 """Largest share of studies in which a far group of `HIDDEN_SHARE` may be missed: 5 % and a part of the step to 6.9 %,
 so that the refusal of normal changes with 12 people costs no more than a fifth of the power."""
+
+HIDDEN_GAP_SD = 20.0
+"""Where the far end of the margins lies more standard deviations away, no group is supposed to hide beyond it: it would
+lie at least this many standard deviations of the others away from them."""
 
 MODEL_PEOPLE = 60
 """From this number of people on, shares are shown by counting alone: 59 people of whom nobody lies far beyond show that
@@ -159,8 +163,9 @@ def share_p_values(
     looks_normal = known & (shape > SHAPE_LEVEL)
     by_model = _normal_p(d, near, allowance, fit, 1.0 - rule.within)
     p_within = np.where(looks_normal, by_model, p_within)
-    usable = known & (seen_far == 0) & (shape > refused_share(n))
-    skewed = _skewed_p(_distance(d, far, allowance, fit), n, rule.far)
+    gap = _distance(d, far, allowance, fit)
+    usable = known & (seen_far == 0) & ((shape > refused_share(n)) | (gap > HIDDEN_GAP_SD))
+    skewed = _skewed_p(gap, n, rule.far)
     modelled = np.where(looks_normal, _normal_p(d, far, allowance, fit, rule.far), skewed)
     return p_within, np.where(usable, np.minimum(p_far, modelled), p_far)
 
@@ -196,10 +201,12 @@ def _share_bounds(
     shape = float(shape_p(lower))
     if shape > SHAPE_LEVEL:
         least = 1.0 - _normal_bound(lower, near, allowance, fit, rule.alpha)
-    if seen_far == 0 and shape > refused_share(n):
+    gap = float(_distance(lower, far, allowance, fit))
+    if seen_far == 0 and (shape > refused_share(n) or gap > HIDDEN_GAP_SD):
         if shape > SHAPE_LEVEL:
             return least, min(most, _normal_bound(lower, far, allowance, fit, rule.alpha))
-        gap = float(_distance(lower, far, allowance, fit))
+        if gap == np.inf:
+            return least, 0.0
         ends = [float(np.quantile(gap * spread + mean, rule.alpha)) for mean, spread in _skewed_reference(n)]
         shares = stats.norm.sf(ends[0]), stats.norm.sf(np.log(ends[1])) if ends[1] > 0.0 else 1.0
         most = min(most, float(max(shares)))
