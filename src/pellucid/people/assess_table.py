@@ -29,7 +29,6 @@ from .certificate import (
     doubts_of_lost_people,
     learning_doubt,
     margin_of,
-    share_reason,
     share_rule,
     too_many_lost,
     undecided_reason,
@@ -40,7 +39,7 @@ from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED, equivalence
 from .mixed_model import Thirds, thirds
 from .movement_indices import shared_cells
 from .session_periods import SessionPeriods
-from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, TOO_FEW, ShareRule
+from .share_of_people import DEFAULT_RULE, ShareRule
 
 DEFAULT_MAX_LEFT_OUT = 0.10
 """Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""
@@ -144,11 +143,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
             if own.said_of(name) != UNDECIDED:
                 continue
             found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
-            shares = own.share_test(name) if own.lacks_people(name) else None
-            if shares is not None:
-                few = f"too few people, {shares.people} of {MIN_PEOPLE}"
-                found.append(few if shares.answer == TOO_FEW else share_reason(shares))
-            if not found and own.verdict == CANNOT_SAY:
+            if not found and (own.lacks_people(name) or own.verdict == CANNOT_SAY):
                 test = own.end_points[name]
                 reason = undecided_reason(test, own.rule)
                 found = ["; ".join((f"undecided: {reason}", *self._losses(name, test.pairs)))]
