@@ -13,9 +13,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from typer.testing import CliRunner
 
+import pellucid as pl
+from pellucid.people.certificate import Certificate
 from pellucid.people.equivalence import Margin
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.session_periods import SessionPeriods
 from pellucid.people.survival import looks
+from pellucid.study.procedures.registry import open_study
 from research.benchmarks._size import sized
 
 SEED = 20261127
@@ -23,6 +27,9 @@ SEED = 20261127
 
 STUDY_COUNT = sized(2, smallest=1)
 """Number of studies of each case."""
+
+DOOR_STUDY_COUNT = sized(100, smallest=2)
+"""Number of studies that are certified by every function that certifies."""
 
 PEOPLE_COUNT = 16
 """Number of participants of a study."""
@@ -93,13 +100,60 @@ def _assessed(case: str, i: int) -> tuple[float, float]:
     if case in ("missing_many", "lost_people"):
         return 0.5, verdict
     alpha = looks(LOOK_SHARES, 0.05).level[LOOKS[case] - 1] if case in LOOKS else 0.05
-    # Where periods are stated, the command also looks for carry-over, which people's levels take part in.
-    stated = {"later": later, "levels": paces[None, :, None]} if case in FIRST_COUNTS else {}
-    drawn = SimulatedStudies(changes[None, :, None], **stated)
+    sessions = SessionPeriods.of_two(later) if case in FIRST_COUNTS else None
+    drawn = SimulatedStudies(changes[None, :, None], sessions)
     return (1.0 if are_transparent(drawn, [MARGIN], alpha=alpha)[0] else 0.5), verdict
 
 
-def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray, paces: np.ndarray) -> None:
+def door_rows() -> Iterator[tuple[str, float, str, str]]:
+    """Name, value, unit and note: do a study of files, a table and arrays give the same certificate of the same data?
+
+    The study is assessed by the function that the command calls; the table has its movements, the arrays its people's
+    values.
+    """
+    apart = [not _doors_agree(i) for i in range(DOOR_STUDY_COUNT)]
+    yield "doors.studies", len(apart), "1", "studies made of files, a half of them with ordered sessions"
+    yield "doors.differences", sum(apart), "1", "studies in which estimate, interval, p, shares or verdict differ"
+
+
+def _doors_agree(i: int) -> bool:
+    rng = np.random.default_rng([SEED, 77, i])
+    people, ordered = 12 + i % 5, i % 2 == 0
+    changes = MARGIN.high * (rng.uniform(-1.2, 1.2) + rng.uniform(0.1, 0.6) * rng.standard_normal(people))
+    first = np.arange(people) < people // 2 + 2
+    later = np.where(first, 1.0, -1.0)
+    changes = changes + ordered * 0.5 * MARGIN.high * later
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        case = "periods" if ordered else "plain"
+        _write_study(folder, case, changes, first, 0.1 * rng.standard_normal(people), movements=4)
+        whole = pl.assess(open_study(folder), studies=5)
+    table = whole.assessed["vmax"].table
+    rows = {
+        "participant": [m.participant for m in whole.measured], "condition": [m.condition for m in whole.measured],
+        "direction": [m.cell[1] for m in whole.measured], "vmax": [m.values["vmax"] for m in whole.measured],
+    }  # fmt: skip
+    if ordered:
+        place_of = {f"P{k}": {"free": 1 if first[k] else 2, "robot": 2 if first[k] else 1} for k in range(people)}
+        rows["period"] = [place_of[p][c] for p, c in zip(rows["participant"], rows["condition"], strict=True)]
+    by_table = pl.assess(rows, control="free", factors=["direction"], margins={"vmax": 0.10})
+    own = later[[int(person[1:]) for person in table.participants]] if ordered else None
+    by_arrays = pl.certify({"vmax": (table.column("free"), table.column("robot"))}, {"vmax": 0.10}, later=own)
+    found = [whole.certified[0].certificate, by_table.certificates["robot"], by_arrays]
+    return all(np.allclose(_numbers_of(each), _numbers_of(found[0]), rtol=1e-9) for each in found) and (
+        len({each.verdict for each in found}) == 1
+    )
+
+
+def _numbers_of(found: Certificate) -> tuple[float, ...]:
+    own, shares = found.end_points["vmax"], found.share_test("vmax")
+    assert shares is not None
+    return (own.estimate, *own.interval, own.p_within, own.p_beyond, shares.least_within, shares.most_far)
+
+
+def _write_study(
+    folder: Path, case: str, changes: np.ndarray, first: np.ndarray, paces: np.ndarray, movements: int = 10
+) -> None:
     told = ['name = "made"', "[rig]", 'joint = "elbow"', 'motion = "rotary"', 'lifts = "flexion"', "[channels]"]
     told += [f'{c} = {{ column = "{c}", unit = "{u}" }}' for c, u in
              (("time", "s"), ("position", "rad"), ("target", "rad"))]  # fmt: skip
@@ -115,7 +169,7 @@ def _write_study(folder: Path, case: str, changes: np.ndarray, first: np.ndarray
             few = case == "missing_few" and i == 2 and condition == "robot"
             gaps = 1 if few else 3 if case == "missing_many" and condition == "robot" else 0
             name = f"P{i}_{condition}"
-            _write_recording(folder / f"{name}.csv", 1.2 / pace / factor, gaps)
+            _write_recording(folder / f"{name}.csv", 1.2 / pace / factor, gaps, movements)
             told += ["[[recordings]]", f'name = "{name}"', f'file = "{name}.csv"', f'participant = "P{i}"']
             told += [f'condition = "{condition}"']
             if case in FIRST_COUNTS:

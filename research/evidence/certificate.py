@@ -145,7 +145,7 @@ def rows(studies: int = STUDY_COUNT) -> Iterator[ResultRow]:
     share = sequential(studies)
     yield _row("certificate.false_transparent.three_looks", 100.0 * share, "%", "looks at 12, 16, 20; lognormal_1")
     yield from _designs.rows(studies)
-    for name, value, unit, note in _certified_files.rows():
+    for name, value, unit, note in (*_certified_files.rows(), *_certified_files.door_rows()):
         yield _row(f"certificate.{name}", value, unit, note)
     for name, share, note in _doubted.rows(ordered_results(_doubted.jobs(DOUBTED_STUDY_COUNT))):
         yield _row(f"certificate.{name}", 100.0 * share, "%", note)

@@ -29,17 +29,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special, stats
 from scipy.optimize import brentq
 
 from ..numerics.tied_ranks import TIE_TOLERANCE
+from .margin import Margin
 from .session_periods import Adjustment
-
-if TYPE_CHECKING:
-    from .equivalence import Margin
 
 MIN_PEOPLE = 12
 """Fewest people with whom "transparent" is claimed: a group of one person in five is missing from 6.9 % of studies."""
@@ -118,7 +115,7 @@ def limits(margin: Margin, count: float) -> tuple[float, float]:
 
     Of a margin with one end the half-width is the distance of that end from 0.
 
-    >>> from pellucid.people.equivalence import Margin
+    >>> from pellucid.people.margin import Margin
     >>> limits(Margin(-1.0, 3.0), 3.0), limits(Margin(-np.inf, 2.0), 3.0)
     ((-5.0, 7.0), (-inf, 6.0))
     """
