@@ -122,7 +122,7 @@ def test_a_controller_is_certified_by_what_people_do_and_by_twelve_of_them():
         ]
 
     assert certificate_words(worn(12)) == "transparent"
-    assert certificate_words(worn(7)) == "cannot say: 7 of 12 people"
+    assert certificate_words(worn(7)) == "cannot say: too few, 7 of 12 people"
     assert certificate_words(worn(1)) == "cannot say: one person"
     assert certify_controller(worn(1)) is None
     assert certificate_words(worn(12, slower=30.0)) == "not transparent"

@@ -6,9 +6,9 @@ confidence bound of its share.
 
 - **Counting.** The number of people within is binomial, whatever the distribution of their changes; the bound is that
   of Clopper and Pearson. From `MODEL_PEOPLE` people on nothing else is used.
-- **Normal changes.** With fewer people counting has little power: twelve of twelve show 83 % at a level of 10 %. Where people's
-  changes look normal, the share beyond both ends of the margin is estimated from their mean and standard deviation,
-  and its bound follows from the noncentral t distribution [1]_, as in acceptance sampling by variables [2]_.
+- **Normal changes.** With fewer people counting has little power: twelve of twelve show 83 % at a level of 10 %. Where
+  people's changes look normal, the share beyond both ends of the margin is estimated from their mean and standard
+  deviation, and its bound follows from the noncentral t distribution [1]_, as in acceptance sampling by variables [2]_.
 - **Shape.** Changes look normal unless the test of Shapiro and Francia [3]_, the correlation of sorted changes with
   normal scores, rejects it. With 12 people one person in five is missing from 6.9 % of studies; of the studies that
   show nobody far away, so many are refused, those with the least normal changes first, that such a group is missed in
