@@ -7,7 +7,7 @@ share, and a paired test over blocks finds that this is no chance. The share of 
 reported.
 
 Errors of friction look like many causes. The model that is extended therefore has columns of all friction that a family
-may lack (`NEGLECTED_EFFECTS`), and samples near standstill, where friction turns, are excluded. Causes are taken one
+may lack (`NEGLECTED_EFFECTS`) and pulses where it turns, and samples near standstill are excluded. Causes are taken one
 after another, the one that explains most first, and each is then part of the model that the next one extends: of two
 that look alike over the recorded motion, only one is named.
 
@@ -54,7 +54,7 @@ class CauseThresholds:
     min_gap_range_share: float = 1e-3  # Smallest gap, as a share of the range of motion
     # Samples into which the filters carry speeds below this share of the root mean square speed are excluded.
     slow_speed_share: float = 0.05
-    # Filters spread what a gap does over these times around a reversal of the load [s].
+    # Times around a reversal of load or velocity over which filters spread what a gap, or friction, does [s]
     gap_times_s: tuple[float, ...] = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.075)
     # The range of effort that a sensor reads has this share of the samples beyond either end.
     limit_quantile: float = 0.002
@@ -112,8 +112,8 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
         stretches = LeftOutStretches(model, data, values, joint_states(model, data, values), slow)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
-    # Backlash, too, is no spring.
-    stretches.add([stretches.column(each) for each in _gap_signals(stretches)])
+    stretches.add(_reversal_columns(stretches, lambda m: m.velocity))
+    stretches.add(_gap_columns(stretches))  # backlash, too, is no spring
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
     least = SPRING_SETTINGS.min_saved_share if "gravity" in model.names else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
@@ -131,6 +131,8 @@ def find_causes(
     """
     states = joint_states(model, data, values)
     stretches = LeftOutStretches(model, data, values, states, CAUSE_THRESHOLDS.slow_speed_share)
+    # What friction misses where it turns would else be most of the error.
+    stretches.add(_reversal_columns(stretches, lambda m: m.velocity))
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
     found: list[Cause] = []
     while candidates:
@@ -166,24 +168,33 @@ def _candidates(stretches: LeftOutStretches) -> Iterator[tuple[str, list[np.ndar
     yield POSITION_FRICTION, [NEGLECTED_EFFECTS[name](states) for name in TRAVEL_EFFECTS]
     if model.motion == "rotary" and "gravity" in model.names:
         yield MISALIGNED_AXIS, [np.sin(2.0 * states.position), np.cos(2.0 * states.position)]
-    yield BACKLASH, [stretches.column(each) for each in _gap_signals(stretches)]
+    yield BACKLASH, _gap_columns(stretches)
     yield SATURATION, _excess_columns(stretches)
     yield DRIFT, _drift_columns(stretches, model.names)
 
 
-def _gap_signals(stretches: LeftOutStretches) -> list[Callable[[Motion], np.ndarray]]:
-    """Return signals that each have a pulse at a time from every reversal of the load through the drive."""
+def _gap_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
+    """Return pulses at times from every reversal of the load through the drive."""
     bare = stretches.model.vector(stretches.values)
 
-    def pulse(motion: Motion, time: float) -> np.ndarray:
+    def load(motion: Motion) -> np.ndarray:
         vector = stretches.model.loaded(bare, *motion.payload)
-        load = np.sign(_core.load(vector, motion.position.copy(), motion.acceleration.copy()))
-        shift = round(time * motion.fs)
-        moved = np.concatenate([np.full(abs(shift), load[0]), load, np.full(abs(shift), load[-1])])
-        start = abs(shift) - shift
-        return np.gradient(motion.smooth(moved[start : start + len(load)])) * motion.fs
+        return _core.load(vector, motion.position.copy(), motion.acceleration.copy())
 
-    return [lambda m, time=time: pulse(m, time) for time in CAUSE_THRESHOLDS.gap_times_s]
+    return _reversal_columns(stretches, load)
+
+
+def _reversal_columns(stretches: LeftOutStretches, signal: Callable[[Motion], np.ndarray]) -> list[np.ndarray]:
+    """Return columns that each have a pulse at a time from every change of the sign of a signal."""
+
+    def pulse(motion: Motion, time: float) -> np.ndarray:
+        sign = np.sign(signal(motion))
+        shift = round(time * motion.fs)
+        moved = np.concatenate([np.full(abs(shift), sign[0]), sign, np.full(abs(shift), sign[-1])])
+        start = abs(shift) - shift
+        return np.gradient(motion.smooth(moved[start : start + len(sign)])) * motion.fs
+
+    return [stretches.column(lambda m, time=time: pulse(m, time)) for time in CAUSE_THRESHOLDS.gap_times_s]
 
 
 def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
