@@ -361,7 +361,7 @@ def test_stiff_and_tight_is_the_rigid_plant():
     """Without a gap and ever stiffer it moves as one body: the difference falls with the stiffness."""
     t = 1e-3 * np.arange(2000)
     settings = dict(reference=0.5 * np.sin(3 * t), period=1e-3, substeps=100, loop="pd", kp=20.0, kd=1.0)
-    one = np.zeros(14)
+    one = np.zeros(len(_core.PARAMETER_NAMES))
     one[[0, 1, 2, 6, 7]] = 0.2, 4.0, 1.0, 0.3, 0.3
     wanted = _core.simulate(one, position0=0.2, **settings)[0]
     errors = []

@@ -55,9 +55,9 @@ class BenchRig(Rig):
 
     @property
     def vector(self) -> np.ndarray:
-        """Return the core's joint parameters, shape (14,), SI."""
+        """Return the core's joint parameters, in the core's order, SI."""
         values = self.constants.joint.model_dump()
-        return np.array([values[name] for name in NAMES], float)
+        return np.array([values.get(name, 0.0) for name in NAMES])
 
     @property
     def gain(self) -> float:
