@@ -2,8 +2,8 @@
 
 The faults are of the simulated mechanism or of its instruments, and none is written as Pellucid's columns are. A
 parallel spring is MuJoCo's own joint stiffness, or a torque on Pinocchio's arm. Backlash is a rotor and a link, two
-bodies that MuJoCo's soft limits hold together across a gap. A drift is a gain that rises as an amplifier warms up, or an
-offset that wanders. A clipped sensor reads no more than a limit, before its noise or after it. Reference, controller,
+bodies that MuJoCo's soft limits hold together across a gap. A drift is a gain that changes as an amplifier warms up, and
+an offset that wanders. A clipped sensor reads no more than a limit, before its noise or after it. Reference, controller,
 encoder and torque sensor are those of `_foreign_joint.py`.
 """
 

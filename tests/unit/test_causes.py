@@ -1,4 +1,4 @@
-"""Causes of what a joint's model misses: each is named on a recording that has it, with its size, and none on a plain one.
+"""Causes of what a joint's model misses: each is named where a recording has it, with its size, and no other one.
 
 Motions are prescribed, and efforts follow from equations that are written here.
 """
@@ -83,7 +83,7 @@ def test_the_core_moves_a_joint_with_its_spring():
 def test_over_a_small_range_gravitys_interval_has_room_for_a_spring():
     t, q, v, a = motion(size=0.12)
     plain, sprung = (fit(t, q, noisy(u)) for u in (effort(q, v, a), effort(q, v, a) + STIFFNESS * (q - 0.2)))
-    assert not sprung.causes and not plain.causes
+    assert sprung.causes == plain.causes == ()
     for joint in (plain, sprung):
         low, high = joint["gravity"].interval(0.95)
         assert low <= GRAVITY <= high
@@ -118,7 +118,8 @@ def test_friction_along_the_travel_is_named_with_its_range():
     _, q, v, a = motion()
     along = found(noisy(effort(q, v, a, friction=COULOMB * (1.0 + 0.6 * q))))
     assert list(along) == ["position_friction"]
-    assert along["position_friction"].size == pytest.approx(0.6 * COULOMB * np.ptp(np.quantile(q, [0.05, 0.95])), rel=0.3)
+    change = 0.6 * COULOMB * np.ptp(np.quantile(q, [0.05, 0.95]))
+    assert along["position_friction"].size == pytest.approx(change, rel=0.3)
 
 
 def test_an_encoder_off_centre_is_a_misaligned_axis():

@@ -48,8 +48,8 @@ draws from them, `apply` gives a model what was drawn.
 
 `model.urdf` has damping and friction of each joint, level and slope as they are on average of both directions. URDF
 has no place for a rotor's inertia, for load-dependent friction, for a parallel spring or for intervals: `ranges.json`
-has armature, friction and spring of each joint, and the value and {confidence:.0%} interval of every number with their covariance. In
-Pinocchio, set `model.armature` from it.
+has armature, friction and spring of each joint, and the value and {confidence:.0%} interval of every number with their
+covariance. In Pinocchio, set `model.armature` from it.
 """,
 }
 """Text of the README.md beside each model."""

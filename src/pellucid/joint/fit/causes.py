@@ -1,8 +1,8 @@
 r"""Causes of what a joint's model misses: effects that exoskeletons have, each found on stretches that were left out.
 
 A cause adds columns to the regression of a friction family: a spring beside the drive adds the position, friction that
-changes along the travel adds products of both, and so on. Ten stretches of the fitted recordings are each predicted from
-the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a stated
+changes along the travel adds products of both, and so on. Ten stretches of the fitted recordings are each predicted
+from the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a stated
 share, and a paired test over blocks finds that this is no chance. The share of the squared error is the one that is
 reported.
 

@@ -2,8 +2,8 @@ r"""What a spring beside the drive leaves open: how far it may have moved the ot
 
 Over a small range of angles the effort of a spring, k q, is nearly that of gravity. Recordings then show their sum, and
 not each. The stiffness is estimated beside all friction that a family may lack, without samples near standstill, with
-its standard error s. Where the model has no spring, a stiffness of N(0, \kappa^2) is expected of hoses, cables and skin.
-With the estimate :math:`\hat k` its second moment is
+its standard error s. Where the model has no spring, a stiffness of N(0, \kappa^2) is expected of hoses, cables and
+skin. With the estimate :math:`\hat k` its second moment is
 
 .. math::
    E[k^2] = (w \hat k)^2 + w s^2, \qquad w = \frac{\kappa^2}{\kappa^2 + s^2}
@@ -34,9 +34,9 @@ class SpringSettings:
     slow_speed_share: float = 0.15
     # Usual stiffness as a share of gravity per radian: hoses and cables of exoskeletons had 2 to 13 %.
     usual_gravity_share: float = 0.08
-    # A spring beside gravity is found if it saves this share of the squared error on left-out stretches; on plain joints
-    # of MuJoCo and Pinocchio none saved more than 0.02. Where no gravity is estimated that a spring could falsify, it
-    # must save as much as any richer model (`MIN_IMPROVEMENT`).
+    # A spring beside gravity is found if it saves this share of the squared error on left-out stretches; on plain
+    # joints of MuJoCo and Pinocchio none saved more than 0.02. Where no gravity is estimated that a spring could
+    # falsify, it must save as much as any richer model (`MIN_IMPROVEMENT`).
     min_saved_share: float = 0.03
     # A spring of this many standard errors, or more if that saves less, is found in one of two recordings.
     found_standard_errors: float = 3.0
