@@ -2,9 +2,9 @@
 
 The faults are of the simulated mechanism or of its instruments, and none is written as Pellucid's columns are. A
 parallel spring is MuJoCo's own joint stiffness, or a torque on Pinocchio's arm. Backlash is a rotor and a link, two
-bodies that MuJoCo's soft limits hold together across a gap. A drift is a gain that changes as an amplifier warms up, and
-an offset that wanders. A clipped sensor reads no more than a limit, before its noise or after it. Reference, controller,
-encoder and torque sensor are those of `_foreign_joint.py`.
+bodies that MuJoCo's soft limits hold together across a gap. A drift is a gain that changes as an amplifier warms up,
+and an offset that wanders. A clipped sensor reads no more than a limit, before its noise or after it. Reference,
+controller, encoder and torque sensor are those of `_foreign_joint.py`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEED = 20261129
 """Seed of every random draw. Thresholds were set on other seeds."""
 
 SPRING_COUNT = sized(24, smallest=2)
-"""Number of joints with a parallel spring, each also recorded without it."""
+"""Number of joints with a parallel spring."""
 
 PLAIN_COUNT = sized(48, smallest=4)
 """Number of plain joints."""
@@ -70,7 +70,7 @@ class Trial:
 
 def cause_rows() -> Iterator[ResultRow]:
     """Every figure of the causes."""
-    springs = [trial for i in range(SPRING_COUNT) if (trial := try_joint("parallel_spring", [SEED, 1, i]))]
+    springs = [try_joint("parallel_spring", [SEED, 1, i]) for i in range(SPRING_COUNT)]
     plain = [try_joint("", [SEED, 2, i]) for i in range(PLAIN_COUNT)]
     spoilt = [try_joint(FAULTS[i % len(FAULTS)], [SEED, 3, i]) for i in range(SPOILT_COUNT)]
 
@@ -108,7 +108,11 @@ def try_joint(fault: str, seed: list[int]) -> Trial:
     rng = np.random.default_rng(seed)
     engine, joint = drawn_plants(rng, 2)[seed[-1] // len(FAULTS) % 2 if fault in FAULTS else seed[-1] % 2]
     table = record_fault(engine, joint, fault, rng)
-    fit = pl.fit_joint(*table.T, lowpass=LOWPASS_HZ, decimate=12, dead_band=0.02, thorough=False)
+    try:
+        fit = pl.fit_joint(*table.T, lowpass=LOWPASS_HZ, decimate=12, dead_band=0.02, thorough=False)
+    except pl.PellucidError as error:
+        # Much clipping is refused, and the message names it.
+        return Trial(fault, ("saturation",) if "clipped" in str(error) else (), False)
     low, high = fit["gravity"].interval(0.95)
     return Trial(fault, tuple(cause.name for cause in fit.causes), bool(low <= joint.gravity <= high))
 

@@ -2,9 +2,8 @@ r"""Causes of what a joint's model misses: effects that exoskeletons have, each 
 
 A cause adds columns to the regression of a friction family: a spring beside the drive adds the position, friction that
 changes along the travel adds products of both, and so on. Ten stretches of the fitted recordings are each predicted
-from the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a stated
-share, and a paired test over blocks finds that this is no chance. The share of the squared error is the one that is
-reported.
+from the others, with and without these columns [1]_. A cause is named if its columns lower the squared error by a
+stated share, which is reported, and a paired test over blocks finds that this is no chance.
 
 Errors of friction look like many causes. The model that is extended therefore has columns of all friction that a family
 may lack (`NEGLECTED_EFFECTS`) and pulses where it turns, and samples near standstill are excluded. Causes are taken one
@@ -20,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,6 +66,7 @@ PARALLEL_SPRING, POSITION_FRICTION, MISALIGNED_AXIS, BACKLASH, SATURATION, DRIFT
     "parallel_spring", "position_friction", "misaligned_axis", "backlash", "saturation", "drift", "warm_up", "delay",
 )  # fmt: skip
 """Names of all causes."""
+
 
 @dataclass(frozen=True)
 class Cause:
@@ -187,14 +188,14 @@ def _gap_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
 def _reversal_columns(stretches: LeftOutStretches, signal: Callable[[Motion], np.ndarray]) -> list[np.ndarray]:
     """Return columns that each have a pulse at a time from every change of the sign of a signal."""
 
-    def pulse(motion: Motion, time: float) -> np.ndarray:
+    def pulse(time: float, motion: Motion) -> np.ndarray:
         sign = np.sign(signal(motion))
         shift = round(time * motion.fs)
         moved = np.concatenate([np.full(abs(shift), sign[0]), sign, np.full(abs(shift), sign[-1])])
         start = abs(shift) - shift
         return np.gradient(motion.smooth(moved[start : start + len(sign)])) * motion.fs
 
-    return [stretches.column(lambda m, time=time: pulse(m, time)) for time in CAUSE_THRESHOLDS.gap_times_s]
+    return [stretches.column(partial(pulse, time)) for time in CAUSE_THRESHOLDS.gap_times_s]
 
 
 def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:

@@ -151,6 +151,4 @@ def _share_of_slow_samples(data: Stack[Motion], share: float) -> np.ndarray:
     power = sum(float(m.velocity @ m.velocity) for m in data.motions)
     usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
     slow = share * usual
-    return np.concatenate(
-        [m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions]
-    )
+    return np.concatenate([m.rows(np.abs(m.smooth((np.abs(m.velocity) <= slow).astype(float)))) for m in data.motions])

@@ -131,4 +131,3 @@ def _told_drift(estimate: JointEstimate) -> Iterator[Cause]:
     value = estimate[name].value
     size, unit = (100.0 * change[name] / value, "%") if value else (change[name], estimate[name].unit)
     yield Cause(DRIFT, size, unit, share)
-
