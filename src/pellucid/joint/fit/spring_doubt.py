@@ -8,8 +8,9 @@ skin. With the estimate :math:`\hat k` its second moment is
 .. math::
    E[k^2] = (w \hat k)^2 + w s^2, \qquad w = \frac{\kappa^2}{\kappa^2 + s^2}
 
-It counts with the probability that a spring of this size would not have been found. Where the model has a spring, the
-difference of its stiffness from :math:`\hat k` is in doubt instead. Parameters move by their derivative by k.
+It counts with the probability that a spring of this size would not have been found, times that there is one. Where the
+model has a spring, the difference of its stiffness from :math:`\hat k` is in doubt instead. Parameters move by their
+derivative by k.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ class SpringSettings:
     slow_speed_share: float = 0.15
     # Usual stiffness as a share of gravity per radian: hoses and cables of exoskeletons had 2 to 13 %.
     usual_gravity_share: float = 0.08
+    # Probability, before anything is recorded, that there is a spring. Chosen by judgement: as likely as none.
+    usual_probability: float = 0.5
     # A spring beside gravity is found if it saves this share of the squared error on left-out stretches; on plain
     # joints of MuJoCo and Pinocchio none saved more than 0.02. Where no gravity is estimated that a spring could
     # falsify, it must save as much as any richer model (`MIN_IMPROVEMENT`).
@@ -89,4 +92,4 @@ def _hidden_moment(estimate: float, error: float, usual: float, independent: flo
     weight = usual**2 / (usual**2 + error**2)
     least = max(SPRING_SETTINGS.found_standard_errors, np.sqrt(SPRING_SETTINGS.min_saved_share * independent))
     missed = float(ndtr(least - usual / max(error, np.finfo(float).tiny)))
-    return missed * ((weight * estimate) ** 2 + weight * error**2)
+    return SPRING_SETTINGS.usual_probability * missed * ((weight * estimate) ** 2 + weight * error**2)
