@@ -24,11 +24,11 @@ def spring(rng: np.random.Generator) -> dict[str, np.ndarray]:
     return {"t": t, "q": q, "i": torque / GAIN}
 
 
-@pytest.mark.parametrize(("change", "kind"), [((), "warning"), ((NO_GRAVITY,), "wrong")])
-def test_a_locked_spring_is_said_to_be_one(make_study, rng, change, kind):
+@pytest.mark.parametrize("change", [(), (NO_GRAVITY,)])
+def test_a_locked_spring_is_said_to_be_one(make_study, rng, change):
     result = pl.identify(make_study(spring(rng), *change), families=["symmetric"], thorough=False)
     (verdict,) = [v for v in result.verdicts if v.finding == "spring_bench"]
-    assert verdict.kind == kind
+    assert verdict.kind == "warning"
     stiffness = float(verdict.text.split("a spring of ")[1].split()[0])
     assert stiffness == pytest.approx(STIFFNESS, rel=0.01)
 

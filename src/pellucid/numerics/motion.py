@@ -186,7 +186,7 @@ MIN_SLIP_SPEED = 1e-9
 
 def friction_signals(
     position: np.ndarray, velocity: np.ndarray, fs: float, filtering: Filtering
-) -> dict[str, np.ndarray | None]:
+) -> tuple[np.ndarray | None, np.ndarray | None]:
     """What decides on the sign of friction, of a recorded `position` and the filtered `velocity`, (n,), at `fs` [Hz].
 
     Gives `slip_velocity` and `direction` of a `Motion`; None where the sign of the velocity decides."""
@@ -194,12 +194,12 @@ def friction_signals(
     sharp = replace(filtering, lowpass=cutoff)
     if filtering.presliding_travel:
         direction = _core.presliding(filtering.presliding_travel, lowpassed(position, fs, sharp))
-        return {"slip_velocity": None, "direction": direction}
+        return None, direction
     if filtering.lowpass is None or filtering.direction_share <= 1.0:
-        return {"slip_velocity": None, "direction": None}
+        return None, None
     turning = central_difference(lowpassed(position, fs, sharp), fs)
     slip = np.copysign(np.maximum(np.abs(velocity), MIN_SLIP_SPEED), np.where(turning == 0.0, velocity, turning))
-    return {"slip_velocity": slip, "direction": None}
+    return slip, None
 
 
 def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 0.0) -> Motion:
@@ -210,8 +210,8 @@ def with_friction_direction(motion: Motion, share: float = 1.0, travel: float = 
     if motion.raw_position is None:
         return motion
     filtering = replace(motion.filtering, direction_share=share, presliding_travel=travel)
-    signals = friction_signals(motion.raw_position, motion.velocity, motion.fs, filtering)
-    return replace(motion, filtering=filtering, **signals)
+    slip, direction = friction_signals(motion.raw_position, motion.velocity, motion.fs, filtering)
+    return replace(motion, filtering=filtering, slip_velocity=slip, direction=direction)
 
 
 def lowpassed(samples: np.ndarray, fs: float, filtering: Filtering) -> np.ndarray:
@@ -260,6 +260,7 @@ def motion_of(
         effort = gain * lowpassed(command, rate, filtering) - back_emf * velocity
     except ValueError as error:
         raise RecordingError(str(error)) from None
+    slip, direction = friction_signals(position, velocity, rate, filtering)
     return (JudgedMotion if more.get("split") == "heldout" else Motion)(
         fs=rate,
         time=time,
@@ -271,7 +272,8 @@ def motion_of(
         raw_position=position,
         command=command,
         initial=initial_state(position, rate, start),
-        **friction_signals(position, velocity, rate, filtering),
+        slip_velocity=slip,
+        direction=direction,
         **more,
     )
 

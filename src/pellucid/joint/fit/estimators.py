@@ -48,8 +48,13 @@ def simulated_motions(
         if not is_bounded(trace.position):
             raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
         position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
-        signals = friction_signals(trace.position, velocity, motion.fs, motion.filtering)
-        made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration, **signals))
+        slip, direction = friction_signals(trace.position, velocity, motion.fs, motion.filtering)
+        made.append(
+            replace(
+                motion, position=position, velocity=velocity, acceleration=acceleration, slip_velocity=slip,
+                direction=direction,
+            )
+        )  # fmt: skip
     return tuple(made)
 
 

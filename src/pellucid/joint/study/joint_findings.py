@@ -885,10 +885,18 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("wrong", text, do, weight=2.0)
         return
     found = {p.name: p for p in case.fit.estimate.parameters}
-    if not case.rotary or not {"inertia", "gravity"} <= found.keys() or case.fit.model.effort_unit != "N*m":
+    if "inertia" not in found:
         return
-    inertia, gravity = found["inertia"], found["gravity"]
+    inertia = found["inertia"]
     most = inertia.value + STANDARD_ERRORS * inertia.standard_error
+    is_unseen = inertia.at_bound or inertia.value < STANDARD_ERRORS * inertia.standard_error
+    if "parallel_stiffness" in found and "gravity" not in found and is_unseen and stiffness > 0.0:
+        text = f"The effort follows the position as that of a spring of {said}, and no inertia is seen: this is most "
+        yield Verdict("warning", f"{text}likely a spring whose end is locked.", do, weight=2.0)
+        return
+    if not case.rotary or "gravity" not in found or case.fit.model.effort_unit != "N*m":
+        return
+    gravity = found["gravity"]
     sure = gravity.value > STANDARD_ERRORS * gravity.standard_error
     acceleration = np.concatenate([p.acceleration for p in fitted])
     usual = USUAL_LEVER_M * gravity.value / GRAVITY * float(np.linalg.norm(acceleration))
