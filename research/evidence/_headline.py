@@ -74,7 +74,7 @@ class Judged:
     words: str
 
 
-def rows(plants: int = PLANT_COUNT, plain: int = PLAIN_COUNT, clean: int = CLEAN_COUNT) -> Iterator[ResultRow]:
+def headline_rows(plants: int = PLANT_COUNT, plain: int = PLAIN_COUNT, clean: int = CLEAN_COUNT) -> Iterator[ResultRow]:
     """Every figure."""
     yield from public_rows()
     yield from simulated_rows(plants, plain)
