@@ -11,7 +11,7 @@ from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 
 import pellucid as pl
 from pellucid.arm.study import tree_findings, tree_page
-from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS
+from pellucid.arm.study.tree_result import MODEL_DESCRIPTIONS, in_drive_units
 from pellucid.models.estimates import Parameter
 from pellucid.models.tree_card import read_tree_card
 from pellucid.study.procedures.compare import compare
@@ -211,3 +211,17 @@ def test_what_a_bound_holds_is_named_after_its_joint():
     case = SimpleNamespace(best=SimpleNamespace(parameters={held.name: held}))
     (told,) = tree_findings.report_held_by_a_bound(case)
     assert told.text.startswith("A physical bound holds coulomb of joint 1: there is none to see")
+
+
+def test_parameters_have_the_drives_unit_where_no_gain_is_known(found):
+    """Friction by a motor's current stood in N*m*s/rad, with a gain of 1 N*m/A that nobody had stated."""
+    model = in_drive_units(found.best, ("A", "A"))
+    units = {p.unit for p in model.parameters.values()}
+    assert not [unit for unit in units if "N" in unit or "kg" in unit]
+    assert model.parameters["shoulder.viscous"].unit == "A*s/rad"
+    assert model.parameters["shoulder.coulomb"].unit == "A"
+    assert model.parameters["shoulder.viscous"].value == found["shoulder.viscous"].value
+    assert in_drive_units(found.best, ("N*m", "N*m")) is found.best
+    mixed = in_drive_units(found.best, ("N*m", "A"))
+    assert mixed.parameters["elbow.coulomb"].unit == "A"
+    assert mixed.parameters["shoulder.coulomb"].unit == "N*m"

@@ -39,6 +39,7 @@ from .tree_result import (
     choice_of,
     complete_result,
     identify_payloads,
+    in_drive_units,
     with_gains,
 )
 from .tree_table import TreeTable
@@ -111,6 +112,8 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )
+    stated = {name: in_drive_units(model, result.effort_units) for name, model in models.items()}
+    result = replace(result, models=stated)
     result = replace(result, verdicts=collect_findings(tree_findings, result))
     return complete_result(study, result)
 

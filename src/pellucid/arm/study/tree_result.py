@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -240,6 +241,34 @@ class TreeResult(Result):
         return int(np.nanargmax(self.errors_of("best", self.judged).each))
 
 
+_INERTIAS_BY_SI = {"kg*m^2": "{}*s^2/rad", "kg*m": "{}*s^2/m", "kg": "{}*s^2/m^2"}
+"""Units of bodies' parameters of an effort that is stated in the drive's unit, by those of an effort in N*m."""
+
+
+def in_drive_units(model: TreeEstimate, effort_units: Sequence[str]) -> TreeEstimate:
+    """Return a model whose parameters state their units as efforts are measured, such as A*s/rad for an unknown gain.
+
+    `effort_units` are the joints', (m,). Several drives with other units share no unit of the bodies' parameters.
+    """
+    common = set(effort_units)
+    bodies = next(iter(common)) if len(common) == 1 else "effort"
+    if common <= {"N*m", "N"}:
+        return model
+
+    def unit_of(name: str, unit: str) -> str:
+        # "joint.rotor_inertia", and "joint.ripple_2.cosine".
+        owner = next((k for k, joint in enumerate(model.robot.names) if name.startswith(f"{joint}.")), None)
+        effort = bodies if owner is None else effort_units[owner]
+        if effort in ("N*m", "N", "effort"):
+            return unit
+        if unit in _INERTIAS_BY_SI:
+            return _INERTIAS_BY_SI[unit].format(effort)
+        return re.sub(r"^N(\*m(?!\w))?", effort, unit)
+
+    parameters = {n: replace(p, unit=unit_of(n, p.unit)) for n, p in model.parameters.items()}
+    return replace(model, parameters=parameters)
+
+
 def complete_result(study: Study, found: TreeResult) -> TreeResult:
     """Add the headline, tables, rows and cards to a result."""
     return replace(
@@ -292,7 +321,8 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
     heads = ("joint", "friction beside viscous and dry", "parameters identified", "parameters not identified")
     yield FigureTable("Parameters of joints", heads, tuple(_joints(found)))
     heads = ("joint", *(f"{name.replace('_', ' ')}" for name in _friction_names(found)))
-    yield FigureTable("Friction of the best model (SI)", heads, tuple(_friction_rows(found)))
+    units = f"{', '.join(dict.fromkeys(found.effort_units))}; rad, m, s"
+    yield FigureTable(f"Friction of the best model ({units})", heads, tuple(_friction_rows(found)))
     if found.payloads:
         heads = ("recording", "mass kg", "±", "known kg", "error %")
         rows = []
