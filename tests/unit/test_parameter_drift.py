@@ -7,7 +7,7 @@ import pytest
 from research.evidence._foreign_joint import drawn_joint, recorded, written
 
 import pellucid as pl
-from pellucid.joint.fit.recording_agreement import find_parameter_drift
+from pellucid.joint.fit.recording_agreement import find_parameter_drift, share_of_time
 from pellucid.numerics.regression import Solution
 
 
@@ -55,7 +55,7 @@ def test_too_few_rows_and_a_parameter_without_effect_tell_no_drift():
 
     def data(n):
         time = np.linspace(0.0, 10.0, n)
-        motion = SimpleNamespace(time=time, states=time[:, None], recording="a")
+        motion = SimpleNamespace(time=time, states=time[:, None], velocity=np.ones(n), recording="a")
         return SimpleNamespace(motions=[motion], lengths=[n])
 
     assert find_parameter_drift(["a", "b"], solution(60), data(60)) is None
@@ -63,3 +63,15 @@ def test_too_few_rows_and_a_parameter_without_effect_tell_no_drift():
     assert not found.is_told.any()
     assert found.standard_error[1] == np.inf
     assert np.all(found.covariance == 0.0)
+
+
+def test_a_chirp_tells_no_drift():
+    """Viscous friction "changed by -74 %" along a chirp, whose speeds alone changed."""
+    time = np.linspace(0.0, 10.0, 1000)
+
+    def share(speed):
+        motion = SimpleNamespace(time=time, states=time[:, None], velocity=speed, recording="a")
+        return share_of_time(motion, [motion])
+
+    assert share(np.sin(3.0 * time)) == pytest.approx(time / 10.0 - 0.5)
+    assert not share(np.sin(3.0 * time) * (0.2 + time)).any()

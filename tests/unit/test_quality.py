@@ -187,6 +187,14 @@ def test_time_that_runs_back_or_repeats(make_study):
     assert "repeated at index 700" in one(changed(make_study, "t", repeat)).found
 
 
+def test_jitter_that_moves_little_is_no_warning(make_study, rng):
+    """Whole milliseconds of a clock made "Cannot say" of a right model."""
+    columns = make_study.swing()
+    columns["t"] = columns["t"] + np.where(rng.random(2000) < 0.02, 1.1e-3, 0.0)
+    fault = one(make_study(columns))
+    assert (fault.severity, fault.kind) == ("note", "sampling_jitter")
+
+
 def test_sampling_jitter_is_told_and_resampled(make_study, rng):
     columns = make_study.swing()
     columns["t"] = columns["t"] + rng.uniform(-0.2, 0.2, 2000) / 200.0

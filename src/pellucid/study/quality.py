@@ -158,6 +158,10 @@ def _repeat_fault(recording: Recording) -> Fault | None:
     return fault_of(recording, "warn", "repeated_packets", "time", found=found, expected=wanted, end=end)
 
 
+MAX_HARMLESS_SHIFT = 0.05
+"""Stamps that smoothing moved by less than this share of a sampling period (RMS) are no reason for doubt."""
+
+
 def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
     if not recording.advances or (recording.jitter <= MAX_EVEN_JITTER and not recording.stamped_evenly):
         return None
@@ -174,7 +178,8 @@ def _jitter_fault(recording: Recording, study: Study) -> Fault | None:
             f"stamps smoothed over {clock.window} samples, {why}: they moved by "
             f"{1e3 * clock.moved:.3g} ms RMS, {1e3 * clock.farthest:.3g} ms at most; then {way}"
         )
-    severity, wanted = "warn" if smoothed else "note", f"an even clock; {way}"
+    is_moved = smoothed and clock.moved > MAX_HARMLESS_SHIFT * step
+    severity, wanted = "warn" if is_moved else "note", f"an even clock; {way}"
     return fault_of(recording, severity, "sampling_jitter", "time", found=found, expected=wanted)
 
 

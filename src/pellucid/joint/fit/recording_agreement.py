@@ -242,10 +242,23 @@ def add_drift(discrepancy: Discrepancy, drift: np.ndarray, drift_cause: str = DR
     return replace(discrepancy, covariance=discrepancy.covariance + drift, causes=causes)
 
 
+MAX_HALVES_RATIO = 1.5
+"""RMS speeds of the halves of a recording have at most this ratio, where a drift is to be told from them."""
+
+
 def share_of_time(motion: Motion, motions: Sequence[Motion]) -> np.ndarray:
-    """Return the time of a motion's rows from -1/2 at the start of its recording to 1/2 at its end, (n,)."""
-    same = [m.time for m in motions if m.recording == motion.recording]
-    first, last = min(float(t[0]) for t in same), max(float(t[-1]) for t in same)
+    """Return the time of a motion's rows from -1/2 at the start of its recording to 1/2 at its end, (n,).
+
+    It is 0 throughout a recording whose speeds change along it, as those of a chirp: what changes with time cannot be
+    told there from what changes with speed.
+    """
+    same = [m for m in motions if m.recording == motion.recording]
+    first, last = min(float(m.time[0]) for m in same), max(float(m.time[-1]) for m in same)
+    times, speeds = (np.concatenate([getattr(m, name) for m in same]) for name in ("time", "velocity"))
+    is_late = times > 0.5 * (first + last)
+    halves = [float(np.mean(np.square(speeds[half]))) for half in (is_late, ~is_late) if half.any()]
+    if max(halves) > MAX_HALVES_RATIO**2 * min(halves):
+        return np.zeros(len(motion.states))
     return (motion.states[:, 0] - first) / max(last - first, np.finfo(float).tiny) - 0.5
 
 

@@ -507,7 +507,7 @@ def report_failed_attempts(case: JointCase) -> Iterator[Verdict]:
         yield Verdict("note", f"The '{family}' family could not be fitted: {why}.")
     for what, why in case.fit.failures.items():
         name = METHODS.get(what, what)
-        yield Verdict("warning", f"{name[0].upper()}{name[1:]} came to nothing: {why}.")
+        yield Verdict("warning", f"{name[0].upper()}{name[1:]} failed: {why}.")
 
 
 def report_family_choice(case: JointCase) -> Iterator[Verdict]:
@@ -726,7 +726,7 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
             "wrong",
             "The fit failed: even of what was fitted, the model explains no more than "
             f"{100 * max(fit.fitted_r2, 0.0):.0f} % of the variance "
-            f"(error {fit.fitted_effort_error:.3g} %). Nothing below is this machine's.",
+            f"(error {fit.fitted_effort_error:.3g} %). The parameters do not describe this machine.",
             "Check units, signs and offsets of the channels, and the drive's constant.",
             weight=10.0,
         )
@@ -737,12 +737,13 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
         )
         return
     count = count_independent_samples(held)
-    error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
+    error = f"an error of {number(fit.heldout_effort_error, digits=2)} % (R2 {fit.heldout_r2:.3f}, "
+    error += f"{count:.0f} independent samples)"
     if fit.heldout_r2 < FINDING_THRESHOLDS.failed_r2:
         yield Verdict(
             "wrong",
             f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
-            f"{fit.fitted_effort_error:.2g} %.",
+            f"{number(fit.fitted_effort_error, digits=2)} %.",
             "Check that held-out recordings are of the same machine, in the same units, and move in the same range.",
             weight=9.0,
         )
@@ -754,7 +755,7 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
     yield Verdict(
         "warning" if large else "note" if few else "good" if good else "warning",
         f"The '{case.best}' family predicts effort it has never seen with {error}; on the fitted recordings "
-        f"{fit.fitted_effort_error:.2g} %.",
+        f"{number(fit.fitted_effort_error, digits=2)} %.",
         f"{do} {'So few samples say little: hold out more.' * few}".strip(),
         weight=1.0,
     )
@@ -962,6 +963,10 @@ DEFAULT_REASON = "it never moves faster than {speed}"
 """Reason for a parameter without one of its own."""
 
 
+OFTEN_ZERO_PARAMETERS = ("offset", "gravity_cosine")
+"""Parameters that most joints do not have. Where they cannot be told from zero, their intervals say so."""
+
+
 def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
     """Report each parameter of the best family that is on its bound or not different from zero."""
     top = max(float(np.abs(m.velocity).max()) for m in case.data.motions)
@@ -993,13 +998,13 @@ def report_weak_parameter(case: JointCase) -> Iterator[Verdict]:
             missed = case.fit.fitted_effort_error
             why = _rival(estimate, parameter.name)
             if why is None and missed > FINDING_THRESHOLDS.max_fit_error_percent:
-                why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
+                why = f"the model misses {number(missed, digits=2)} % of the effort, which is more than it explains"
             why = why or WEAKNESS_REASONS.get(parameter.name, DEFAULT_REASON).format(speed=speed)
             yield Verdict(
-                "warning",
+                "note" if parameter.name in OFTEN_ZERO_PARAMETERS else "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
                 f"{parameter.unit}).",
-                "" if "drowns" in why else advice(parameter.name),
+                "" if "misses" in why else advice(parameter.name),
             )
 
 
