@@ -51,6 +51,7 @@ def copy(tmp_path_factory) -> Path:
     return copied_package(tmp_path_factory.mktemp("half_added"))
 
 
+@pytest.mark.nightly
 def test_entries_that_are_half_added_are_found(copy):
     for _, name, old, new, _ in HALF_ADDED.values():
         text = (copy / name).read_text(encoding="utf-8")

@@ -40,6 +40,7 @@ def pointing(tmp_path_factory):
     return made_pointing.study(tmp_path_factory.mktemp("margins"), participants=12)
 
 
+@pytest.mark.nightly
 def test_wide_margins_hold_and_narrow_ones_fail(pointing):
     found = assess(with_margins(pointing, 'duration_median = "60 %"\nvmax = "60 %"\ntorque_rms = "0.6 N*m"'))
     said = {each.condition: each.certificate.verdict for each in found.certified}

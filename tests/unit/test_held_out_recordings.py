@@ -41,6 +41,7 @@ def figures(parameter):
     return parameter.value, parameter.standard_error
 
 
+@pytest.mark.nightly
 def test_no_stage_of_a_worn_orthosis_is_fitted_to_held_out_recordings():
     config, recordings, _ = record_in_memory(RIG, [*BENCH, *WORN, *swings()], seed=5)
     stages = [r for r in recordings if r.protocol not in ("free_swing", "sine_tracking")]

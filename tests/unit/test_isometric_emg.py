@@ -279,6 +279,7 @@ def test_a_gap_within_a_recording_or_half_of_it_still_leaves_it_out(own_files):
         write_table(own_files, "others", table)
 
 
+@pytest.mark.nightly
 def test_both_sides_of_a_gap_are_fitted(own_files):
     table = read_table(own_files, "ramps")
     table[8000:8100, 0] = np.nan

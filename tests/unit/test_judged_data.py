@@ -90,6 +90,7 @@ def test_synergies(tmp_path, names):
     assert_nothing_moves(synergies_study(tmp_path / "s", people=("P1",)), names)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.parametrize("procedure", ["activations", pytest.param("emg_torque", marks=pytest.mark.nightly)])
 def test_torque_from_emg_and_activations(tmp_path, leg, procedure):  # noqa: F811

@@ -188,6 +188,7 @@ def is_running(process):
         return False
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_every_process_ends_by_itself_after_its_session_was_killed(tmp_path):
     words = [sys.executable, "-c", SESSION_PROGRAM, str(tmp_path)]

@@ -48,6 +48,7 @@ print(pl.identify(study)["inertia"].value)
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_format_is_one_file(tmp_path, rng):
     copy = copied_package(tmp_path)

@@ -54,6 +54,7 @@ def test_it_is_the_search_of_the_certificate(study):
     assert rows["none"][0] < rows["a half"][0]
 
 
+@pytest.mark.nightly
 def test_it_is_the_same_wherever_it_runs(study):
     with ThreadPoolExecutor(2) as pool:
         assert plan(study(), studies=200, executor=pool).rows == plan(study(), studies=200).rows
@@ -87,6 +88,7 @@ def test_a_number_of_people_that_cannot_certify_is_refused(study):
     assert found.rows[0][-1] > found.rows[-1][-1]
 
 
+@pytest.mark.nightly
 def test_a_pilots_own_people_may_take_the_place_of_normal_ones(study):
     rng = np.random.default_rng(4)
     skewed = np.exp(rng.standard_normal((12, 2))) * np.array([0.02, 0.006])

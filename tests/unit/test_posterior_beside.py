@@ -81,6 +81,7 @@ def study(tmp_path_factory):
     return pl.open(folder)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_joint_has_it_in_tables_rows_verdicts_and_on_the_page(study):
     result = pl.identify(study, thorough=False)

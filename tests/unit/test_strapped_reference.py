@@ -61,6 +61,7 @@ def test_a_strap_that_hardly_yields_makes_no_difference():
     assert np.abs(stiff - as_one)[inside].max() < 0.02 * as_one.std()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("features", "speeds", "most"),
     [

@@ -163,6 +163,7 @@ def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeyp
         assert rows["made.together.ankle.posterior.r2"] > 0.5
 
 
+@pytest.mark.nightly
 def test_each_trial_is_left_out_where_none_is_held(alone):
     made = [across(f"t{i}", seconds=3.0, seed=i, true=TRUE) for i in range(3)]
     trials = {j: [replace(t[j], group=t[j].name) for t in made] for j in ("knee", "ankle")}

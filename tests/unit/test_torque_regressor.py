@@ -118,6 +118,7 @@ print(rows["leg.knee.neighbours.r2"])
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_an_estimator_is_one_file(tmp_path):
     copy = copied_package(tmp_path)
