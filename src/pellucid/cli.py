@@ -26,7 +26,7 @@ from .study.procedures.command import (
     PEOPLE_GROUP,
     Command,
 )
-from .study.procedures.procedure import procedure_commands
+from .study.procedures.procedure import procedure_commands, typed_command
 from .study.terminal import (
     MAX_ITEM_LINES_UNLESS_VERBOSE,
     CommandGroup,
@@ -41,6 +41,8 @@ from .study.terminal import (
     print_lines,
     print_short_table,
     replace_unprintable_characters,
+    set_quiet,
+    set_verbose,
     show_progress,
 )
 
@@ -64,6 +66,11 @@ datasets_app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 app.add_typer(datasets_app, rich_help_panel=LEARN_GROUP)
+emg_app = typer.Typer(
+    name="emg", cls=CommandGroup, help="Onset, cocontraction, synergies and force of EMG.", rich_markup_mode=None,
+    no_args_is_help=True, epilog=example("pellucid emg onset my-study"),
+    context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
 
 MAX_NAMED_CHANNELS = 6
 """Largest number of channels that the last line of `check` names; the warnings above it name all."""
@@ -252,7 +259,7 @@ def _print_check(study: Study, folder: Path, faults: Sequence[Fault], max_lines:
         print_line(out, f"Not fit to identify from: {count_of(len(refused), 'fault')}.")
         raise typer.Exit(1)
     command = asked(study)[0].command
-    following = printed_command(command, folder)
+    following = printed_command(typed_command(command), folder)
     if warned:
         where = list(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
         more = f" and {len(where) - MAX_NAMED_CHANNELS} more" if len(where) > MAX_NAMED_CHANNELS else ""
@@ -324,6 +331,10 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version, and exit.")
     ] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", callback=set_quiet, expose_value=False, hidden=True)] = False,
+    verbose: Annotated[
+        bool, typer.Option("-v", "--verbose", callback=set_verbose, expose_value=False, hidden=True)
+    ] = False,
 ) -> None:
     """Take the options that come before a command."""
 
@@ -345,16 +356,36 @@ def _add_command(command: Command) -> None:
     ) -> None:
         found(folder, json, out, allow_outside, accept_stale)
 
+    *group, word = command.words
+    line = example(f"pellucid {' '.join(command.words)} my-study")
+    run_it = reading_cards if command.reads_cards else plain
+    # A command of a group keeps its own name, unlisted.
     app.command(
-        command.name,
-        help=command.help,
-        rich_help_panel=command.group,
-        epilog=example(f"pellucid {command.name} my-study"),
-    )(reading_cards if command.reads_cards else plain)
+        command.name, help=command.help, rich_help_panel=command.group, epilog=line, hidden=bool(group)
+    )(run_it)  # fmt: skip
+    if group == [emg_app.info.name]:
+        emg_app.command(word, help=command.help, rich_help_panel=command.group, epilog=line)(run_it)
 
 
 for _command in procedure_commands():
     _add_command(_command)
+if emg_app.registered_commands:
+    app.add_typer(emg_app, rich_help_panel=PEOPLE_GROUP)
+
+
+@app.command("help", hidden=True, add_help_option=False)
+def help_of(
+    ctx: typer.Context, words: Annotated[list[str] | None, typer.Argument(metavar="[COMMAND]")] = None
+) -> None:
+    """Print what a command does, as its own --help does."""
+    context = ctx.find_root()
+    for word in words or ():
+        group: Any = context.command
+        command = group.get_command(context, word) if hasattr(group, "get_command") else None
+        if command is None:
+            context.fail(f"No such command '{word}'.")
+        context = type(ctx)(command, info_name=word, parent=context)
+    typer.echo(context.get_help())
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid assess my-people"))
@@ -938,7 +969,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         return
     later = [p.command for p in asked(study)]
     following = [c for c in later[later.index(command) + 1 :] if c != command]
-    print_line(out, f"Next: {printed_command(following[0] if following else 'report', study.folder)}")
+    print_line(out, f"Next: {printed_command(typed_command(following[0]) if following else 'report', study.folder)}")
 
 
 if __name__ == "__main__":

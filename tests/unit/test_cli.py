@@ -1,6 +1,7 @@
 """The command line: each command calls its function, prints what fits a terminal, and fails in one sentence."""
 
 import json
+import re
 import shlex
 import sys
 from types import SimpleNamespace
@@ -20,6 +21,7 @@ from pellucid.models.estimates import Verdict
 from pellucid.study import terminal
 from pellucid.study.procedures.command import HELP_GROUPS
 from pellucid.study.procedures.print_result import print_result
+from pellucid.study.procedures.procedure import procedure_commands, typed_command
 from pellucid.study.procedures.result import FigureTable, Result
 
 run = CliRunner().invoke
@@ -74,11 +76,13 @@ def test_the_version_is_an_option_too():
 
 
 def every_command() -> list[tuple[str, object]]:
-    """Return the commands, and those of `datasets`, with what is typed before their arguments."""
+    """Return the commands, and those of groups, with what is typed before their arguments; aliases are left out."""
     made = typer.main.get_command(cli.app)
-    listed = [(name, made.get_command(None, name)) for name in made.commands if name != "datasets"]
-    of_datasets = made.commands["datasets"]
-    return listed + [(f"datasets {name}", of_datasets.commands[name]) for name in of_datasets.commands]
+    groups = ("datasets", "emg")
+    aliases = {command.name for command in procedure_commands() if len(command.words) > 1} | {"help"}
+    listed = [(name, made.get_command(None, name)) for name in made.commands if name not in {*groups, *aliases}]
+    inner = [(f"{group} {name}", found) for group in groups for name, found in made.commands[group].commands.items()]
+    return listed + inner
 
 
 @pytest.mark.parametrize(("name", "command"), every_command(), ids=[name for name, _ in every_command()])
@@ -353,3 +357,34 @@ def test_progress_is_shown_on_a_terminal(monkeypatch, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert "fitting symmetric" in err
+
+
+def test_commands_on_emg_stand_together_and_keep_their_old_names():
+    listed = run(cli.app, ["--help"]).output
+    assert re.search(r"^  emg ", listed, re.MULTILINE)
+    assert not re.search(r"^  (onset|cocontraction|emg-force|synergies) ", listed, re.MULTILINE)
+    together = run(cli.app, ["emg", "--help"]).output
+    for word, old in (("onset", "onset"), ("cocontraction", "cocontraction"), ("force", "emg-force"),
+                      ("synergies", "synergies")):  # fmt: skip
+        assert re.search(rf"^  {word} ", together, re.MULTILINE)
+        both = [run(cli.app, [*way, "missing"]) for way in (["emg", word], [old])]
+        assert str(both[0].exception) == str(both[1].exception)
+        assert typed_command(old) == f"emg {word}"
+
+
+def test_help_of_a_command_is_its_help():
+    for words in (["identify"], ["datasets", "list"], ["emg", "force"]):
+        asked = run(cli.app, ["help", *words])
+        assert asked.exit_code == 0
+        body = asked.output.partition("Options:")[2]
+        assert body
+        assert body == run(cli.app, [*words, "--help"]).output.partition("Options:")[2]
+    assert run(cli.app, ["help", "nothing"]).exit_code == 2
+
+
+@pytest.mark.parametrize("words", [["-q", "datasets", "list"], ["datasets", "list", "-q"]])
+def test_quiet_and_verbose_stand_before_a_command_or_behind_it(words):
+    assert run(cli.app, words).exit_code == 0
+    assert terminal._is_quiet.get()
+    run(cli.app, ["datasets", "list"])
+    assert not terminal._is_quiet.get()

@@ -57,7 +57,7 @@ PROCEDURE_ENTRIES = (
         find_faults="find_onsets:faults",
         find="find_onsets:find_onsets",
         draw="onset_page:page",
-        brings=Command("onset", "Find when muscles become active, from raw EMG.", PEOPLE_GROUP),
+        brings=Command("onset", "Find when muscles become active, from raw EMG.", PEOPLE_GROUP, typed="emg onset"),
         whole=True,
     ),
     ProcedureEntry(
@@ -69,7 +69,10 @@ PROCEDURE_ENTRIES = (
         find_faults="find_cocontraction:faults",
         find="find_cocontraction:find_cocontraction",
         draw="cocontraction_page:page",
-        brings=Command("cocontraction", "Measure how much antagonists work against each other.", PEOPLE_GROUP),
+        brings=Command(
+            "cocontraction", "Measure how much antagonists work against each other.", PEOPLE_GROUP,
+            typed="emg cocontraction",
+        ),
         whole=True,
     ),
     ProcedureEntry(
@@ -81,7 +84,9 @@ PROCEDURE_ENTRIES = (
         find_faults="find_emg_force:faults",
         find="find_emg_force:find_emg_force",
         draw="emg_force_page:page",
-        brings=Command("emg-force", "Compare EMG with force in contractions that do not move.", PEOPLE_GROUP),
+        brings=Command(
+            "emg-force", "Compare EMG with force in contractions that do not move.", PEOPLE_GROUP, typed="emg force"
+        ),
         whole=True,
     ),
     ProcedureEntry(
@@ -93,7 +98,9 @@ PROCEDURE_ENTRIES = (
         find_faults="find_synergies:faults",
         find="find_synergies:run",
         draw="synergies_page:page",
-        brings=Command("synergies", "Find groups of muscles that are active together.", PEOPLE_GROUP),
+        brings=Command(
+            "synergies", "Find groups of muscles that are active together.", PEOPLE_GROUP, typed="emg synergies"
+        ),
         whole=True,
     ),
 )

@@ -67,6 +67,16 @@ def set_verbose(verbose: bool) -> None:
     _is_verbose.set(verbose)
 
 
+def _also_quiet(quiet: bool) -> None:
+    """Take ``-q`` behind a command, which may stand before it too."""
+    set_quiet(quiet or _is_quiet.get())
+
+
+def _also_verbose(verbose: bool) -> None:
+    """Take ``-v`` behind a command, which may stand before it too."""
+    set_verbose(verbose or _is_verbose.get())
+
+
 def is_verbose() -> bool:
     """Return whether ``-v`` asked for everything."""
     return _is_verbose.get()
@@ -353,14 +363,14 @@ def _shared_options(
     quiet: Annotated[
         bool,
         typer.Option(
-            "-q", "--quiet", callback=set_quiet, expose_value=False,
+            "-q", "--quiet", callback=_also_quiet, expose_value=False,
             help="Print results and warnings alone: no progress, no notes.",
         ),
     ] = False,
     verbose: Annotated[
         bool,
         typer.Option(
-            "-v", "--verbose", callback=set_verbose, expose_value=False,
+            "-v", "--verbose", callback=_also_verbose, expose_value=False,
             help="Print every note, and progress at each step.",
         ),
     ] = False,

@@ -24,3 +24,9 @@ class Command:
     help: str  # One line, at most 58 characters: what ``pellucid --help`` prints
     group: str = IDENTIFY_GROUP  # One of `HELP_GROUPS`, under which it is listed
     reads_cards: bool = False  # Whether it offers ``--accept-stale``, because procedures read cards of other commands
+    typed: str = ""  # What is typed for it after ``pellucid``: "emg force"; empty for its name
+
+    @property
+    def words(self) -> list[str]:
+        """What is typed for it after ``pellucid``, word by word."""
+        return (self.typed or self.name).split()

@@ -204,6 +204,11 @@ def described_procedures() -> tuple[ProcedureEntry | ModuleType, ...]:
     return tuple(sorted(found, key=found.__getitem__))
 
 
+def typed_command(name: str) -> str:
+    """Return what is typed after ``pellucid`` for a command of procedures: "emg force" for "emg-force"."""
+    return next((" ".join(command.words) for command in procedure_commands() if command.name == name), name)
+
+
 def procedure_commands() -> tuple[Command, ...]:
     """Return the commands that procedures bring, in the order of the procedures."""
     described = described_procedures()
