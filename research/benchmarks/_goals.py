@@ -31,7 +31,7 @@ class Goal:
 
 
 GOALS = (
-    Goal("version over python", 4.0, "`pellucid version` over `python -c pass`"),
+    Goal("version over python", 4.0, "`pellucid --version` over `python -c pass`"),
     Goal(
         "EMPS three over plain",
         5.0,

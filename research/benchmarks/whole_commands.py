@@ -113,7 +113,7 @@ def short_commands(folder: Path) -> list[dict]:
         processor_seconds("-c", COMMAND_LINE, name, str(study))
     python = ("-c", "pass")
     return [
-        *ratio_rows("version over python", ("-c", COMMAND_LINE, "version"), python),
+        *ratio_rows("version over python", ("-c", COMMAND_LINE, "--version"), python),
         *ratio_rows("report again over python", ("-c", COMMAND_LINE, "report", str(study)), python),
     ]
 

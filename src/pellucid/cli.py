@@ -322,7 +322,9 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
 def _print_version(asked: bool) -> None:
     """Print the version and end, if it was asked for."""
     if asked:
-        version()
+        from . import __version__
+
+        typer.echo(f"pellucid {__version__}")
         raise typer.Exit
 
 
@@ -823,14 +825,6 @@ def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) ->
     for said in getattr(made.made, "left_out", ()):
         print_line(out, f"Left out: {said}.")
     print_line(out, f'In study.toml: protocol = "{name}" on each recording.')
-
-
-@app.command(hidden=True, rich_help_panel=LEARN_GROUP, epilog=example("pellucid version"))
-def version() -> None:
-    """Print the version, as ``--version`` does."""
-    from . import __version__
-
-    typer.echo(f"pellucid {__version__}")
 
 
 @datasets_app.command("list", epilog=example("pellucid datasets list"))

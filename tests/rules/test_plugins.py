@@ -326,7 +326,7 @@ for name in ("demo", "predict", "reproduce", "simulate"):
         getattr(pl, name)
     except pl.PellucidError as error:
         print(error)
-for arguments in (["demo"], ["init", "x", "--rig", "bench-joint"], ["--help"], ["version"]):
+for arguments in (["demo"], ["init", "x", "--rig", "bench-joint"], ["--help"], ["--version"]):
     sys.argv = ["pellucid", *arguments]
     try:
         cli.main()

@@ -85,7 +85,6 @@ COMMANDS = [
     "audit",
     "live",
     "paper",
-    "version",
     "datasets",
     "plan",
     "try",

@@ -175,7 +175,7 @@ def test_a_session_goes_on_from_block_to_block(reader):
     ("text", "said"),
     [
         ("```sh\nfalse\ntrue\n```\n", r"page.md:1: status 1, expected 0"),
-        ("```sh\npellucid version\n```\n", "page.md:1: status 127"),
+        ("```sh\npellucid no-command\n```\n", "page.md:1: status 127"),
         ("```sh\nfalse | true\n```\n", "page.md:1: status 1"),
         (
             "```sh\nsource .venv/bin/activate\n```\n```python\nopen('swing.csv')\n```\n",

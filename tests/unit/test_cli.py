@@ -57,7 +57,7 @@ def as_program(monkeypatch, capsys, *arguments):
 
 
 def test_version():
-    assert run(cli.app, ["version"]).output == f"pellucid {pellucid.__version__}\n"
+    assert run(cli.app, ["--version"]).output == f"pellucid {pellucid.__version__}\n"
 
 
 def test_help_names_every_command_on_one_line_each():
@@ -69,10 +69,6 @@ def test_help_names_every_command_on_one_line_each():
     assert "..." not in commands
     assert [line[:-1] for line in commands.splitlines() if line.endswith(":")] == list(HELP_GROUPS)
     assert run(cli.app, ["-h"]).output == text
-
-
-def test_the_version_is_an_option_too():
-    assert run(cli.app, ["--version"]).output == run(cli.app, ["version"]).output
 
 
 def every_command() -> list[tuple[str, object]]:
