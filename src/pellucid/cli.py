@@ -959,6 +959,8 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.
         _exit_with_message(elsewhere, 1)
+    if result.flaw:
+        _exit_with_message(f"the figures do not describe what was recorded: {result.flaw}", 1)
     if json:
         return
     later = [p.command for p in asked(study)]

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import fabricate
@@ -124,6 +125,21 @@ def test_identify_prints_what_was_found(bench, fit):
     assert "results.json" in result.output
     assert f"pellucid report {bench.folder}" in result.output
     assert (bench.folder / "models" / "joint.json").is_file()
+
+
+def test_identify_exits_1_where_its_figures_describe_nothing(fit, tmp_path, monkeypatch, capsys):
+    """ "The fit failed" stood there, and a script went on with status 0."""
+    study = fabricate.study(tmp_path / "bench", fit)
+    failed = replace(fit, verdicts=(Verdict("wrong", "The fit failed: it explains nothing. More words."),))
+    monkeypatch.setattr(
+        "pellucid.joint.study.identify_joint.identify_joint", lambda study, tell, **_: complete_result(study, failed)
+    )
+    status, out, err = as_program(monkeypatch, capsys, "identify", study.folder)
+    assert status == 1
+    assert "the fit failed: it explains nothing." in " ".join(err.split())
+    assert "More words" not in err
+    assert "Next:" not in out
+    assert (study.folder / "results.json").is_file()
 
 
 def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,6 +106,4 @@ class TriedLog:
     @property
     def flaw(self) -> str:
         """Sentence that says why the parameters do not describe the machine; "" if nothing says so."""
-        said = next((verdict.said for verdict in self.result.verdicts if verdict.kind == "wrong"), "")
-        first = re.split(r"(?<=[.!?]) (?=[A-Z])", said, maxsplit=1)[0]
-        return first[:1].lower() + first[1:]
+        return self.result.flaw

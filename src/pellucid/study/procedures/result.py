@@ -5,6 +5,7 @@ Results of several procedures of one study as one result.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -139,6 +140,13 @@ class Result:
                 found.setdefault(parameter.name, parameter)
                 found[f"{table.title}.{parameter.name}"] = parameter
         return found
+
+    @property
+    def flaw(self) -> str:
+        """Sentence that says why the figures do not describe what was recorded; "" if nothing says so."""
+        said = next((verdict.said for verdict in rank_verdicts(self.verdicts) if verdict.kind == "wrong"), "")
+        first = re.split(r"(?<=[.!?]) (?=[A-Z])", said, maxsplit=1)[0]
+        return first[:1].lower() + first[1:]
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.study}: {self.headline}>"
