@@ -17,7 +17,7 @@ NUMERIC = tests/property tests/real \
   $(shell grep -lE 'pellucid\.($(ARRAYS)|emg\.(estimators|signals|fit|cocontraction))' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp engine/*.cpp engine/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
-.PHONY: demo test nightly core-test numeric-test fuzz bench evidence wheels site clean
+.PHONY: demo test nightly refresh-pages core-test numeric-test fuzz bench evidence wheels site clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -31,6 +31,10 @@ test: $(VENV)/.tested core-test
 nightly: test
 	$(PYTEST) $(PARALLEL) -m 'nightly and not real_time'
 	$(PYTEST) -m 'nightly and real_time' $(REAL_TIME)
+
+# Write what the program prints now into the pages, where they show something else. Look at the difference after it.
+refresh-pages: $(VENV)/.tested
+	PELLUCID_REFRESH_PAGES=1 $(PYTEST) -m '' -k test_blocks_run_as_written tests/rules/test_tutorials.py
 
 numeric-test: $(VENV)/.tested
 	$(PYTEST) $(PARALLEL) -q -m 'not slow and not nightly and not real_time' $(NUMERIC)

@@ -74,6 +74,52 @@ class PageFailed(AssertionError):
     """A block did not do what its page says."""
 
 
+class Stale(PageFailed):
+    """A page shows what is not printed any more."""
+
+    def __init__(self, block: Block, missing: str, printed: str):
+        super().__init__(f"{block.where}: shown, but not printed: {missing!r}\nprinted was:\n{printed}")
+        self.block, self.printed = block, printed
+
+
+def refresh(page: Path, stale: Stale) -> None:
+    """Write what is printed now into a page, in place of the block that is stale."""
+    lines = page.read_text(encoding="utf-8").splitlines(keepends=True)
+    first = stale.block.line
+    last = first + len(stale.block.text.splitlines())
+    lines[first:last] = [f"{line}\n" for line in refreshed(stale.block.text, stale.printed)]
+    page.write_text("".join(lines), encoding="utf-8")
+
+
+def refreshed(shown: str, printed: str) -> list[str]:
+    """Return the lines of a block with each number as it is printed now.
+
+    A block with words that are not printed any more becomes the whole output, for somebody to shorten.
+    """
+    lines, at, made = printed.splitlines(), 0, []
+    for line in shown.splitlines():
+        wanted = _words(line)
+        if not wanted or wanted == ["..."]:
+            made.append(line)
+            continue
+        alike = (i for i in range(at, len(lines)) if _reads_alike(wanted, _words(lines[i])))
+        found = next(alike, None)
+        if found is None:
+            return [each.rstrip() for each in lines]
+        is_shortened = wanted[-1] == "..."
+        words = lines[found].rstrip()
+        made.append(line if is_shortened and _alike(wanted, _words(words)) else words)
+        at = found + 1
+    return made
+
+
+def _reads_alike(wanted: list[str], found: list[str]) -> bool:
+    """Whether two lines have the same words, whatever their numbers."""
+    if wanted[-1] == "...":
+        wanted, found = wanted[:-1], found[: len(wanted) - 1]
+    return [NUMBER.sub("#", word) for word in wanted] == [NUMBER.sub("#", word) for word in found]
+
+
 NOTEBOOK = """
 import ast, json, sys, traceback
 
@@ -161,7 +207,7 @@ class Reader:
         elif block.language == "text":
             missing = first_difference(block.text, self.printed)
             if missing is not None:
-                raise PageFailed(f"{block.where}: shown, but not printed: {missing!r}\nprinted was:\n{self.printed}")
+                raise Stale(block, missing, self.printed)
         else:
             raise PageFailed(f"{block.where}: a block of {block.language!r} says neither `not run` nor can it be run")
 
