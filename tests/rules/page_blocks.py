@@ -94,7 +94,8 @@ def refresh(page: Path, stale: Stale) -> None:
 def refreshed(shown: str, printed: str) -> list[str]:
     """Return the lines of a block with each number as it is printed now.
 
-    A block with words that are not printed any more becomes the whole output, for somebody to shorten.
+    A block with words that are not printed any more becomes the output between the first and the last of its lines that
+    still are, for somebody to shorten.
     """
     lines, at, made = printed.splitlines(), 0, []
     for line in shown.splitlines():
@@ -105,12 +106,19 @@ def refreshed(shown: str, printed: str) -> list[str]:
         alike = (i for i in range(at, len(lines)) if _reads_alike(wanted, _words(lines[i])))
         found = next(alike, None)
         if found is None:
-            return [each.rstrip() for each in lines]
+            return _part_that_was_shown(shown.splitlines(), [each.rstrip() for each in lines])
         is_shortened = wanted[-1] == "..."
         words = lines[found].rstrip()
         made.append(line if is_shortened and _alike(wanted, _words(words)) else words)
         at = found + 1
     return made
+
+
+def _part_that_was_shown(shown: list[str], printed: list[str]) -> list[str]:
+    """Return the printed lines between the first and the last that read like one of those shown."""
+    wanted = [words for line in shown if (words := _words(line)) and words != ["..."]]
+    alike = [k for k, line in enumerate(printed) if any(_reads_alike(words, _words(line)) for words in wanted)]
+    return printed[alike[0] : alike[-1] + 1] if alike else printed
 
 
 def _reads_alike(wanted: list[str], found: list[str]) -> bool:

@@ -228,5 +228,5 @@ def test_a_stale_block_is_refreshed_and_keeps_what_is_shortened(tmp_path):
     block = blocks_of(page)[1]
     refresh(page, Stale(block, "inertia 0.5 kg", "inertia  0.75 kg\nmore\nerror 2 % of the torque\n"))
     assert "```text\ninertia  0.75 kg\n...\nerror 2 % ...\n```\nend" in page.read_text(encoding="utf-8")
-    refresh(page, Stale(blocks_of(page)[1], "inertia", "mass 1 kg\nerror 2 %\n"))
-    assert "```text\nmass 1 kg\nerror 2 %\n```\nend" in page.read_text(encoding="utf-8")
+    refresh(page, Stale(blocks_of(page)[1], "inertia", "mass 1 kg\nerror 3 %\nmore\n"))
+    assert "```text\nerror 3 %\n```\nend" in page.read_text(encoding="utf-8")
