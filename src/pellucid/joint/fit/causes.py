@@ -17,9 +17,8 @@ Held-out recordings take no part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -36,6 +35,7 @@ from .joint_estimate import joint_states
 from .left_out_stretches import TRAVEL_EFFECTS, LeftOutStretches
 from .recording_agreement import share_of_time
 from .spring_doubt import SPRING_SETTINGS
+from .turning_friction import REVERSAL_TIMES_S, reversal_pulses
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,6 @@ class CauseThresholds:
     min_gap_range_share: float = 1e-3  # Smallest gap, as a share of the range of motion
     # Samples into which the filters carry speeds below this share of the root mean square speed are excluded.
     slow_speed_share: float = 0.05
-    # Times around a reversal of load or velocity over which filters spread what a gap, or friction, does [s]
-    gap_times_s: tuple[float, ...] = (-0.05, -0.025, 0.0, 0.025, 0.05, 0.075)
     # The range of effort that a sensor reads has this share of the samples beyond either end.
     limit_quantile: float = 0.002
 
@@ -113,7 +111,7 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
         stretches = LeftOutStretches(model, data, values, joint_states(model, data, values), slow)
     except IdentificationError:
         return ParallelSpring()  # the fit that follows reports the error
-    stretches.add(_reversal_columns(stretches, lambda m: m.velocity))
+    stretches.add(stretches.columns(lambda m: reversal_pulses(m, m.velocity)))
     stretches.add(_gap_columns(stretches))  # backlash, too, is no spring
     position = [stretches.states.position]
     saved, p_value = stretches.saved(position)
@@ -133,7 +131,7 @@ def find_causes(
     states = joint_states(model, data, values)
     stretches = LeftOutStretches(model, data, values, states, CAUSE_THRESHOLDS.slow_speed_share)
     # What friction misses where it turns would else be most of the error.
-    stretches.add(_reversal_columns(stretches, lambda m: m.velocity))
+    stretches.add(stretches.columns(lambda m: reversal_pulses(m, m.velocity)))
     candidates = {name: columns for name, columns in _candidates(stretches) if columns}
     found: list[Cause] = []
     while candidates:
@@ -182,20 +180,7 @@ def _gap_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
         vector = stretches.model.loaded(bare, *motion.payload)
         return _core.load(vector, motion.position.copy(), motion.acceleration.copy())
 
-    return _reversal_columns(stretches, load)
-
-
-def _reversal_columns(stretches: LeftOutStretches, signal: Callable[[Motion], np.ndarray]) -> list[np.ndarray]:
-    """Return columns that each have a pulse at a time from every change of the sign of a signal."""
-
-    def pulse(time: float, motion: Motion) -> np.ndarray:
-        sign = np.sign(signal(motion))
-        shift = round(time * motion.fs)
-        moved = np.concatenate([np.full(abs(shift), sign[0]), sign, np.full(abs(shift), sign[-1])])
-        start = abs(shift) - shift
-        return np.gradient(motion.smooth(moved[start : start + len(sign)])) * motion.fs
-
-    return [stretches.column(partial(pulse, time)) for time in CAUSE_THRESHOLDS.gap_times_s]
+    return stretches.columns(lambda m: reversal_pulses(m, load(m)))
 
 
 def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
@@ -265,7 +250,7 @@ def _gap_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tup
     names, values = stretches.model.names, stretches.values
     inertia = values[names.index("inertia")] if "inertia" in names else stretches.model.known.get("inertia", np.nan)
     # Twice over time the pulses are the inertia beyond the gap times the gap, which the link falls behind.
-    moments = 2.0 * abs(float(pulses @ np.array(CAUSE_THRESHOLDS.gap_times_s))) / inertia
+    moments = 2.0 * abs(float(pulses @ np.array(REVERSAL_TIMES_S))) / inertia
     if "gravity" not in names:
         return moments, unit
     side = stretches.states.cosine * np.sign(stretches.states.load)

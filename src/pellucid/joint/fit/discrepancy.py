@@ -90,6 +90,8 @@ class States:
     standstill: np.ndarray  # share of each filtered row that comes from samples at standstill
     like: States | None = None  # states that define the usual travel and speed; these states if None
     heading: np.ndarray | None = None  # direction of friction, -1 to 1; the sign of the velocity if None
+    # what friction may do where the joint turns, per unit of each column, (m, k); None if that is not described
+    turning: np.ndarray | None = None
 
     @property
     def direction(self) -> np.ndarray:
@@ -135,6 +137,9 @@ CAUSE_GROUPS: tuple[tuple[str, ...], ...] = (
 )
 """Groups of effects with a common s: all friction is one physical cause, the others are one each."""
 
+TURNING_CAUSE = "friction that gives way where the joint turns"
+"""Cause that is stated where columns of `States.turning` move a parameter most; all of them share one s."""
+
 STICTION_CAUSE = "sticking at standstill"
 """Cause that is stated where no column of the neglected effects explains the shift of a parameter."""
 
@@ -159,6 +164,7 @@ class Discrepancy:
     covariance: np.ndarray  # discrepancy part of their covariance, (p, p)
     causes: tuple[str, ...]  # for each parameter, the neglected effect that moves it most, in words
     carried: Mapping[str, float]  # for each friction coefficient, how much of it a controller may compensate
+    explained: np.ndarray  # part of the statistical covariance that the effects explain, so that it counts once, (p, p)
 
     def of(self, names: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
         """Return the covariance, (k, k), and the causes of the parameters `names`."""
@@ -293,7 +299,8 @@ def neglected_columns(
     kept = states.standstill < SLOW_SHARE
     if kept.mean() < 0.5:
         kept = states.standstill <= np.median(states.standstill)
-    if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS)):
+    turning = 0 if states.turning is None else states.turning.shape[1]
+    if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED_EFFECTS) + turning):
         return None
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // DISCREPANCY_SETTINGS.max_rows)]
     columns, words, sizes = _effect_columns(
@@ -327,13 +334,13 @@ def estimate_discrepancy(
     least-squares solution.
     """
     p = jacobian.shape[1]
-    covariance = np.zeros((p, p))
+    covariance, explained = np.zeros((p, p)), np.zeros((p, p))
     values = np.asarray(values, float)
     friction = _FrictionTerms.of(names, values, states)
 
     def nothing() -> Discrepancy:
         certain = draw_normal(values, statistical)[:, friction.at] @ friction.terms.T
-        return Discrepancy(tuple(names), np.zeros((p, p)), ("",) * p, friction.carried(certain))
+        return Discrepancy(tuple(names), covariance, ("",) * p, friction.carried(certain), explained)
 
     lacks = neglected_columns(names, values, jacobian, residual, states, statistical)
     if lacks is None:
@@ -342,10 +349,12 @@ def estimate_discrepancy(
     count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
-    groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in CAUSE_GROUPS]
+    groups = [
+        np.array([i for i, word in enumerate(words) if word in group], int) for group in (*CAUSE_GROUPS, (TURNING_CAUSE,))
+    ]
     shares = fit_discrepancy_shares(gram, moment, count, groups)
     for group in groups:
-        if len(group) == 1 and not is_cause_validated(lacks, int(group[0])):
+        if len(group) == 1 and words[group[0]] != TURNING_CAUSE and not is_cause_validated(lacks, int(group[0])):
             shares[group] = DISCREPANCY_SHARE_GRID[0]
     spread = shares**2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
@@ -356,24 +365,26 @@ def estimate_discrepancy(
     found = posterior @ moment
     plain = np.linalg.lstsq(w, residual, rcond=None)[0]  # differs from 0 where a bound holds a parameter
     shift = plain - found[:count]
-    units = np.outer(scale, scale)
-    part = np.outer(shift, shift) + excess_covariance(
-        posterior[:count, :count], statistical[np.ix_(free, free)] * units
-    )
-    covariance[np.ix_(free, free)] = part / units
+    units, at = np.outer(scale, scale), np.ix_(free, free)
+    whole = np.outer(shift, shift) + posterior[:count, :count]
+    part = excess_covariance(whole, statistical[at] * units)
+    covariance[at] = part / units
+    explained[at] = statistical[at] - (whole - part) / units
     moved = np.linalg.lstsq(w[rows], x[:, count:] * found[count:], rcond=None)[0]
-    moved = np.column_stack([moved, shift - moved.sum(axis=1)])
-    words = (*words, STICTION_CAUSE)
+    turned = np.array([word == TURNING_CAUSE for word in words], bool)
+    # What the columns of the turning move is one effect.
+    moved = np.column_stack([np.where(turned, 0.0, moved), moved[:, turned].sum(axis=1), shift - moved.sum(axis=1)])
     cause = iter(np.argmax(np.abs(moved), axis=1))
     steps = draw_normal(found, posterior)
     drawn = np.tile(values, (len(steps), 1))
     drawn[:, free] += steps[:, :count] / scale
-    rubbing = friction.beside(words[:-1]) * sizes
+    rubbing = friction.beside(words) * sizes
     forces = drawn[:, friction.at] @ friction.terms.T + steps[:, count:] @ rubbing.T
     # The whole least-squares residual may be friction.
     forces += size * standard_draws(forces.shape[1], FRICTION_DRAWS.seed + 1)
-    causes = tuple(words[next(cause)] if f else "" for f in free)
-    return Discrepancy(tuple(names), covariance, causes, friction.carried(forces))
+    said = (*words, TURNING_CAUSE, STICTION_CAUSE)
+    causes = tuple(said[next(cause)] if f else "" for f in free)
+    return Discrepancy(tuple(names), covariance, causes, friction.carried(forces), explained)
 
 
 @dataclass(frozen=True)
@@ -424,8 +435,10 @@ def _effect_columns(
     """
     basis = np.linalg.qr(w)[0]
     made, words, sizes = [np.zeros((len(w), 0))], [], []
-    for name, physics in NEGLECTED_EFFECTS.items():
-        column = physics(states)[rows]
+    effects = [(name, physics(states)[rows]) for name, physics in NEGLECTED_EFFECTS.items()]
+    if states.turning is not None:
+        effects += [(TURNING_CAUSE, column) for column in states.turning[rows].T]
+    for name, column in effects:
         norm = float(np.linalg.norm(column))
         beside = float(np.linalg.norm(column - basis @ (basis.T @ column)))
         if norm > 0.0 and (beside > DISCREPANCY_SETTINGS.min_column_remainder * norm or name == unseen):

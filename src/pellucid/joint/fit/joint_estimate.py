@@ -40,6 +40,7 @@ from .recording_agreement import (
     find_recording_drift,
 )
 from .spring_doubt import SPRING_CAUSE, find_spring_doubt
+from .turning_friction import turning_columns
 
 BOOTSTRAP_SEED = 20261121
 """Random seed of the bootstrap."""
@@ -233,13 +234,16 @@ class JointEstimate(Estimates):
 
 def joint_states(model: JointModel, data: Stack[Motion], values: np.ndarray) -> States:
     """Return the joint's states in the rows of a stack, with the load by a `model` with `values`, (p,)."""
-    bare = model.vector(values)
-    return collect_states(
+    bare, known = model.vector(values), vars(data)
+    states = collect_states(
         data,
         model.motion == "rotary",
         lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
         data.motions[0].filtering.dead_band,
     )
+    if "_turning" not in known:  # computed once, because every model of these recordings has the same kinematics
+        known["_turning"] = np.concatenate([m.rows(turning_columns(m)) for m in data.motions])
+    return replace(states, turning=known["_turning"])
 
 
 def make_estimate(
@@ -278,6 +282,7 @@ def make_estimate(
         discrepancy = estimate_discrepancy(
             model.names, found.values, found.jacobian, found.residual, states, statistical
         )
+        statistical = statistical - discrepancy.explained
         drift = find_parameter_drift(model.names, found, data, level)
         between = find_recording_drift(model.names, found, data, neglected=discrepancy.covariance, level=level)
         if drift is not None and drift.is_told.any():

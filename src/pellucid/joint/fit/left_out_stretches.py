@@ -114,6 +114,10 @@ class LeftOutStretches:
         """Return a signal of every motion, (n,), in the rows of the regression, (m,)."""
         return np.concatenate([m.rows(signal(m)) for m in self.data.motions])
 
+    def columns(self, signals: Callable[[Motion], np.ndarray]) -> list[np.ndarray]:
+        """Return signals of every motion, (n, k), in the rows of the regression, k of (m,)."""
+        return list(np.concatenate([m.rows(signals(m)) for m in self.data.motions]).T)
+
     def _made(self, columns: Sequence[np.ndarray]) -> np.ndarray:
         made = np.column_stack([self._own[:, :0], *(each[self._rows] for each in columns)])
         return _with_unit_columns(made)

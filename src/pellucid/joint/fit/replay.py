@@ -412,8 +412,12 @@ def joint_posterior(estimate: JointEstimate, data: Stack[Motion], **sampling) ->
         )
     jacobian, effort = regression_rows(model, values, data)
     residual = data.target - effort
-    states = joint_states(model, data, values)
-    lacks = neglected_columns(model.names, values, jacobian, residual, states, estimate.statistical)
+    # All columns share one s here, which that of the turning would set for all friction.
+    states = replace(joint_states(model, data, values), turning=None)
+    statistical = estimate.statistical
+    if estimate.discrepancy is not None:
+        statistical = statistical + estimate.discrepancy.explained
+    lacks = neglected_columns(model.names, values, jacobian, residual, states, statistical)
     if lacks is None:
         raise IdentificationError("too few samples move, or nothing is left over, to tell the noise")
     # Parameters are scaled to the effort that they produce.
