@@ -69,6 +69,18 @@ def test_a_parallel_spring_is_a_term_and_gravity_is_without_it():
     assert law.values["parallel_stiffness"] == joint["parallel_stiffness"].value
 
 
+def test_parts_that_rattle_across_a_gap_are_backlash():
+    """Each turn of the load rattles with a phase of its own: no column predicts it."""
+    t, q, v, a = motion()
+    load, rng = INERTIA * a + GRAVITY * np.sin(q), np.random.default_rng(5)
+    u = effort(q, v, a)
+    for start in t[1:][np.diff(np.sign(load)) != 0.0]:
+        since = np.maximum(t - start, 0.0)
+        rattle = np.sin(2.0 * np.pi * 7.0 * since + rng.uniform(0.0, 2.0 * np.pi)) * np.exp(-since / 0.08)
+        u += 0.3 * COULOMB * (t >= start) * rattle
+    assert list(found(noisy(u))) == ["backlash"]
+
+
 def test_the_core_moves_a_joint_with_its_spring():
     from pellucid.models.joint import joint_model
     from pellucid.models.simulate import LoopSetting, simulate

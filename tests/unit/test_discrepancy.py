@@ -1,9 +1,11 @@
 """What a model leaves out widens the intervals of what it may have moved, and of nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pellucid.joint.fit.discrepancy import NEGLECTED_EFFECTS, States, estimate_discrepancy
+from pellucid.joint.fit.discrepancy import NEGLECTED_EFFECTS, TURNING_CAUSE, States, estimate_discrepancy
 from pellucid.numerics.uncertainty import sandwich_covariance
 
 NAMES = ("inertia", "gravity", "viscous", "coulomb")
@@ -130,3 +132,34 @@ def test_what_looks_like_a_spring_in_one_stretch_alone_widens_nothing():
         _, statistical, lacking = estimated(states, w, w @ TRUTH + once + 0.05 * rng.standard_normal(len(w)))
         widths.append(np.sqrt((lacking.covariance[0, 0] + statistical[0, 0]) / statistical[0, 0]))
     assert np.median(widths) < 2.0
+
+
+def test_friction_that_gives_way_where_the_joint_turns_is_no_other_friction():
+    """It was taken for friction that falls from rest and the like, and intervals of inertia missed the truth."""
+    rng, covered = np.random.default_rng(7), {"plain": [], "turning": []}
+    for _ in range(8):
+        states, w = motion(rng)
+        rows = np.arange(len(w))
+        after = rows - np.maximum.accumulate(np.where(np.diff(np.sign(states.velocity), prepend=0.0), rows, 0))
+        turning = np.column_stack([states.direction * np.exp(-after / k) for k in (4.0, 8.0, 16.0)])
+        effort = w @ TRUTH - turning @ [0.1, 0.2, 0.0] + 0.01 * rng.standard_normal(len(w))
+        for key, own in (("plain", states), ("turning", replace(states, turning=turning))):
+            values, statistical, lacking = estimated(own, w, effort)
+            whole = statistical - lacking.explained + lacking.covariance
+            covered[key].append(np.abs(values - TRUTH) <= 1.96 * np.sqrt(np.diag(whole)))
+        assert TURNING_CAUSE in lacking.causes
+    assert np.mean(covered["plain"]) < 0.8
+    assert np.mean(covered["turning"]) > 0.9
+
+
+def test_what_known_effects_explain_of_the_residual_is_no_noise():
+    """It was counted twice: as coloured noise, and as the shift of the parameters that it makes."""
+    rng = np.random.default_rng(8)
+    states, w = motion(rng)
+    effort = w @ TRUTH + 0.1 * NEGLECTED_EFFECTS["viscosity that changes along the travel"](states)
+    _, statistical, lacking = estimated(states, w, effort + 0.01 * rng.standard_normal(len(w)))
+    left = statistical - lacking.explained
+    assert np.all(np.diag(left) <= 1.001 * np.diag(statistical))
+    assert np.min(np.diag(left) / np.diag(statistical)) < 0.5
+    error = np.sqrt(np.diag(statistical))
+    assert np.linalg.eigvalsh(left / np.outer(error, error)).min() > -1e-6

@@ -9,7 +9,9 @@ mean square of the least-squares residual, and
    e \text{ as coloured as the residual}
 
 says that each may contribute a share of it. All friction shares one s, for its columns are different descriptions of
-one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. Marginal
+one curve. Spring, rotor and angle zero have an s each: a spring that shows says nothing of friction. So does friction
+that gives way where the joint turns, which several columns describe (`turning_friction.py`); without them, other
+friction answers for what is left there. Marginal
 likelihood chooses every s between 0.001 and 1, those of all causes together, so that none answers for what another
 shows. That of a spring, a rotor or an angle zero is then put back to 0.001 unless its column also predicts the effort
 of blocks of time from which it was not fitted: what differentiation and the friction's turning leave in the residual
@@ -20,7 +22,9 @@ estimate,
 .. math::
    E[(b - \beta)(b - \beta)^T] = (b - \hat\beta)(b - \hat\beta)^T + V_\beta
 
-The discrepancy part is the excess of this matrix over the statistical covariance. Where the residual outside the
+The discrepancy part is the excess of this matrix over the statistical covariance. What this matrix lacks of the
+statistical covariance is no noise: the columns explain that part of the residual, and their shift of the parameters is
+in the first term. Where the residual outside the
 model's span identifies the neglected effects, the first term carries their bias. Where it does not, the prior remains
 [1]_, [2]_.
 
@@ -349,9 +353,8 @@ def estimate_discrepancy(
     count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
-    groups = [
-        np.array([i for i, word in enumerate(words) if word in group], int) for group in (*CAUSE_GROUPS, (TURNING_CAUSE,))
-    ]
+    members = (*CAUSE_GROUPS, (TURNING_CAUSE,))
+    groups = [np.array([i for i, word in enumerate(words) if word in group], int) for group in members]
     shares = fit_discrepancy_shares(gram, moment, count, groups)
     for group in groups:
         if len(group) == 1 and words[group[0]] != TURNING_CAUSE and not is_cause_validated(lacks, int(group[0])):
