@@ -29,20 +29,20 @@ from .scenarios import MARGIN, SCENARIOS, Scenario
 SEED = 20261201
 """Seed of every random draw."""
 
-SEAL = "260ebf4fef93bd80d86dabe52993c3f250c6b17b7cdad4697bc07cc53ca63853"
+SEAL = "edceb6b85ead31eeed7bffb4eef0ded73c0b46392387e748c2cd3f4378023120"
 """Digest of all truths (`seal`), stated before any study was assessed."""
 
 STUDY_COUNT = 200
-"""Number of studies of the challenge: each scenario is a table and a set of recordings, by turns."""
+"""Number of studies of the challenge: of the eight of each scenario two are recordings, the others tables."""
 
-PEOPLE_RANGE = (12, 28)
+PEOPLE_RANGE = (12, 24)
 """Smallest and largest number of participants."""
 
 AMPLITUDES = (20.0, 35.0, 50.0)
 """Amplitudes of the movements [deg]."""
 
-REPETITIONS = 3
-"""Movements of each amplitude and direction in a session with recordings; tables have twice as many."""
+REPETITIONS = 2
+"""Movements of each amplitude and direction in a session with recordings; tables have four times as many."""
 
 RATE = 100.0
 """Sampling rate of the recordings [Hz]."""
@@ -251,11 +251,11 @@ def truth_of(i: int) -> Truth:
 
 
 def _which(i: int) -> tuple[Scenario, str, list[int]]:
-    return SCENARIOS[i % len(SCENARIOS)], "recordings" if (i // len(SCENARIOS)) % 2 else "table", [SEED, i]
+    return SCENARIOS[i % len(SCENARIOS)], "recordings" if (i // len(SCENARIOS)) % 4 == 1 else "table", [SEED, i]
 
 
 def _repetitions(kind: str) -> int:
-    return REPETITIONS if kind == "recordings" else 2 * REPETITIONS
+    return REPETITIONS if kind == "recordings" else 4 * REPETITIONS
 
 
 def _write_table(
