@@ -14,7 +14,8 @@ The studies are virtual, drawn and decided by thousands at once with `are_transp
   spreads were not used.
 - The rivals are Student's t, the bootstrap-t, and signed ranks, which are about the pseudo-median, in the same studies.
 - Power is compared with a plan that draws from a large pilot of the same people, with all that is active.
-- What else acts, and movements in place of participants' values: `_doubted.py`.
+- What else acts, and movements in place of participants' values: `_doubted.py`; losses and corrections backwards:
+  `_lost_and_corrected.py`; studies by a generator that knows nothing of the analysis: `_challenge.py`.
 """
 
 from collections.abc import Callable, Iterator
@@ -35,7 +36,7 @@ from pellucid.study.results import ResultRow
 from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
-from . import _certified_files, _designs, _doubted
+from . import _certified_files, _challenge, _designs, _doubted, _lost_and_corrected
 
 STUDY_COUNT = sized(20_000, smallest=40)
 """Number of simulated studies of each cell."""
@@ -145,8 +146,13 @@ def rows(studies: int = STUDY_COUNT) -> Iterator[ResultRow]:
     share = sequential(studies)
     yield _row("certificate.false_transparent.three_looks", 100.0 * share, "%", "looks at 12, 16, 20; lognormal_1")
     yield from _designs.rows(studies)
-    for name, value, unit, note in (*_certified_files.rows(), *_certified_files.door_rows()):
-        yield _row(f"certificate.{name}", value, unit, note)
+    yield from (
+        _row(f"certificate.{name}", value, unit, note)
+        for part in (
+            _certified_files.rows(), _certified_files.door_rows(), _lost_and_corrected.rows(studies), _challenge.rows()
+        )
+        for name, value, unit, note in part
+    )  # fmt: skip
     for name, share, note in _doubted.rows(ordered_results(_doubted.jobs(DOUBTED_STUDY_COUNT))):
         yield _row(f"certificate.{name}", 100.0 * share, "%", note)
 
@@ -297,6 +303,7 @@ def _realised(shape: Shape, n: int, change: float, active: Active, studies: int)
         d = drawn.changes
         parts = MOVEMENT_LOG_SD * np.sqrt(2.0 * 3.0 / MOVEMENTS) * rng.standard_normal((3, *d.shape))
         later = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
+        d = d + MARGIN.high * later[:, None]  # a period has an effect of one margin, which no plan knows
         sessions = SessionPeriods.of_two(later)
         drawn = SimulatedStudies(d, sessions, parts[2] - parts[0], parts[2] - parts.mean(axis=0))
     return float(np.mean(are_transparent(drawn, [MARGIN], method=ESTIMAND_METHODS[active.estimand])))

@@ -15,7 +15,7 @@ ENTRY = """ACCELERATION_SIZE = Index(
 )  # fmt: skip
 
 # A new index comes last"""
-LAST = "UNSETTLED_SHARE,\n    )"
+LAST = "CORRECTION_COUNT,\n    )"
 SCRIPT = """
 import json, sys
 from pathlib import Path

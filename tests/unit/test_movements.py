@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from made_pointing import minimum_jerk
 
+import pellucid as pl
 from pellucid._errors import RecordingError
 from pellucid.numerics.motion import moving_samples, tangential_speed
 from pellucid.people.movements import (
+    MOVEMENT_DEFINITIONS,
     MovementRule,
     kinematics,
     movements,
@@ -252,6 +254,48 @@ def test_an_overshoot_of_a_fast_movement_counts_beside_the_ringing(duration):
     time, angle = record([(2.0, duration, 0.6), (2.0 + 1.3 * duration, 0.5, -0.15)], 5.0)
     (found,), _ = movements(kinematics(time, angle, rule), steps(time, (1.7, 0.45)), rule)
     assert found.duration > 0.5
+
+
+@pytest.mark.parametrize("duration, overshoot, pause, lowpass", [
+    (0.4, 0.06, 0.15, 3.0), (0.4, 0.1, 0.3, 3.0), (0.6, 0.1, 0.15, 3.0), (0.8, 0.18, 0.3, 3.0), (0.6, 0.18, 0.3, 10.0),
+])  # fmt: skip
+@pytest.mark.parametrize("has_target", [True, False])
+def test_a_correction_backwards_after_a_pause_is_part_of_the_time_to_rest(
+    duration, overshoot, pause, lowpass, has_target
+):
+    """Half as long as the movement; the pause is as long as people need to see their error."""
+    rule, size = MovementRule(lowpass=lowpass), np.radians(40.0)
+    later = 0.5 * duration
+    found = {}
+    for extra in (0.0, overshoot):
+        parts, at = [], []
+        for k, sign in enumerate((1.0, -1.0, 1.0, -1.0)):
+            start = 1.0 + 3.0 * k
+            at.append((start - 0.2, sign * size))
+            parts.append((start, duration, sign * size * (1.0 + extra)))
+            parts.append((start + duration + pause, later, -sign * size * extra))
+        time, angle = record(parts, 13.0)
+        motion = kinematics(time, angle, rule)
+        stretches = steps(time, *at) if has_target else rest_stretches(motion, rule, least=0.05)
+        own, none = movements(motion, stretches, rule)
+        assert len(own) == 4 and not none
+        found[extra] = own
+    true = (pause + later) / duration
+    ratio = np.mean([m.duration for m in found[overshoot]]) / np.mean([m.duration for m in found[0.0]]) - 1.0
+    assert ratio == pytest.approx(true, abs=0.2)
+    assert [m.corrections for m in found[overshoot]] == [1] * 4
+    assert [m.corrections for m in found[0.0]] == [0] * 4
+    for m in found[overshoot]:
+        assert m.first_arrival + m.after_arrival == pytest.approx(m.duration)
+        assert m.first_arrival == pytest.approx(found[0.0][0].duration, rel=0.1)
+    assert max(m.after_arrival for m in found[0.0]) < 2.0 / FS
+
+
+def test_every_definition_of_the_end_has_its_value_and_sentence():
+    time, angle = record([(1.0, 0.8, 0.6)], 4.0)
+    found = pl.movement_indices(time, angle)
+    assert set(MOVEMENT_DEFINITIONS) <= set(found)
+    assert all(words.endswith(".") for words in MOVEMENT_DEFINITIONS.values())
 
 
 def test_ringing_shrinks_with_the_duration_and_grows_with_the_order():

@@ -207,6 +207,16 @@ MEDIAN_DURATION = Index(
     leads=True,
     paragraph_place=1, panel_place=1, tile=Tile("Median duration"), has_table=True, is_planned=True,
 )  # fmt: skip
+TIME_AFTER_ARRIVAL = Index(
+    name="after_arrival", words="Time after the first arrival", short="After arrival", unit="s",
+    worse=Worse.IF_MORE, percent_of=PercentOf.NOTHING_AT_ALL,
+    of="after_arrival", of_movement=lambda motion, movement: movement.after_arrival, cut_off=CutOff.SEEN_DURATION,
+)  # fmt: skip
+CORRECTION_COUNT = Index(
+    name="corrections", words="Corrections of a movement", short="Corrections", unit="1",
+    worse=Worse.IF_MORE, percent_of=PercentOf.NOTHING_AT_ALL,
+    of="corrections", of_movement=lambda motion, movement: float(movement.corrections), cut_off=CutOff.SEEN_DURATION,
+)  # fmt: skip
 UNSETTLED_SHARE = Index(
     name="unsettled", words="Share of movements that never settled", short="Never settled", unit="1",
     worse=Worse.IF_MORE, percent_of=PercentOf.ALL_MOVEMENTS,
@@ -221,7 +231,7 @@ INDICES: Mapping[str, Index] = {
         MOVEMENT_DURATION, PEAK_VELOCITY, MEAN_VELOCITY, PEAK_ACCELERATION, PEAK_TIME_UP, PEAK_TIME_DOWN,
         SIGNED_END_ERROR, ABSOLUTE_END_ERROR, VARIABLE_END_ERROR, SPECTRAL_ARC_LENGTH, LOG_DIMENSIONLESS_JERK,
         EMG_LEVEL, EMG_PER_ACCELERATION, RMS_INTERACTION_TORQUE, PEAK_INTERACTION_TORQUE, WORK_AGAINST_ROBOT,
-        MEDIAN_DURATION, UNSETTLED_SHARE,
+        MEDIAN_DURATION, UNSETTLED_SHARE, TIME_AFTER_ARRIVAL, CORRECTION_COUNT,
     )
 }  # fmt: skip
 """All indices of an angle by name."""

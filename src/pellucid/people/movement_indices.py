@@ -29,7 +29,8 @@ from .share_of_people import DEFAULT_RULE, ShareRule, share_p_values
 from .survival import survival
 
 UNITS = {
-    "start": "s", "duration": "s", "direction": "1", "travel": "rad", "peak_velocity": "rad/s",
+    "start": "s", "duration": "s", "first_arrival": "s", "after_arrival": "s", "corrections": "1", "direction": "1",
+    "travel": "rad", "peak_velocity": "rad/s",
     "mean_velocity": "rad/s", "peak_acceleration": "rad/s^2", "peak_time": "1", "sparc": "1", "ldlj": "1",
 }  # fmt: skip
 """Unit of every index that needs the angle alone."""
@@ -42,8 +43,9 @@ class MovementIndices(Mapping[str, np.ndarray]):
     Attributes
     ----------
     columns : Mapping of str to ndarray, shape (movements,)
-        start, duration [s], direction (1 along the angle, -1 against it), travel [rad], peak_velocity (largest speed),
-        mean_velocity [rad/s], peak_acceleration [rad/s^2], peak_time (of the largest speed, as a share of the
+        start, duration (time to rest), first_arrival (time until the speed first falls below the threshold),
+        after_arrival (the rest of the duration) [s], corrections (their number), direction (1 along the angle, -1
+        against it), travel [rad], peak_velocity (largest speed), mean_velocity [rad/s], peak_acceleration [rad/s^2], peak_time (of the largest speed, as a share of the
         duration), sparc, ldlj.
     left_out : Mapping of str to int
         Number of stretches of the record without a movement, by reason.

@@ -3,13 +3,14 @@
 A record is cut into stretches with one movement each: from one step of the target to the next, or, without a target,
 from the middle of one rest to the middle of the next. The angle is low-passed without delay and differentiated; a
 movement lasts from the first to the last sample of its stretch whose speed is above a share of its largest, 5 % in the
-published rule [1]_. Speed has no sign: an overshoot and its correction backwards belong to the movement. That rule
-counts small corrections at the target; the other one ends where the speed first falls below the share. What a filter at
-3 Hz does to fast movements (longer, with lower peaks) is told by doing it again with others.
+published rule [1]_. Speed has no sign: an overshoot and its correction backwards belong to the movement. The duration
+is thus the time to rest. Beside it stand the number of corrections and the time after the first arrival
+(`MOVEMENT_DEFINITIONS` has each by its name). What a filter at 3 Hz does to fast movements (longer, with lower peaks) is
+told by doing it again with others.
 
 A low-pass without delay rings: it answers a movement that is short for its cut-off with motions in the opposite
-direction, before and after it. Such a motion counts only if it is faster than what the filter leaves of a one-way
-movement that lasts as long.
+direction, before and after it. Such a motion counts if it is faster than what the filter leaves of a one-way movement
+that lasts as long, or if the angle itself moves back as far: the angle before the filter does not ring.
 
 Two motions belong to a neighbour: one against the direction of the target that was under way when the target came ends
 the movement before, and one towards the next target that is fastest after that target came begins the next movement.
@@ -25,7 +26,7 @@ after each movement; the others stand where there are targets or rests between.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise, zip_longest
@@ -54,13 +55,21 @@ class MovementBounds:
     max_valley_share: float = 0.5
     # A stretch with less than this share of the intended travel contains no movement, or one in the other direction
     min_travel_share: float = 0.5
-    # Where no target is recorded, a motion back that follows a movement without a rest and travels less than this
-    # share of it is its correction. That is what an overshoot of a third leaves; people's are smaller.
+    # Where no target is recorded, a motion that soon follows a movement and travels less than this share of it is its
+    # correction. That is what an overshoot of a third leaves; people's are smaller.
     max_correction_share: float = 1.0 / 3.0
+    # It follows within this time of the movement. People correct an error that they see after 0.1 to 0.3 s, and a slow
+    # motion is above the threshold for less than it lasts
+    max_correction_delay_s: float = 0.5
     # A motion backwards counts if it is this many times as fast as the ringing of a movement of minimum jerk. The
     # speeds of people are not of minimum jerk: of one-way movements with a stylus at 3 Hz the ringing reaches 1.4
     # times that.
     ringing_margin: float = 1.5
+    # A slower motion backwards counts, too, if the angle before the filter goes back by this share of what it goes
+    # after the filter: 0 of ringing, about 1 of a correction
+    min_unfiltered_share: float = 0.5
+    # The angle before the filter is averaged over this time where a motion backwards begins and ends
+    unfiltered_average_s: float = 0.05
     # Ringing follows a movement, or precedes it, within this many periods of the cut-off frequency
     max_ringing_gap_periods: float = 0.5
     min_rest_s: float = 0.15  # Shorter rests do not separate movements where there is no target
@@ -71,6 +80,17 @@ class MovementBounds:
 
 
 MOVEMENT_BOUNDS = MovementBounds()
+
+MOVEMENT_DEFINITIONS: Mapping[str, str] = {
+    "duration": "Time to rest: from the first to the last sample whose speed is above 5 % of its largest, corrections "
+    "in either direction included (Verdel et al. 2021). The primary time.",
+    "first_arrival": "Time to the first arrival: from the first sample above 5 % until the speed first falls below it, "
+    "or the direction reverses, after its largest value (the primary submovement of Meyer et al. 1988).",
+    "after_arrival": "Time after the first arrival: the time to rest less the time to the first arrival, 0 without a "
+    "correction.",
+    "corrections": "Number of corrections: motions above 5 % in one direction between the first arrival and rest.",
+}
+"""Definitions of when a movement ends, by the name of the value that each gives, in sentences."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +114,7 @@ class Kinematics:
     velocity: np.ndarray
     acceleration: np.ndarray
     lost: np.ndarray  # (n,) Samples that were missing for longer than is bridged
+    unfiltered: np.ndarray  # (n,) The angle before the low-pass [rad]
     fs: float  # [Hz]
     unit: str = "rad"  # Or "m", of a place in place of an angle: all that is [rad] here is then [m]
 
@@ -131,7 +152,14 @@ class Movement:
     peak_acceleration: float  # largest along its direction, while it moves in that direction [rad/s^2]
     goal: float | None = None  # The target's angle [rad]
     lasted: float = 0.0  # [s] as seen: `duration`, and where it had not `settled` until its stretch was over
+    first_arrival: float = 0.0  # Time from its start to the end of the run of samples with the largest speed [s]
+    corrections: int = 0  # Motions after the first arrival, each in one direction
     settled: bool = True  # Whether it had been at rest for `min_rest_s` when its stretch was over
+
+    @property
+    def after_arrival(self) -> float:
+        """Time from the first arrival to rest [s]."""
+        return self.duration - self.first_arrival
 
 
 @dataclass(frozen=True)
@@ -172,7 +200,7 @@ def kinematics(
     except ValueError as error:
         raise RecordingError(f"{where or 'angle'}: {error}") from None
     velocity = central_difference(smooth, fs)
-    return Kinematics(even, smooth, velocity, central_difference(velocity, fs), lost, fs, unit)
+    return Kinematics(even, smooth, velocity, central_difference(velocity, fs), lost, filled, fs, unit)
 
 
 def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
@@ -197,8 +225,8 @@ def rest_stretches(
     """Stretches between rests, where no target was recorded.
 
     A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
-    `min_rest_s` apart in the same direction are one, a correction backwards belongs to the movement that it follows
-    without a rest, and what covers less than `least` is no movement.
+    `min_rest_s` apart in the same direction are one, a correction belongs to the movement that it follows within
+    `max_correction_delay_s`, and what covers less than `least` is no movement.
 
     `least` [rad]; `amplitude` [rad].
     """
@@ -235,18 +263,19 @@ def _travel(motion: Kinematics, run: Sequence[int]) -> float:
 def _with_corrections(motion: Kinematics, found: Sequence[Sequence[int]]) -> list[list[int]]:
     """Return the movements (start, stop, sign) among runs in one direction, in their order.
 
-    A run that another follows without a rest is part of it if it travels less than `max_correction_share` of it: after
-    the larger one it is a correction, before it a start in the wrong direction.
+    A small run, which travels less than `max_correction_share` of its neighbour, is part of it: one that soon follows a
+    larger run is its correction, one without a rest before it is a start in the wrong direction.
     """
     kept: list[list[int]] = []
     size = 0.0  # travel of the last movement's largest run
     for start, stop, sign in found:
         own = _travel(motion, (start, stop))
-        if not kept or (start - kept[-1][1]) / motion.fs >= MOVEMENT_BOUNDS.min_rest_s:
-            kept.append([start, stop, sign])
-        elif own < MOVEMENT_BOUNDS.max_correction_share * size:
+        rest = (start - kept[-1][1]) / motion.fs if kept else np.inf
+        if own < MOVEMENT_BOUNDS.max_correction_share * size and rest < MOVEMENT_BOUNDS.max_correction_delay_s:
             kept[-1][1] = stop
             continue
+        if rest >= MOVEMENT_BOUNDS.min_rest_s:
+            kept.append([start, stop, sign])
         elif size < MOVEMENT_BOUNDS.max_correction_share * own:
             kept[-1][1:] = stop, sign
         else:
@@ -300,8 +329,10 @@ def _movement(
     # A reversal passes through rest, whether or not a sample lies there.
     ways = np.sign(velocity) * np.sign(velocity[peak])
     main = next(run for run in runs((speed > rule.threshold * top) & (ways > 0.0)) if run.start <= peak < run.stop)
+    seen = speed
     if rule.ends == "all":
-        first, last = moving_samples(_without_ringing(speed, ways, main, motion.fs, rule), rule.threshold)
+        seen = _without_ringing(speed, ways, main, motion, low, rule)
+        first, last = moving_samples(seen, rule.threshold)
     else:
         first, last = main.start, main.stop - 1
     if motion.lost[low + first : low + last + 1].any():
@@ -325,6 +356,9 @@ def _movement(
     # What rests divide has settled; where targets do, the next may come before it has.
     settled = stretch.goal is None or rest >= MOVEMENT_BOUNDS.min_rest_s
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
+    later = slice(main.stop, last + 1)
+    moves = seen[later] > rule.threshold * top
+    corrections = sum(len(runs(moves & (way * ways[later] > 0.0))) for way in (1.0, -1.0))
     # The braking of a correction backwards is no acceleration of the movement.
     inside = slice(low + first, low + last + 1)
     towards = direction * motion.velocity[inside] > 0.0
@@ -345,15 +379,20 @@ def _movement(
         peak_acceleration=float(np.max(direction * motion.acceleration[inside][towards])),
         goal=stretch.goal,
         lasted=duration if settled else duration + rest,
+        first_arrival=(main.stop - 1 - first) / motion.fs,
+        corrections=corrections,
         settled=settled,
     )
 
 
-def _without_ringing(speed: np.ndarray, ways: np.ndarray, main: slice, fs: float, rule: MovementRule) -> np.ndarray:
+def _without_ringing(
+    speed: np.ndarray, ways: np.ndarray, main: slice, motion: Kinematics, low: int, rule: MovementRule
+) -> np.ndarray:
     """Return the speed (n,), 0 in motions beside the `main` run that the filter alone may have made.
 
-    `ways` is 1 in the direction of the main run and -1 against it.
+    `ways` is 1 in the direction of the main run and -1 against it; `low` is the first of these samples in `motion`.
     """
+    fs = motion.fs
     limit = MOVEMENT_BOUNDS.ringing_margin * ringing_share((main.stop - 1 - main.start) / fs * rule.lowpass, rule)
     top = float(speed[main].max())
     if limit <= rule.threshold:
@@ -362,9 +401,21 @@ def _without_ringing(speed: np.ndarray, ways: np.ndarray, main: slice, fs: float
     reach = MOVEMENT_BOUNDS.max_ringing_gap_periods / rule.lowpass * fs
     for run in runs((ways < 0.0) & (speed > rule.threshold * top)):
         gap = max(run.start - main.stop, main.start - run.stop)
-        if gap <= reach and speed[run].max() <= limit * top:
+        slow = gap <= reach and speed[run].max() <= limit * top
+        if slow and not _moves_unfiltered(motion, slice(low + run.start, low + run.stop)):
             kept[run] = 0.0
     return kept
+
+
+def _moves_unfiltered(motion: Kinematics, run: slice) -> bool:
+    """Return whether the angle before the filter goes the way of a run after the filter."""
+    half = max(round(0.5 * MOVEMENT_BOUNDS.unfiltered_average_s * motion.fs), 0)
+
+    def at(sample: int) -> float:
+        return float(np.mean(motion.unfiltered[max(sample - half, 0) : sample + half + 1]))
+
+    went = float(motion.angle[run.stop - 1] - motion.angle[run.start])
+    return (at(run.stop - 1) - at(run.start)) / went >= MOVEMENT_BOUNDS.min_unfiltered_share if went else False
 
 
 def ringing_share(periods: float, rule: MovementRule) -> float:
