@@ -1,5 +1,7 @@
 """Movements in an angle record: known ones are found where they are, and what is none is left out with a reason."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from made_pointing import minimum_jerk
@@ -295,7 +297,9 @@ def test_every_definition_of_the_end_has_its_value_and_sentence():
     time, angle = record([(1.0, 0.8, 0.6)], 4.0)
     found = pl.movement_indices(time, angle)
     assert set(MOVEMENT_DEFINITIONS) <= set(found)
-    assert all(words.endswith(".") for words in MOVEMENT_DEFINITIONS.values())
+    page = (Path(__file__).parents[2] / "docs" / "transparency-indices.md").read_text(encoding="utf-8")
+    for name, words in MOVEMENT_DEFINITIONS.items():
+        assert f"| `{name}` | {words} |" in page
 
 
 def test_ringing_shrinks_with_the_duration_and_grows_with_the_order():
