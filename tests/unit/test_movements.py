@@ -258,7 +258,7 @@ def test_an_overshoot_of_a_fast_movement_counts_beside_the_ringing(duration):
     assert found.duration > 0.5
 
 
-@pytest.mark.parametrize("duration, overshoot, pause, lowpass", [
+@pytest.mark.parametrize(("duration", "overshoot", "pause", "lowpass"), [
     (0.4, 0.06, 0.15, 3.0), (0.4, 0.1, 0.3, 3.0), (0.6, 0.1, 0.15, 3.0), (0.8, 0.18, 0.3, 3.0), (0.6, 0.18, 0.3, 10.0),
 ])  # fmt: skip
 @pytest.mark.parametrize("has_target", [True, False])
@@ -280,7 +280,8 @@ def test_a_correction_backwards_after_a_pause_is_part_of_the_time_to_rest(
         motion = kinematics(time, angle, rule)
         stretches = steps(time, *at) if has_target else rest_stretches(motion, rule, least=0.05)
         own, none = movements(motion, stretches, rule)
-        assert len(own) == 4 and not none
+        assert len(own) == 4
+        assert not none
         found[extra] = own
     true = (pause + later) / duration
     ratio = np.mean([m.duration for m in found[overshoot]]) / np.mean([m.duration for m in found[0.0]]) - 1.0

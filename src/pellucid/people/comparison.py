@@ -573,7 +573,9 @@ def _compare_with_control(
     mean = float(control.mean())
     relative = float(own.mean() / mean - 1.0) if mean > 0.0 else None
     dominance = tied_signs(own[:, None] - control[None, :], scale)
-    standardised = float(d.mean() / deviation) if deviation > 0.0 else float("nan")
+    # Where nobody changes, such as by an index that is 0 in both conditions, there is no effect.
+    unscaled = float("nan") if d.any() else 0.0
+    standardised = float(d.mean() / deviation) if deviation > 0.0 else unscaled
     interval = mean_interval(d, confidence, rng)
     return ControlComparison(
         condition=name,
