@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import pellucid as pl
+from pellucid import PellucidError
 from pellucid.people.certificate import CANNOT_SAY, PASS
 from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import is_smallest, sized
@@ -20,13 +21,20 @@ COUNT = sized(STUDY_COUNT, smallest=2)
 """Number of studies that are assessed."""
 
 
+REFUSED = "refused"
+"""Answer to a study whose recordings are not fit to be used: most movements of one of them have no end."""
+
+
 def verdict_of(i: int) -> str:
     """Return what `pl.assess` says of the robot in study number `i`, which is written and read as files."""
     with TemporaryDirectory() as place:
         folder = Path(place)
         write_study(i, folder)
         if (folder / "study.toml").exists():
-            found = pl.assess(folder, studies=5)
+            try:
+                found = pl.assess(folder, studies=5)
+            except PellucidError:
+                return REFUSED
             return next(each.certificate.verdict for each in found.certified if each.condition == "robot")
         return pl.assess(
             read_table(folder / "movements.csv"), control="free", margins={"duration": MARGIN}
@@ -56,17 +64,19 @@ def rows() -> Iterator[tuple[str, float, str, str]]:
     changed = [i for i in numbers if not truths[i].transparent]
     alike = [i for i in numbers if truths[i].transparent]
     false = [i for i in changed if said[i] == PASS]
-    refused = [i for i in alike if said[i] not in (PASS, CANNOT_SAY)]
+    wrong = [i for i in alike if said[i] not in (PASS, CANNOT_SAY, REFUSED)]
+    refused = [i for i in numbers if said[i] == REFUSED]
     silent = [i for i in numbers if said[i] == CANNOT_SAY]
     right = [i for i in alike if said[i] == PASS]
     for name, some, of, words in (
         ("false_transparent", false, changed, "studies whose robot is not transparent, most of them at a limit"),
-        ("false_not_transparent", refused, alike, "studies whose robot is transparent"),
+        ("false_not_transparent", wrong, alike, "studies whose robot is transparent"),
         ("cannot_say", silent, numbers, "studies"),
+        ("refused", refused, numbers, "studies, whose recordings miss most of somebody's movements"),
         ("power", right, alike, "studies whose robot is transparent, 12 to 24 people"),
     ):
         value = 100.0 * len(some) / max(len(of), 1)
-        named = f": {_named(truths, some)}" if some and name.startswith("false") else ""
+        named = f": {_named(truths, some)}" if some and name.startswith(("false", "refused")) else ""
         yield f"challenge.{name}", value, "%", f"{len(some)} of {len(of)} {words}{named}"
     for kind in ("table", "recordings"):
         own = [i for i in alike if truths[i].kind == kind]

@@ -14,8 +14,15 @@ from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
 PARTS = sized(
-    ("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_reloaded", "_mujoco_replay",
-     "_installed_wheel"),
+    (
+        "_init_layouts",
+        "_audit_logs",
+        "_read_back",
+        "_exports_read",
+        "_mujoco_reloaded",
+        "_mujoco_replay",
+        "_installed_wheel",
+    ),
     smallest=("_init_layouts", "_audit_logs", "_read_back", "_exports_read", "_mujoco_reloaded"),
 )
 """Files of this folder that measure a part each, the quick ones first."""

@@ -158,7 +158,7 @@ def _is_rounded(text: str, value: float | None) -> bool:
         return False
     places = len(digits.partition(".")[2])
     # 20400 for 20393 has been rounded before the point.
-    unit = 10.0 ** -places if places else 10.0 ** (len(digits) - len(digits.rstrip("0")))
+    unit = 10.0**-places if places else 10.0 ** (len(digits) - len(digits.rstrip("0")))
     return abs(told - value) <= 0.5000001 * unit * scale
 
 
