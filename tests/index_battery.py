@@ -26,7 +26,6 @@ from pellucid.people.indices import (
 )
 from pellucid.people.movement_indices import index_table
 from pellucid.people.study.assessment_table import AssessmentTable
-from pellucid.people.study.certified import end_points
 from pellucid.people.study.measured_study import MeasuredStudy, activities, measure
 from pellucid.people.study.pointing import usable_records, with_rule
 from pellucid.units import COORDINATES_BY_UNIT, parse_quantity
@@ -73,7 +72,7 @@ def has_known_unit(index: Index) -> bool:
 def is_refused(margin: str, index: Index) -> bool:
     """Whether [assessment.margins] refuses a margin of an index."""
     try:
-        end_points(AssessmentTable(control="Ctrl", margins={index.name: margin}), INDICES)
+        AssessmentTable(control="Ctrl", margins={index.name: margin}).analysis.end_points(INDICES)
     except StudyError:
         return True
     return False
@@ -118,7 +117,7 @@ def faults_of_index(index: Index) -> list[str]:
     if is_refused("10 %", index) == has_share:
         found.append("a margin in % is refused, or taken, against what it says of percentages")
     if not is_refused(f"0.1 {index.unit}", index):
-        point = end_points(AssessmentTable(control="Ctrl", margins={index.name: f"0.1 {index.unit}"}), INDICES)
+        point = AssessmentTable(control="Ctrl", margins={index.name: f"0.1 {index.unit}"}).analysis.end_points(INDICES)
         if (point[index.name].margin.low == -float("inf")) != (index.worse is Worse.IF_MORE):
             found.append("its margin does not lie on the side that is worse")
     else:

@@ -26,9 +26,10 @@ from .joint.study.fit_joint import fit_joint as fit_joint
 from .orthosis.imu.hinge import fit_hinge as fit_hinge
 from .orthosis.strap.identified_strap import fit_strap as fit_strap
 from .orthosis.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
-from .people.certificate import certify as certify
+from .people.certify import certify as certify
 from .people.comparison import compare_conditions as compare_conditions
 from .people.movement_indices import movement_indices as movement_indices
+from .people.power import plan as plan
 from .people.power import power_curve as power_curve
 from .start.log_proposal import propose as propose
 from .start_study import init as init

@@ -431,10 +431,14 @@ def plan(
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     allow_outside: Outside = False,
 ) -> None:
-    """Plan the number of people for a certificate."""
+    """Plan the number of people for a certificate, and register its analysis.
+
+    The analysis is written to analysis.toml. A certificate under another one is called post hoc.
+    """
     from .people.design_columns import cluster
     from .people.study.plan import pilot_changes
     from .people.study.plan import plan as run
+    from .people.study.registered import register
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
@@ -444,6 +448,7 @@ def plan(
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     print_short_table(console, found.heads, rows, 30)
     print_line(console, found.note)
+    print_line(console, register(study))
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid certificate my-people"))

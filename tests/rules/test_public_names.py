@@ -46,6 +46,7 @@ NAMES = [
     "movement_indices",
     "onset",
     "open",
+    "plan",
     "power_curve",
     "predict",
     "propose",

@@ -82,7 +82,7 @@ def simulate(seed, margins=True):
     order = SessionOrder({}, {}, dict.fromkeys(recorded, 0), "the order of conditions is not stated")
     made = AssessmentResult(
         study="study", headline="", tables=(), verdicts=(), rows=(), cards={}, checksums={}, confidence=0.95,
-        estimand=spec.estimand, control=CONTROL, conditions=conditions, participants=tuple(people), unit="rad",
+        estimand=spec.analysis.estimand, control=CONTROL, conditions=conditions, participants=tuple(people), unit="rad",
         movements=len(movements), assessed=assessed, measured=whole.movements,
     )  # fmt: skip
     if margins:
@@ -116,7 +116,7 @@ def require_no_contradiction(study):
         assert (verdict == FAIL) == (BEYOND_MARGIN in words.values())
         for name, word in words.items():
             short = found.indices[name].short
-            expected = {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "cannot say"}[word]
+            expected = {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "undecided"}[word]
             assert shown[short, each.condition] == expected
             point = own.end_points[name]
             assert not (point.p_within <= own.alpha and point.p_beyond <= own.alpha)
@@ -223,9 +223,13 @@ def test_a_session_says_of_an_estimand_what_its_certificate_does(estimand):
     people = [f"P{i}" for i in range(80)]
     spec = AssessmentTable(control=CONTROL, margins={"vmax": "10 %", "estimand": estimand})
     indices = RunningIndices(spec)
-    point = certified.end_points(spec, indices._indices)
+    point = spec.analysis.end_points(indices._indices)
     values = np.exp(np.column_stack([0.0 * changes, changes]))
     table = IndexTable("vmax", "rad", tuple(people), (CONTROL, "Robot"), values)
     indices._table = lambda *_: table
-    said = indices._verdict("Robot", point, [], people).said
+    made = Movement(first=0, last=9, start=0.0, duration=1.0, direction=1, amplitude=0.3, travel=0.3, reach=0.3,
+                    peak_velocity=1.0, mean_velocity=0.5, peak_time=0.5, peak_acceleration=1.0, lasted=1.0)  # fmt: skip
+    somebody = MeasuredMovement("somebody", CONTROL, "r", made, (17.2, "up"), {"vmax": 1.0})
+    part = MeasuredStudy(MovementRule(), (somebody,), {}, {})
+    said = indices._verdict("Robot", point, [part], people).said
     assert said == {"mean": "cannot say yet", "pseudo-median": "transparent"}[estimand]

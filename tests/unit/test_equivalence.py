@@ -8,7 +8,8 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, FAIL, PASS, certificate, share_rule
+from pellucid.people.analysis import share_rule
+from pellucid.people.certificate import CANNOT_SAY, ESTIMAND_METHODS, FAIL, PASS, certificate
 from pellucid.people.design_columns import MovementDuration
 from pellucid.people.equivalence import (
     METHODS,

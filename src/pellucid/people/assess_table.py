@@ -7,6 +7,8 @@ recordings.
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,34 +17,24 @@ import numpy as np
 
 from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
+from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand
 from .certificate import (
     CANNOT_SAY,
-    ESTIMAND_METHODS,
     LOST_MOVEMENTS_DOUBT,
     LOST_PEOPLE_DOUBT,
     Certificate,
-    Doubt,
-    Estimand,
     LostCounts,
-    certificate_from_tests,
-    doubts_of_loss,
-    doubts_of_lost_people,
-    learning_doubt,
-    margin_of,
-    share_rule,
+    PeoplesChanges,
+    decide,
     too_many_lost,
     undecided_reason,
 )
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
-from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED, equivalence
-from .mixed_model import Thirds, thirds
+from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED
+from .learning import OrderedMovements, learning
 from .movement_indices import shared_cells
-from .session_periods import SessionPeriods
-from .share_of_people import DEFAULT_RULE, ShareRule
-
-DEFAULT_MAX_LEFT_OUT = 0.10
-"""Largest share of a condition's movements, or of participants, that may be lost, as in ``[assessment]``."""
+from .share_of_people import DEFAULT_RULE
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,7 +119,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         said = [f"{len(self.participants)} participants"]
         if self.left_out:
             said.append(f"left out for a missing condition: {', '.join(self.left_out)}")
-        said += [f"{name}: {each.verdict}{self._why(name)}" for name, each in self.certificates.items()]
+        said += [f"{name}: {each.statement}{self._why(name)}" for name, each in self.certificates.items()]
         if self.factors:
             said.append(f"taken as factors, movements compared within their levels: {', '.join(self.factors)}")
         if self.uncompared:
@@ -167,7 +159,8 @@ class TableAssessment(Mapping[str, ConditionComparison]):
 def assess_table(
     table: object,
     *,
-    control: str,
+    analysis: Analysis | Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    control: str | None = None,
     indices: Sequence[str] | None = None,
     participant: str = "participant",
     condition: str = "condition",
@@ -191,6 +184,9 @@ def assess_table(
         conditions. A column ``period`` says when conditions came: the change of an index with a margin is estimated
         without the effect of the period. ``block`` and ``trial`` say when movements came: such a change is tested
         without the effect of learning, too.
+    analysis : Analysis, mapping, or path-like, optional
+        What was stated before the data were seen: an object, its mapping, ``analysis.toml``, or study.toml with
+        ``[assessment]``. It takes the place of all keywords but `indices`.
     control : str
         Name of the condition with which the others are compared.
     indices : sequence of str, optional
@@ -227,13 +223,42 @@ def assess_table(
     PellucidError
         If a column is missing, the control is no condition, or fewer than two participants did all conditions.
     """
-    columns = columns_of(table, "assess")
-    for name in (participant, condition, *(indices or ()), *(factors or ()), *(margins or ())):
+    if analysis is not None:
+        stated = Analysis.of(analysis)
+        given = {
+            "control": (control, None), "margins": (margins, None), "alpha": (alpha, 0.05),
+            "estimand": (estimand, "mean"), "people": (people, None),
+            "people_level": (people_level, DEFAULT_RULE.alpha),
+            "largest_carry_over": (largest_carry_over, DEFAULT_CARRY_OVER), "factors": (factors, None),
+            "max_left_out": (max_left_out, DEFAULT_MAX_LEFT_OUT), "participant": (participant, "participant"),
+            "condition": (condition, "condition"),
+        }  # fmt: skip
+        twice = [name for name, (own, default) in given.items() if own != default]
+        if twice:
+            raise PellucidError(f"assess: found analysis and {', '.join(twice)}, expected all of it in the analysis")
+    else:
+        stated = Analysis(
+            margins=margins or {}, control=control or "", estimand=estimand, people=people, people_level=people_level,
+            false_transparent=alpha, largest_carry_over=largest_carry_over, max_left_out=max_left_out,
+            participant=participant, condition=condition, factors=None if factors is None else tuple(factors),
+            where="assess",
+        )  # fmt: skip
+    return _assessed(columns_of(table, "assess"), stated, indices)
+
+
+def _assessed(
+    columns: Mapping[str, Sequence[Any]], stated: Analysis, indices: Sequence[str] | None
+) -> TableAssessment:
+    """Return the comparison of a table's columns by an analysis."""
+    participant, condition, control, margins = stated.participant, stated.condition, stated.control, stated.margins
+    ordering = [stated.sequence] if stated.sequence else []
+    stated_columns = [stated.period, *ordering] if stated.period else ordering
+    for name in (participant, condition, *(indices or ()), *(stated.factors or ()), *margins, *stated_columns):
         if name not in columns:
             raise PellucidError(f"assess: found the columns {', '.join(columns)}, expected {name!r} among them")
-    if not 0.0 <= max_left_out <= 1.0:
-        raise PellucidError(f"assess: found max_left_out = {max_left_out:g}, expected a share from 0 to 1")
-    rule = share_rule("assess", estimand, people, people_level)
+    if not control:
+        raise PellucidError("assess: found no control, expected the name of the control condition")
+    ends = stated.end_points()
     who, what = ([str(value) for value in columns[name]] for name in (participant, condition))
     conditions = list(dict.fromkeys(what))
     if control not in conditions:
@@ -241,28 +266,34 @@ def assess_table(
     conditions = [control, *(name for name in conditions if name != control)]
     if len(conditions) < 2:
         raise PellucidError(f"assess: found the condition {control} alone, expected at least one other")
-    others = [name for name in columns if name not in (participant, condition)]
-    named = {*(margins or ()), *(indices or ())}
+    others = [name for name in columns if name not in (participant, condition, *ordering)]
+    named = {*margins, *(indices or ())}
     roles = design_roles({name: columns[name] for name in others if name not in named}, who, what)
+    if stated.period:
+        roles[stated.period] = DesignRole.PERIOD_FACTOR
     if indices is None:
         indices = [
             name for name in others
-            if name in named or (name not in roles and name not in (factors or ()) and _is_numeric(columns[name]))
+            if name in named
+            or (name not in roles and name not in (stated.factors or ()) and _is_numeric(columns[name]))
         ]  # fmt: skip
     if not indices:
         taken = f", of which {', '.join(roles)} describe the design" if roles else ""
         raise PellucidError(
             f"assess: found no numeric column to compare among {', '.join(columns)}{taken}, expected at least one index"
         )
-    strangers = [name for name in margins or () if name not in indices]
+    strangers = [name for name in margins if name not in indices]
     if strangers:
         raise PellucidError(f"assess: found margins of {', '.join(strangers)}, expected them among the indices too")
     design = {name: columns[name] for name in others if name not in indices}
-    cells, used, notes = _cells(design, roles, factors, what)
-    rows = _Rows(who, what, cells, _order(design, roles), {name: _numbers(name, columns[name]) for name in indices})
+    cells, used, alike, notes = _cells(design, roles, stated.factors, what)
+    numbers = {name: _numbers(name, columns[name]) for name in indices}
+    rows = _Rows(who, what, cells, _order(design, roles), numbers, alike)
     people_names = list(dict.fromkeys(who))
     there = set(zip(who, what, strict=True))
-    participants = tuple(p for p in people_names if all((p, c) in there for c in conditions))
+    participants = tuple(
+        p for p in people_names if p not in stated.excluded and all((p, c) in there for c in conditions)
+    )
     left_out = tuple(p for p in people_names if p not in participants)
     tables = {name: _values(rows, name, participants, conditions) for name in indices}
     few = {name: len(people) for name, (people, _, _) in tables.items() if len(people) < 2}
@@ -278,18 +309,25 @@ def assess_table(
     lost = {name: _lost(rows, name, tables[name][0], tables[name][1]) for name in indices}
     certificates = {}
     if margins:
-        ends = {name: margin_of(name, margin) for name, margin in margins.items()}
         both = [p for p in participants if all(p in tables[name][0] for name in margins)]
-        periods = _periods(design, roles, who, what)
+        if stated.sequence:
+            periods = _periods_of_sequences(columns[stated.sequence], who, conditions, stated.sequence)
+        elif stated.period:
+            periods = _mean_periods(columns[stated.period], who, what, stated.period)
+        else:
+            periods = _periods(design, roles, who, what)
         for name in conditions[1:]:
-            certificates[name] = _certificate(
-                rows, tables, ends, (control, name), both, people_names, periods, alpha, estimand, rule,
-                largest_carry_over, max_left_out,
-            )  # fmt: skip
-    notes += _notes(tables, participants, lost, max_left_out)
+            changes = {
+                index: _changes(rows, tables[index], index, end, (control, name), both, conditions, periods, stated)
+                for index, end in ends.items()
+            }
+            missing = len({*people_names, *stated.excluded}) - len(both)
+            certificates[name] = decide(stated, changes, lost_people=missing)
+    notes += _notes(tables, participants, lost, stated.max_left_out)
+    notes += [f"{person}: excluded: {why}" for person, why in stated.excluded.items()]
     uncompared = tuple(name for name in roles if name not in used)
     return TableAssessment(
-        comparisons, participants, left_out, certificates, lost, tuple(used), uncompared, tuple(notes)
+        comparisons, participants, left_out, certificates, lost, tuple(used), (*uncompared, *ordering), tuple(notes)
     )
 
 
@@ -302,6 +340,7 @@ class _Rows:
     cells: Sequence[tuple]  # cell of alike movements, by row
     order: np.ndarray | None  # place of each row in time; None if it is not stated
     values: Mapping[str, np.ndarray]  # by index, (rows,)
+    alike: bool  # whether columns say which movements are alike
 
 
 def _is_numeric(values: Sequence[Any]) -> bool:
@@ -318,13 +357,16 @@ def _numbers(name: str, values: Sequence[Any]) -> np.ndarray:
 def _cells(
     design: Mapping[str, Sequence[Any]], roles: Mapping[str, DesignRole], factors: Sequence[str] | None,
     conditions: Sequence[str],
-) -> tuple[list[tuple], list[str], list[str]]:  # fmt: skip
-    """Return the cell of each row, the factors that make it, and notes on those that do not."""
+) -> tuple[list[tuple], list[str], bool, list[str]]:  # fmt: skip
+    """Return the cell of each row, the factors that make it, whether any does, and notes on those that do not.
+
+    A factor with one level makes no cells, and says all the same that movements are alike.
+    """
     wanted = columns_with_role(roles, DesignRole.CELL_FACTOR) if factors is None else list(factors)
     clash = [name for name in wanted if name not in design]
     if clash:
         raise PellucidError(f"assess: found {', '.join(clash)} among indices and factors, expected it in one of both")
-    used, notes, parts = [], [], []
+    used, notes, parts, alike = [], [], [], False
     for name in wanted:
         levels = [_level(name, row, value) for row, value in enumerate(design[name])]
         count = len(set(levels))
@@ -332,11 +374,13 @@ def _cells(
             notes.append(f"{name} has {count} levels: movements are not compared within them")
         elif factors is None and count > 1 and not _shared_levels(levels, conditions):
             notes.append(f"{name} has other levels in every condition: movements are not compared within them")
-        elif count > 1:
-            used.append(name)
-            parts.append(levels)
+        else:
+            alike = True
+            if count > 1:
+                used.append(name)
+                parts.append(levels)
     cells: list[tuple] = list(zip(*parts, strict=True)) if parts else [()] * len(conditions)
-    return cells, used, notes
+    return cells, used, alike, notes
 
 
 def _shared_levels(levels: Sequence[object], conditions: Sequence[str]) -> set:
@@ -370,10 +414,47 @@ def _periods(
     name = next((n for n in columns_with_role(roles, DesignRole.PERIOD_FACTOR) if _is_numeric(design[n])), None)
     if name is None or not np.isfinite(np.asarray(design[name], float)).all():
         return {}
+    return _mean_periods(design[name], who, what, name)
+
+
+def _mean_periods(
+    values: Sequence[Any], who: Sequence[str], what: Sequence[str], name: str
+) -> Mapping[tuple[str, str], float]:
+    """Return the mean of a column of periods by participant and condition."""
+    if not _is_numeric(values) or not np.isfinite(np.asarray(values, float)).all():
+        raise PellucidError(f"assess, column {name}: found values that are no numbers, expected sessions' numbers")
     found: dict[tuple[str, str], list[float]] = {}
-    for person, condition, value in zip(who, what, design[name], strict=True):
+    for person, condition, value in zip(who, what, values, strict=True):
         found.setdefault((person, condition), []).append(float(value))
     return {key: float(np.mean(own)) for key, own in found.items()}
+
+
+def _periods_of_sequences(
+    values: Sequence[Any], who: Sequence[str], conditions: Sequence[str], name: str
+) -> Mapping[tuple[str, str], float]:
+    """Return the period by participant and condition from each participant's sequence of conditions.
+
+    A sequence names the conditions in their order, or has the letters A and B of control and the other condition.
+    """
+    found: dict[tuple[str, str], float] = {}
+    told: dict[str, str] = {}
+    for person, value in zip(who, values, strict=True):
+        text = str(value).strip()
+        if told.setdefault(person, text) != text:
+            raise PellucidError(
+                f"assess, column {name}: found {told[person]!r} and {text!r} of {person}, expected one sequence"
+            )
+    for person, text in told.items():
+        names = re.split(r"[\s,;>/-]+", text)
+        if sorted(text.upper()) == ["A", "B"] and len(conditions) == 2 and sorted(names) != sorted(conditions):
+            names = [conditions["AB".index(letter)] for letter in text.upper()]
+        if sorted(names) != sorted(conditions):
+            raise PellucidError(
+                f"assess, column {name}: found {text!r} of {person}, expected all of {', '.join(conditions)} in their "
+                "order, such as " + repr(" ".join(conditions)) + (" or 'AB' (A is control)" * (len(conditions) == 2))
+            )
+        found |= {(person, each): float(place) for place, each in enumerate(names, 1)}
+    return found
 
 
 def _values(
@@ -407,71 +488,37 @@ def _lost(rows: _Rows, index: str, participants: Sequence[str], conditions: Sequ
     return {c: (total - sum(known.get((*key, c), 0) for key in most), total) for c in conditions}
 
 
-def _certificate(
-    rows: _Rows, tables, ends, pair: tuple[str, str], both: Sequence[str], everybody: Sequence[str],
-    periods: Mapping[tuple[str, str], float], alpha: float, estimand: Estimand, rule: ShareRule, carry_over: float,
-    max_share: float,
-) -> Certificate:  # fmt: skip
-    """Return the certificate of the second condition of a `pair` against the first."""
-    method = ESTIMAND_METHODS[estimand]
+def _changes(
+    rows: _Rows, table, index: str, end: EndPoint, pair: tuple[str, str], both: Sequence[str],
+    conditions: Sequence[str], periods: Mapping[tuple[str, str], float], stated: Analysis,
+) -> PeoplesChanges:  # fmt: skip
+    """Return what the rows say of the changes of an index in the second condition of a `pair` against the first."""
     if len(both) < 2:
         raise PellucidError(f"assess, {pair[1]}: found {len(both)} participants with all margins, expected 2 or more")
-    tests, doubts, lost, losers = {}, {}, {}, {}
-    for name, margin in ends.items():
-        names, conditions, values = tables[name]
-        lacking = [c for c in pair if c not in conditions]
-        if lacking:
-            raise PellucidError(f"assess, {name}: found no value in {', '.join(lacking)}, expected some for its margin")
-        values = values[[names.index(person) for person in both]]
-        at, to = (conditions.index(c) for c in pair)
-        if not (values[:, [at, to]] > 0.0).all():
-            raise PellucidError(f"assess, {name}: found means of 0 or less, expected positive ones for its margin")
-        logs = np.log(np.where(values > 0.0, values, np.nan))
-        seen = logs[:, to] - logs[:, at]
-        sessions = None
-        if all((person, c) in periods for person in both for c in conditions):
-            places = np.array([[periods[person, c] for c in conditions] for person in both])
-            sessions = SessionPeriods.of_conditions(places, at, to)
-        tests[name] = equivalence(
-            seen, margin, alpha=alpha, method=method, sessions=sessions, largest_carry_over=carry_over
-        )
-        lost[name] = _lost(rows, name, both, pair)
-        losers[name] = np.array([any(gone for gone, _ in _lost(rows, name, [p], pair).values()) for p in both])
-        own: list[Doubt | None] = []
-        base, worn = (_thirds(rows, name, both, c) for c in pair)
-        if base is not None and worn is not None:
-            drift = np.array([b.drift - a.drift for a, b in zip(base, worn, strict=True)])
-            late = np.array([b.last - a.last for a, b in zip(base, worn, strict=True)])
-            own.append(learning_doubt(drift, seen + late, tests[name]))
-        doubts[name] = tuple(each for each in own if each is not None)
-    missing = sum(person not in both for person in everybody)
-    for name, doubt in (
-        *doubts_of_loss(tests, lost, alpha, max_share, losers, alike=len(set(rows.cells)) > 1).items(),
-        *doubts_of_lost_people(tests, missing, alpha, max_share).items(),
-    ):
-        doubts[name] = (*doubts[name], doubt)
-    return certificate_from_tests(tests, alpha, doubts, rule=rule)
-
-
-def _thirds(rows: _Rows, index: str, people: Sequence[str], condition: str) -> list[Thirds] | None:
-    """Return the first and last third of a condition's movements, by participant; None without an order or too few."""
-    order = rows.order
-    if order is None:
-        return None
-    made = []
-    for person in people:
-        own = [
-            i for i, (w, c) in enumerate(zip(rows.who, rows.what, strict=True))
-            if (w, c) == (person, condition) and rows.values[index][i] > 0.0
-        ]  # fmt: skip
-        own.sort(key=order.__getitem__)
-        if len(set(order[own].tolist())) < len(own):
-            return None
-        found = thirds([float(np.log(rows.values[index][i])) for i in own], [rows.cells[i] for i in own])
-        if found is None:
-            return None
-        made.append(found)
-    return made
+    names, recorded, values = table
+    lacking = [c for c in pair if c not in recorded]
+    if lacking:
+        raise PellucidError(f"assess, {index}: found no value in {', '.join(lacking)}, expected some for its margin")
+    values = values[[names.index(person) for person in both]]
+    base, own = (values[:, recorded.index(c)] for c in pair)
+    if end.ratio and not (np.minimum(base, own) > 0.0).all():
+        raise PellucidError(f"assess, {index}: found means of 0 or less, expected positive ones for its margin")
+    seen = end.differences(own, base)
+    used = rows.values[index]
+    if end.ratio:
+        used = np.log(np.where(used > 0.0, used, np.nan))
+    trend = learning(OrderedMovements(rows.who, rows.what, rows.cells, used, rows.order), both, pair)
+    lost_by_person = [_lost(rows, index, [person], pair) for person in both]
+    return PeoplesChanges(
+        end.margin,
+        seen,
+        sessions=stated.sessions(periods, both, conditions, pair[1]),
+        drift=None if trend is None else trend[0],
+        at_end=None if trend is None else seen + trend[1],
+        lost=_lost(rows, index, both, pair),
+        losers=np.array([any(gone for gone, _ in each.values()) for each in lost_by_person]),
+        alike=rows.alike,
+    )
 
 
 def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], max_share: float) -> list[str]:

@@ -16,7 +16,7 @@ held against the margin too. Where it weighs and the change without it does not 
 undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only with what is seen
 would let through what few people do not show.
 
-What tests a study's recordings and what tests a table of values take their doubts from here.
+`decide` executes an `Analysis`. Recordings, tables and arrays hand it what they know of people's changes.
 
 .. [1] R. L. Berger, J. C. Hsu, "Bioequivalence trials, intersection-union tests and equivalence confidence sets", Stat.
    Sci. 11, 1996.
@@ -24,17 +24,15 @@ What tests a study's recordings and what tests a table of values take their doub
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
-from math import inf
-from typing import Literal, cast
+from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .._errors import PellucidError
-from ..numerics.arguments import with_checked_arguments
 from ..numerics.block_test import holm
+from .analysis import ESTIMAND_METHODS, Analysis, Estimand
 from .comparison import signed_rank
 from .curves import CurveComparison
 from .equivalence import (
@@ -47,18 +45,8 @@ from .equivalence import (
     Method,
     equivalence,
 )
-from .indices import INDICES, PercentOf, Worse
 from .session_periods import SessionPeriods
 from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, SHOWN, TOO_FEW, ShareRule, ShareTest
-
-Estimand = Literal["mean", "pseudo-median", "mean and people"]
-
-ESTIMAND_METHODS: dict[Estimand, Method] = {
-    "mean": "skew_robust",
-    "pseudo-median": "signed_rank",
-    "mean and people": "skew_robust",
-}
-"""Test of each estimand."""
 
 PASS = "transparent"
 """Verdict if every end point lies within its margin."""
@@ -94,6 +82,12 @@ class Certificate:
     doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # doubts by end point
     curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # curves with margins, judged as end points
     rule: ShareRule = DEFAULT_RULE  # shares of people that must be shown
+    post_hoc: tuple[str, ...] = ()  # in what the analysis deviates from the registered one, in words
+
+    @property
+    def statement(self) -> str:
+        """The verdict as it is told: with "post hoc" if the analysis is not the registered one."""
+        return f"{self.verdict} (post hoc)" if self.post_hoc else self.verdict
 
     @property
     def p_value(self) -> float:
@@ -219,7 +213,7 @@ def certificate(
     --------
     >>> import numpy as np
     >>> rng = np.random.default_rng(3)
-    >>> changes = {"duration": rng.normal(0.0, 0.04, 16), "vmax": rng.normal(0.02, 0.04, 16)}
+    >>> changes = {"duration": rng.normal(0.0, 0.03, 16), "vmax": rng.normal(0.02, 0.03, 16)}
     >>> certificate(changes, dict.fromkeys(changes, Margin.of_ratio(0.10))).verdict
     'transparent'
     """
@@ -231,38 +225,86 @@ def certificate(
             f"certificate: found values of {', '.join(differences) or 'nothing'}, expected those of "
             f"{', '.join(lacking)} too"
         )
-    rule = share_rule("certificate", estimand, people, people_level)
-    used: Method = ESTIMAND_METHODS[estimand] if method is None else method
-    made = {
-        name: equivalence(
-            differences[name],
-            margin,
-            alpha=alpha,
-            method=used,
-            sessions=sessions,
-            largest_carry_over=largest_carry_over,
-        )
-        for name, margin in margins.items()
-    }
-    return certificate_from_tests(made, alpha, rule=rule)
+    stated = Analysis(
+        estimand=estimand,
+        people=people,
+        people_level=people_level,
+        false_transparent=alpha,
+        largest_carry_over=largest_carry_over,
+        where="certificate",
+    )
+    changes = {name: PeoplesChanges(margin, differences[name], sessions=sessions) for name, margin in margins.items()}
+    return decide(stated, changes, method=method)
 
 
-def share_rule(
-    where: str, estimand: str, people: float | None = None, people_level: float = DEFAULT_RULE.alpha
-) -> ShareRule:
-    """Return the shares of people that must be shown; refuse an unknown estimand, and a share that it does not have."""
-    if estimand not in ESTIMAND_METHODS:
-        raise PellucidError(f"{where}: found the estimand {estimand!r}, expected one of {', '.join(ESTIMAND_METHODS)}")
-    if (people is not None) != (estimand == "mean and people"):
-        raise PellucidError(
-            f'{where}: found people = {people} and the estimand "{estimand}", expected a share with "mean and people" '
-            "and none otherwise"
-        )
-    if people is not None and not 0.0 < people < 1.0:
-        raise PellucidError(f"{where}: found people = {people:g}, expected a share above 0 and below 1")
-    if not 0.0 < people_level < 0.5:
-        raise PellucidError(f"{where}: found people_level = {people_level:g}, expected a level between 0 and 0.5")
-    return replace(DEFAULT_RULE, within=DEFAULT_RULE.within if people is None else people, alpha=people_level)
+@dataclass(frozen=True, eq=False)
+class PeoplesChanges:
+    """What is known of the changes of n people in one end point under one condition."""
+
+    margin: Margin
+    seen: np.ndarray  # (n,) changes as far as they were seen, in the unit of the margin
+    bounds: tuple[np.ndarray, np.ndarray] | None = None  # (n,) each, where movements were cut off
+    sessions: SessionPeriods | None = None  # when people had both conditions
+    drift: np.ndarray | None = None  # (n,) change from the first to the last third of movements; None: not known
+    at_end: np.ndarray | None = None  # (n,) changes with the last third in the place of all movements
+    failed: tuple[np.ndarray, np.ndarray] | None = None  # bounds with failed movements counted as longer than any
+    lost: LostCounts = field(default_factory=dict)
+    losers: np.ndarray | None = None  # (n,) whether a person lost a movement
+    alike: bool = True  # whether movements are compared with alike ones
+
+
+def decide(
+    analysis: Analysis,
+    changes: Mapping[str, PeoplesChanges],
+    *,
+    lost_people: int = 0,
+    curves: Mapping[str, CurveComparison] | None = None,
+    lost_of_curves: Mapping[str, LostCounts] | None = None,
+    registered: Analysis | None = None,
+    method: Method | None = None,
+) -> Certificate:
+    """Return the certificate of one condition: the one place where an analysis is executed.
+
+    Recordings, tables, arrays, a running session and a ranking of controllers all come here. `changes` are those of the
+    people with all end points, and `lost_people` is the number of the others. Losses, periods and learning are checked
+    by what `changes` say of them. With another analysis than the `registered` one the certificate is post hoc.
+    """
+    alpha, used = analysis.alpha, ESTIMAND_METHODS[analysis.estimand] if method is None else method
+    tests = {name: tested_changes(own, analysis, used) for name, own in changes.items()}
+    doubts: dict[str, list[Doubt | None]] = {}
+    for name, own in changes.items():
+        doubts[name] = [period_doubt(own.seen, tests[name])]
+        if own.drift is not None and own.at_end is not None:
+            doubts[name].append(learning_doubt(own.drift, own.at_end, tests[name]))
+        if own.failed is not None:
+            doubts[name].append(failed_doubt(own.failed, tests[name]))
+    with_margins = dict(curves or {})
+    every: dict[str, Equivalence | CurveComparison] = {**tests, **with_margins}
+    lost = {name: own.lost for name, own in changes.items()} | dict(lost_of_curves or {})
+    losers = {name: own.losers for name, own in changes.items() if own.losers is not None}
+    unlike = {name for name, own in changes.items() if not own.alike}
+    for name, doubt in (
+        *doubts_of_loss(every, lost, alpha, analysis.max_left_out, losers, unlike).items(),
+        *doubts_of_lost_people(every, lost_people, alpha, analysis.max_left_out).items(),
+    ):
+        doubts.setdefault(name, []).append(doubt)
+    known = {name: tuple(each for each in own if each is not None) for name, own in doubts.items()}
+    made = certificate_from_tests(tests, alpha, known, with_margins, analysis.rule)
+    return replace(made, post_hoc=() if registered is None else analysis.deviations(registered))
+
+
+def tested_changes(own: PeoplesChanges, analysis: Analysis, method: Method) -> Equivalence:
+    """Return the test of one end point by a method, at the level of an analysis."""
+    low, high = (own.seen, None) if own.bounds is None else own.bounds
+    return equivalence(
+        low,
+        own.margin,
+        upper=high,
+        alpha=analysis.alpha,
+        method=method,
+        sessions=own.sessions,
+        largest_carry_over=analysis.largest_carry_over,
+    )
 
 
 def certificate_from_tests(
@@ -280,127 +322,6 @@ def certificate_from_tests(
     every: dict[str, Equivalence | CurveComparison] = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
     return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, rule)
-
-
-@with_checked_arguments
-def certify(
-    values: Mapping[str, tuple[ArrayLike, ArrayLike]],
-    margins: Mapping[str, float | tuple[float, float]],
-    *,
-    relative: bool = True,
-    alpha: float = 0.05,
-    estimand: Estimand = "mean",
-    people: float | None = None,
-    people_level: float = DEFAULT_RULE.alpha,
-    later: ArrayLike | None = None,
-    largest_carry_over: float = DEFAULT_CARRY_OVER,
-) -> Certificate:
-    """Test whether a robot changes its wearers' movements by less than margins that were stated beforehand.
-
-    The null hypothesis is that at least one index changes by its margin or more (two one-sided tests for each index,
-    joined by the intersection-union principle). What changes is the estimand. The test of the mean holds its level for
-    skewed changes; that of the pseudo-median supposes symmetry. "Transparent" also needs two shares of people to be
-    shown: at least 75 % within each margin, and at most 5 % beyond three margins. It is never said with fewer than 12
-    participants.
-
-    Parameters
-    ----------
-    values : mapping of str to tuple of array_like, shape (n,)
-        For each index the participants' values without and with the robot, in the same order.
-    margins : mapping of str to float or tuple of float
-        For each index the largest change that does not matter: a share such as 0.1, up or down by as large a factor,
-        or the lowest and highest change in the index's unit (with ``relative=False``). An index of `assess` whose
-        decrease is never worse, such as ``"end_absolute"``, has an upper end only.
-    relative : bool
-        Whether changes are ratios, with the robot over without; otherwise differences.
-    alpha : float
-        Probability of a false "transparent" about the estimand.
-    estimand : {"mean", "pseudo-median", "mean and people"}
-        What must lie within the margins: the mean of participants' changes, their pseudo-median, or the mean with
-        another share of `people` than 75 %.
-    people : float, optional
-        Share of people in (0, 1) who must be shown to lie within the margin, for ``"mean and people"``.
-    people_level : float
-        Level of the tests of both shares of people.
-    later : array_like, shape (n,), optional
-        By how many periods each participant's session with the robot came after the one without it, such as 1 and -1
-        in a cross-over study. The effect of the period is then taken out of the estimate.
-    largest_carry_over : float
-        Largest effect of one session on the next, as a share of the margin, for which the verdict holds; 0 assumes
-        none. It matters only with `later`.
-
-    Returns
-    -------
-    Certificate
-        ``.verdict`` is "transparent", "not transparent" or "cannot say".
-
-    Raises
-    ------
-    PellucidError
-        If shapes differ, a value is missing, or ratios are asked for of values that are not positive.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import pellucid as pl
-    >>> rng = np.random.default_rng(0)
-    >>> free = rng.normal(1.0, 0.1, 16)
-    >>> worn = free * np.exp(rng.normal(0.0, 0.03, 16))
-    >>> found = pl.certify({"duration": (free, worn)}, {"duration": 0.10})
-    >>> found.verdict, found.people_answer("duration")
-    ('transparent', 'shown')
-    """
-    changes, limits = {}, {}
-    sessions = None if later is None else SessionPeriods.of_two(np.asarray(later, float))
-    for name, margin in margins.items():
-        if name not in values:
-            raise PellucidError(
-                f"certify: found values of {', '.join(values) or 'nothing'}, expected those of {name} too"
-            )
-        limits[name] = margin_of(name, margin, relative)
-        free, worn = (np.asarray(x, float) for x in values[name])
-        if free.shape != worn.shape or free.ndim != 1:
-            raise PellucidError(f"certify, {name}: found shapes {free.shape} and {worn.shape}, expected both (n,)")
-        if not (np.isfinite(free).all() and np.isfinite(worn).all()):
-            raise PellucidError(f"certify, {name}: found missing values (NaN), expected one of each participant")
-        if relative and (np.min(free) <= 0.0 or np.min(worn) <= 0.0):
-            raise PellucidError(
-                f"certify, {name}: found values of 0 or less, expected positive ones for ratios; "
-                "relative=False compares differences"
-            )
-        changes[name] = np.log(worn / free) if relative else worn - free
-        if sessions is not None and len(sessions.contrasts) != len(free):
-            raise PellucidError(
-                f"certify, {name}: found later of {len(sessions.contrasts)} participants, expected one of each of the "
-                f"{len(free)}"
-            )
-    return certificate(
-        changes,
-        limits,
-        alpha=alpha,
-        estimand=estimand,
-        people=people,
-        people_level=people_level,
-        sessions=sessions,
-        largest_carry_over=largest_carry_over,
-    )
-
-
-def margin_of(name: str, margin: float | tuple[float, float], relative: bool = True) -> Margin:
-    """Return the margin of an index, a share or its two ends; for logarithms of ratios if `relative`.
-
-    An index of the catalogue whose decrease is never worse has an upper end only, and one without a zero no share.
-    """
-    index = INDICES.get(name)
-    if relative and index is not None and index.percent_of is PercentOf.NOTHING_AT_ALL:
-        raise PellucidError(f"certify, {name}: found a share, expected a change in {index.unit}: it has no zero")
-    if isinstance(margin, (int, float)):
-        if not margin > 0.0:
-            raise PellucidError(f"certify, {name}: found the margin {margin:g}, expected one above 0")
-        made = Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
-        return Margin(-inf, made.high) if index is not None and index.worse is Worse.IF_MORE else made
-    low, high = (float(end) for end in margin)
-    return Margin(float(np.log1p(low)), float(np.log1p(high))) if relative else Margin(low, high)
 
 
 PERIOD_DOUBT = "period"
@@ -448,6 +369,11 @@ def _tested_as(test: Equivalence, differences: np.ndarray, upper: np.ndarray | N
     )
 
 
+def failed_doubt(bounds: tuple[np.ndarray, np.ndarray], test: Equivalence) -> Doubt:
+    """Return the doubt that failed movements, counted as longer than any other, change the verdict."""
+    return Doubt(LEFT_OUT_DOUBT, float("nan"), _tested_as(test, *bounds), always=True)
+
+
 def learning_doubt(drift: np.ndarray, at_end: np.ndarray, test: Equivalence) -> Doubt:
     """Return the doubt that movements were still changing.
 
@@ -464,17 +390,17 @@ def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, in
 
 def doubts_of_loss(
     tests: Mapping[str, Equivalence | CurveComparison], lost: Mapping[str, LostCounts], alpha: float, max_share: float,
-    losers: Mapping[str, np.ndarray], *, alike: bool = True,
+    losers: Mapping[str, np.ndarray], unlike: Set[str] = frozenset(),
 ) -> dict[str, Doubt]:  # fmt: skip
     """Return a doubt for each end point within its margin of which too many movements were lost.
 
     Nothing is known of the changes of people who lost movements (`losers`). Signed ranks of the others may still show
     the pseudo-median to lie within; a mean has no bound then. A claim of "beyond" is not affected where the movements
-    that are left are compared with `alike` ones; otherwise it is doubted, too.
+    that are left are compared with alike ones; of end points whose movements are `unlike` it is doubted, too.
     """
     made = {}
     for name, test in tests.items():
-        if (test.p_within <= alpha or not alike) and too_many_lost(lost[name], max_share):
+        if (test.p_within <= alpha or name in unlike) and too_many_lost(lost.get(name, {}), max_share):
             bounded = _without_knowing(test, losers.get(name))
             made[name] = Doubt(LOST_MOVEMENTS_DOUBT, float("nan"), bounded, always=True)
     return made

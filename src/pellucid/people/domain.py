@@ -12,6 +12,7 @@ PROCEDURE_ENTRIES = (
         find_faults="pointing:assessment_faults",
         find="assess:assess",
         draw="assessment_page:page",
+        find_inputs="registered:registered_files",
     ),
 )
 ARRAY_FUNCTIONS = {

@@ -17,10 +17,12 @@ and, where they are `Active`, orders of conditions and movements in their order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, Literal
 
 import numpy as np
@@ -30,7 +32,8 @@ from .._errors import PellucidError
 from .._processes import processes
 from ..numerics.arguments import with_checked_arguments
 from ..numerics.tied_ranks import tied_ranks
-from .certificate import ESTIMAND_METHODS, Estimand, share_rule
+from ..units import parse_quantity
+from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand, share_rule
 from .comparison import rank_sums, two_sided_p
 from .design_columns import MovementDuration
 from .equivalence import DEFAULT_CARRY_OVER, Margin, Method
@@ -352,6 +355,13 @@ class Active:
     largest_carry_over: float = DEFAULT_CARRY_OVER  # in half-widths of the margin; matters where orders are stated
     learning: bool = False  # movements are recorded in their order, at least nine of each condition
 
+    @classmethod
+    def of(cls, analysis: Analysis, *, order: bool, learning: bool) -> Active:
+        """Return what a study with this analysis will have; `order`: whether its sessions come in stated orders."""
+        return cls(
+            analysis.estimand, analysis.people, analysis.people_level, order, analysis.largest_carry_over, learning
+        )
+
 
 CERTIFICATE_SIZES = (12, 14, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that the search tries first. It does not look for more than the last."""
@@ -436,6 +446,116 @@ def equivalence_power(
     return simulated_power(
         "equivalence", _count_transparent_studies, settings, participants, studies, seed, executor, m
     )
+
+
+@with_checked_arguments
+def plan(
+    analysis: Analysis | Mapping[str, Any] | str | os.PathLike[str],
+    *,
+    people: int | Sequence[int],
+    sd: float | str | Mapping[str, float | str],
+    effect: float | str | Mapping[str, float | str] = 0.0,
+    correlation: float = 0.0,
+    learning: bool = True,
+    studies: int = 2000,
+    seed: int = 1,
+    executor: Any = None,
+) -> float | tuple[float, ...]:
+    """Return the power of an analysis: the probability that it ends with "transparent".
+
+    People's changes are drawn from a normal distribution. Each simulated study is decided as `certify` decides it, with
+    the estimand, both shares of people and, where sessions are ordered, the effect of the period and the largest
+    carry-over.
+
+    Parameters
+    ----------
+    analysis : Analysis, mapping, or path-like
+        The analysis with its margins: an object, its mapping, ``analysis.toml``, or study.toml with ``[assessment]``.
+        With the design ``"AB/BA"`` or ``"Williams"``, or with a column of periods, orders are balanced and their
+        effects are taken out.
+    people : int or sequence of int
+        Number of participants, or several.
+    sd : float, str, or mapping of str to float or str
+        Standard deviation of people's changes, of each end point or of all: as a share (0.05, ``"5 %"``) where the
+        margin is one, otherwise in the index's unit.
+    effect : float, str, or mapping of str to float or str
+        True change, in the same units.
+    correlation : float
+        Correlation of people's changes between end points, in [0, 1].
+    learning : bool
+        Whether movements are recorded in their order, at least nine of each condition, so that learning is tested.
+    studies : int
+        Number of simulated studies for each number of participants.
+    seed : int
+        Seed of the simulation.
+    executor : concurrent.futures.Executor, optional
+        Executor of the simulation; by default large runs use every core.
+
+    Returns
+    -------
+    float or tuple of float
+        Probability of "transparent", for each number of participants.
+
+    Raises
+    ------
+    PellucidError
+        If the analysis has no margins, or a standard deviation is missing or not above 0.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> stated = {"margins": {"duration": "10 %"}, "design": "AB/BA"}
+    >>> [round(power, 1) for power in pl.plan(stated, people=(8, 12, 24), sd="4 %", studies=500)]
+    [0.0, 0.6, 1.0]
+    """
+    stated = Analysis.of(analysis)
+    points = stated.end_points()
+    if not points:
+        raise PellucidError(f"plan, {stated.where}: found no margins, expected one for each end point")
+    if not 0.0 <= correlation <= 1.0:
+        raise PellucidError(f"plan: found correlation = {correlation:g}, expected one from 0 to 1")
+    spread = np.array([expected_size(points[name], "sd", sd) for name in points])
+    moved = np.array([expected_size(points[name], "effect", effect) for name in points])
+    found = planned_power(
+        points, spread, moved, (people,) if isinstance(people, Integral) else tuple(people), alpha=stated.alpha,
+        active=Active.of(stated, order=stated.is_ordered, learning=learning), correlation=correlation, studies=studies,
+        seed=seed, executor=executor,
+    )  # fmt: skip
+    return found.power[0] if isinstance(people, Integral) else found.power
+
+
+def planned_power(
+    points: Mapping[str, EndPoint], spread: np.ndarray, change: np.ndarray, participants: Sequence[int], *,
+    correlation: float = 0.0, **options: Any,
+) -> Power:  # fmt: skip
+    """Return the power for end points whose people's changes have these spreads and true changes, (m,) each."""
+    shape = (1.0 - correlation) * np.eye(len(points)) + correlation
+    margins = [point.margin for point in points.values()]
+    return equivalence_power(np.outer(spread, spread) * shape, margins, participants, change=change, **options)
+
+
+def expected_size(
+    point: EndPoint, what: str, given: float | str | Mapping[str, float | str], where: str = ""
+) -> float:
+    """Return the ``"sd"`` or the ``"effect"`` that is `given` for an end point, in the unit of its changes.
+
+    `where` begins messages.
+    """
+    where = where or f"plan, {what} of {point.name}"
+    if isinstance(given, Mapping) and point.name not in given:
+        raise PellucidError(f"{where}: found {', '.join(given) or 'nothing'}, expected {point.name} too")
+    value = given[point.name] if isinstance(given, Mapping) else given
+    if isinstance(value, str):
+        share = value.strip().endswith("%")
+        size = parse_quantity(value, "1" if share else point.index.unit, where)
+        if share != point.stated.strip().endswith("%"):
+            raise PellucidError(f'{where}: found "{value}", expected a size of the kind of its margin, {point.stated}')
+    else:
+        size = float(value)
+    if not np.isfinite(size) or (what == "sd" and not size > 0.0) or (point.ratio and size <= -1.0):
+        raise PellucidError(f"{where}: found {value}, expected a finite number{' above 0' * (what == 'sd')}")
+    # The standard deviation of logarithms of ratios is that of small relative changes.
+    return float(np.log1p(size)) if point.ratio and what == "effect" else size
 
 
 def find_equivalence_participants(

@@ -10,14 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS, Certificate, certificate
-from pellucid.people.equivalence import Margin
+from pellucid.people.analysis import Analysis
+from pellucid.people.certificate import CANNOT_SAY, FAIL, PASS, Certificate, PeoplesChanges, decide
 from pellucid.people.share_of_people import MIN_PEOPLE, TOO_FEW
 
 from .tried import ControllerTrial
 
-LAW_MARGINS = {"duration": Margin.of_ratio(0.10), "peak_velocity": Margin.of_ratio(0.10)}
-"""Margin of each attribute of `ControllerTrial` that a certificate tests, as a ratio to movements without a robot.
+LAW_ANALYSIS = Analysis(margins={"duration": 0.10, "peak_velocity": 0.10}, where="rank")
+"""Analysis of a ranking: the attributes of `ControllerTrial` that are tested, as ratios to movements without a robot.
 
 The same person's durations differ by 7 % from movement to movement."""
 
@@ -33,11 +33,15 @@ def certify_controller(tried: Sequence[ControllerTrial]) -> Certificate | None:
     """
     if len(tried) < 2:
         return None
-    seen = {name: [getattr(one, name) for one in tried] for name in LAW_MARGINS}
+    seen = {name: [getattr(one, name) for one in tried] for name in LAW_ANALYSIS.margins}
     if not all(value is not None and np.isfinite(value) for values in seen.values() for value in values):
         return None
-    changes = {name: np.log1p(np.array(values, float) / 100.0) for name, values in seen.items()}
-    return certificate(changes, LAW_MARGINS)
+    points = LAW_ANALYSIS.end_points()
+    return decide(
+        LAW_ANALYSIS,
+        {name: PeoplesChanges(point.margin, np.log1p(np.array(seen[name], float) / 100.0))
+         for name, point in points.items()},
+    )  # fmt: skip
 
 
 def certificate_note(found: Certificate, people: int) -> str:

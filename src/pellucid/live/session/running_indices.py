@@ -15,12 +15,13 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...files.recording import Recording
-from ...people.certificate import certificate
+from ...people.analysis import EndPoint
+from ...people.certificate import CANNOT_SAY, decide
 from ...people.indices import Index, indices_along
 from ...people.movement_indices import index_table
 from ...people.power import Active, find_equivalence_participants
 from ...people.study.assessment_table import AssessmentTable
-from ...people.study.certified import PLANNED_POWER, end_points
+from ...people.study.certified import PLANNED_POWER, study_changes
 from ...people.study.measured_study import MeasuredStudy, join_studies, measure, with_assumed_delays
 from ...people.study.pointing import PointingRecord, labelled_amplitudes, session_order, usable_records, with_rule
 
@@ -120,7 +121,7 @@ class RunningIndices:
 
     def verdicts(self, conditions: Sequence[str]) -> list[RunningVerdict]:
         """Return what a certificate of each condition but control could say by now."""
-        points = end_points(self.spec, self._indices)
+        points = self.spec.analysis.end_points(self._indices)
         if not points:
             return []
         parts = self._parts()
@@ -128,43 +129,41 @@ class RunningIndices:
         people = list(dict.fromkeys(person for person, _ in there))
         return [self._verdict(c, points, parts, people) for c in conditions if c != self.spec.control]
 
-    def _verdict(self, condition, points, parts, people) -> RunningVerdict:
-        control, recorded = self.spec.control, self._conditions(parts)
-        changes: dict[str, dict[str, float]] = {}
+    def _verdict(
+        self, condition: str, points: Mapping[str, EndPoint], parts: Sequence[MeasuredStudy], people: Sequence[str]
+    ) -> RunningVerdict:
+        control, recorded, analysis = self.spec.control, self._conditions(parts), self.spec.analysis
+        kept = [person for person in people if person not in analysis.excluded]
+        tables = {}
         for name, point in points.items():
-            table = self._table(parts, point.index, people, recorded)
+            table = self._table(parts, point.index, kept, recorded)
             if table is None or condition not in table.conditions:
                 return RunningVerdict(condition, "cannot say yet", 0, None, f"no {point.index.words.lower()} yet")
-            base = table.column(control) if control in table.conditions and not point.index.over_control else None
-            found = point.differences(table.column(condition), base)
-            changes[name] = dict(zip(table.participants, found.tolist(), strict=True))
-        both = [person for person in people if all(person in own for own in changes.values())]
+            tables[name] = table
+        both = [person for person in kept if all(person in table.participants for table in tables.values())]
         if len(both) < 2:
             return RunningVerdict(condition, "cannot say yet", len(both), None, "two people are the least")
-        seen = {name: np.array([own[person] for person in both]) for name, own in changes.items()}
-        margins = {name: point.margin for name, point in points.items()}
         order = session_order([record.recording for record in self._records.values()])
-        rule = self.spec.share_rule
+        missing = len({*people, *analysis.excluded}) - len(both)
+        more = None
         try:
-            sessions = order.sessions(both, recorded, control, condition)
-            found = certificate(
-                seen, margins, alpha=self.spec.alpha, estimand=self.spec.estimand, people=self.spec.people,
-                people_level=rule.alpha, sessions=sessions, largest_carry_over=self.spec.largest_carry_over,
-            )  # fmt: skip
-            said = found.verdict
-            more = None
-            if said == "cannot say" and len(both) > 2:
-                covariance = np.atleast_2d(np.cov([test.differences for test in found.end_points.values()]))
+            whole = join_studies(parts)
+            changes = study_changes(whole, points, tables, [control, *(c for c in recorded if c != control)], condition,
+                                    both, order, analysis)  # fmt: skip
+            found = decide(analysis, changes, lost_people=missing)
+            if found.verdict == CANNOT_SAY and len(both) > 2:
+                covariance = np.atleast_2d(np.cov([
+                    own.seen if test.bounded else test.differences
+                    for own, test in zip(changes.values(), found.end_points.values(), strict=True)
+                ]))  # fmt: skip
+                ordered = any(own.sessions is not None for own in changes.values())
                 needed = find_equivalence_participants(
-                    covariance, list(margins.values()), power=PLANNED_POWER, alpha=self.spec.alpha,
-                    active=Active(
-                        self.spec.estimand, self.spec.people, rule.alpha, sessions is not None,
-                        self.spec.largest_carry_over,
-                    ),
-                    studies=SIMULATED_STUDIES,
+                    covariance, [point.margin for point in points.values()], power=PLANNED_POWER, alpha=analysis.alpha,
+                    active=Active.of(analysis, order=ordered, learning=False), studies=SIMULATED_STUDIES,
                 )  # fmt: skip
                 more = None if needed is None else max(needed - len(both), 1)
         except PellucidError as error:
             return RunningVerdict(condition, "cannot say yet", len(both), None, str(error))
         why = "" if len(both) > 2 else "three people are the least for a forecast"
-        return RunningVerdict(condition, "cannot say yet" if said == "cannot say" else said, len(both), more, why)
+        said = "cannot say yet" if found.verdict == CANNOT_SAY else found.verdict
+        return RunningVerdict(condition, said, len(both), more, why)

@@ -15,6 +15,7 @@ from ...files.recording import Recording
 from ...study.procedures.procedure import Progress, quiet
 from ...study.study import Study
 from ...units import Coordinate
+from ..analysis import Analysis
 from ..comparison import compare_conditions
 from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..indices import INDICES, SHOWN_INDICES, index_names, indices_along
@@ -25,7 +26,7 @@ from ..survival import survival
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_table import DEFAULT_STUDIES, AssessmentTable
 from .assessment_tables import result_rows, tables
-from .certified import certify_conditions, end_points
+from .certified import certify_conditions
 from .certified_rows import certificate_verdicts
 from .measured_study import MeasuredStudy, activities, delay_notes, join_studies, measure, with_assumed_delays
 from .movement_curves import Curves, participants_curves
@@ -41,6 +42,7 @@ from .pointing import (
     with_rule,
 )
 from .primary_change import change_of_table
+from .registered import registered_analysis
 from .statements import headline, paragraph, verdicts
 
 RANDOM_SEED = 1
@@ -57,8 +59,9 @@ def assess(
     table = study.table(AssessmentTable)
     tell("reading recordings", 0.05)
     return assess_recordings(
-        study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor
-    )
+        study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor,
+        registered=registered_analysis(study),
+    )  # fmt: skip
 
 
 def assess_recordings(
@@ -69,20 +72,24 @@ def assess_recordings(
     on_progress: Progress | None = None,
     studies: int = DEFAULT_STUDIES,
     executor: Any = None,
+    registered: Analysis | None = None,
 ) -> AssessmentResult:
-    """Compare conditions of recordings, which need not be files; `spec` is the table [assessment]."""
+    """Compare conditions of recordings, which need not be files; `spec` is the table [assessment].
+
+    With another analysis than the `registered` one certificates are post hoc.
+    """
     tell = on_progress or quiet
     used = recordings_with_condition(recordings)
     conditions = _conditions(used, spec.control)
     tell("finding movements", 0.1)
     records, gaps = usable_records(used, spec)
     unusable = {recording.name: gap.message for recording, gap in zip(_others(used, records), gaps, strict=True)}
-    participants, absent, without = _participants(used, records, conditions)
+    participants, absent, without = _participants(used, records, conditions, spec.analysis.excluded)
     records = [record for record in records if record.recording.participant in participants]
     used = [record.recording for record in records]
     along = _along(records)
     # Margins and conditions without a reference are refused before any computation.
-    end_points(spec, indices_along(along))
+    spec.analysis.end_points(indices_along(along))
     order = session_order(used)
     named = labelled_amplitudes(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
@@ -135,8 +142,9 @@ def assess_recordings(
         cards={},
         checksums={recording.name: recording.checksum for recording in used},
         confidence=spec.confidence,
-        estimand=spec.estimand,
+        estimand=spec.analysis.estimand,
         order=order,
+        is_registered=registered is not None,
         control=spec.control,
         conditions=conditions,
         participants=participants,
@@ -157,7 +165,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
-    made = replace(made, certified=certify_conditions(made, spec, whole, order, curves, executor))
+    made = replace(made, certified=certify_conditions(made, spec, whole, order, curves, executor, registered))
     return _told(made, notes)
 
 
@@ -210,9 +218,10 @@ def _along(records: Sequence[PointingRecord]) -> Coordinate:
 
 
 def _participants(
-    used: Sequence[Recording], records: Sequence[PointingRecord], conditions: Sequence[str]
+    used: Sequence[Recording], records: Sequence[PointingRecord], conditions: Sequence[str],
+    excluded: Mapping[str, str],
 ) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, str]]:
-    """Return the participants with a usable recording in every condition.
+    """Return the participants with a usable recording in every condition who were not `excluded`.
 
     Returns also the conditions that the others lack, and the reasons for their exclusion.
     """
@@ -226,7 +235,8 @@ def _participants(
         never, unseen = ([c for c in own if ((person, c) in taken) == seen] for seen in (False, True))
         said = [f"no recording in {', '.join(never)}"] if never else []
         without[person] = " and ".join([*said, *([f"none that can be used in {', '.join(unseen)}"] if unseen else [])])
-    kept = tuple(person for person in people if person not in absent)
+    without |= {person: f"excluded: {why}" for person, why in excluded.items()}
+    kept = tuple(person for person in people if person not in without)
     if not kept:
         said = "; ".join(f"{person}: {why}" for person, why in without.items())
         raise RecordingError(f"assess: found nobody who was recorded in all of {', '.join(conditions)} ({said})")
@@ -310,7 +320,7 @@ def _sensitive(
     base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
     p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
     sessions = order.sessions(each.table.participants, conditions, control, condition)
-    found = change_of_table(each.table, condition, control, spec.estimand, sessions=sessions)
+    found = change_of_table(each.table, condition, control, spec.analysis.estimand, sessions=sessions)
     change = float("nan") if found is None else found.value / (100.0 if found.unit == "%" else 1.0)
     return Sensitivity(words, each.name, condition, base, change, p)
 

@@ -88,7 +88,7 @@ def _answer(study: Study, findings: AssessmentResult) -> Answer:
 def _next_step(study: Study) -> str:
     """Return what to do next where nothing is certified: state margins, or record the people that they need."""
     spec = study.find_table(AssessmentTable)
-    if spec is not None and spec.index_margins:
+    if spec is not None and spec.analysis.margins:
         # `certify_conditions` says nothing of one person alone, whatever the margins.
         is_planned = study.config.session is not None and len(study.config.participants) > 1
         how = f": `{printed_command('live', study.folder)}`" if is_planned else ""
@@ -352,7 +352,7 @@ def _protocol(study: Study, spec: AssessmentTable, found: AssessmentResult) -> S
         ("Participants recorded", str(people)),
         ("Participants compared", str(len(found.participants))),
         ("Movements in use", f"{found.movements:,}"),
-        ("Analysed", f"{look}, level {100.0 * spec.alpha:.3g} % of each one-sided test"),
+        ("Analysed", f"{look}, level {100.0 * spec.analysis.alpha:.3g} % of each one-sided test"),
         ("End of a movement", f"last sample above {100.0 * spec.threshold:g} % of its largest speed"),
         ("Low-pass of the angle", f"{spec.lowpass:g} Hz, order {spec.order}, zero phase"),
         ("Loss that is allowed", f"{100.0 * spec.max_left_out:g} % of a condition's movements and of participants"),

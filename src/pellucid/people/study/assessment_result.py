@@ -1,6 +1,6 @@
 """Result of an assessment, with the data for its tables, figures and sentences.
 
-An `EndPoint` is an index with its stated margin, a `Certified` the certificate of one condition with its evidence.
+A `Certified` is the certificate of one condition with its evidence.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from ...study.procedures.registry import asked
 from ...study.procedures.result import Result
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
-from ..certificate import ESTIMAND_METHODS, Certificate, Estimand
+from ..analysis import ESTIMAND_METHODS, EndPoint, Estimand
+from ..certificate import Certificate
 from ..comparison import ConditionComparison
 from ..design_columns import MeasuredMovement
-from ..equivalence import Equivalence, Margin
+from ..equivalence import Equivalence
 from ..indices import Index, indices_along
 from ..mixed_model import MixedModel
 from ..movement_indices import IndexTable, Isochrony
@@ -29,46 +30,6 @@ from ..survival import Survival
 from .assessment_table import AssessmentTable
 from .movement_curves import CurveEndPoint
 from .pointing import SessionOrder
-
-
-@dataclass(frozen=True)
-class EndPoint:
-    """One index with its stated margin."""
-
-    name: str  # name of the index in the catalogue
-    along: str  # unit of the coordinate of movement, "rad" or "m"
-    stated: str  # margin as stated
-    margin: Margin  # margin for logarithms of ratios if `ratio`, else in the index's unit
-    ratio: bool  # whether the margin is relative to control
-
-    @property
-    def index(self) -> Index:
-        """Entry of the catalogue for this coordinate."""
-        return indices_along(COORDINATES_BY_UNIT[self.along])[self.name]
-
-    def differences(self, own: np.ndarray, control: np.ndarray | None) -> np.ndarray:
-        """Return each participant's difference that is compared with the margin, (n,)."""
-        if control is None:
-            return own
-        return np.log(own / control) if self.ratio else own - control
-
-    def shown(self, value: float) -> float:
-        """Convert a difference for display: to %, or to the unit of tables."""
-        if self.ratio:
-            return 100.0 * float(np.expm1(value))
-        return (100.0 if self.index.over_control else self.index.shown[0]) * value
-
-    @property
-    def logs(self) -> bool:
-        """Whether movements are compared by logarithms, as participants are by ratios."""
-        return self.ratio or self.index.over_control
-
-    @property
-    def unit(self) -> str:
-        """Unit of `shown`."""
-        if self.ratio or self.index.over_control:
-            return "%"
-        return self.index.shown[1]
 
 
 @dataclass(frozen=True)
@@ -197,6 +158,7 @@ class AssessmentResult(Result):
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes
     order: SessionOrder | None = field(default=None, repr=False)  # order of the recordings
+    is_registered: bool = False  # whether an analysis was registered before the data
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     settling: tuple[Settling, ...] = field(default=(), repr=False)
@@ -253,7 +215,7 @@ def kept_certificates(study: Study, expected: str, tell: Progress = quiet) -> As
         If the study states no margins; the message says what was `expected`.
     """
     spec = study.find_table(AssessmentTable)
-    if spec is None or not spec.index_margins:
+    if spec is None or not spec.analysis.margins:
         raise StudyError(f"{study.folder}, study.toml: found no [assessment.margins], expected {expected}")
     (procedure,) = asked(study, "assess")
     return AssessmentResult.kept(study, procedure) or procedure.run(study, spec, tell)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ..._errors import PellucidError
 from ...study.study_fields import ProcedureTable, ShownText, Word, quantity
 from ...study.study_file import StudyFile
 
 if TYPE_CHECKING:
-    from ..certificate import Estimand
-    from ..share_of_people import ShareRule
-
-MARGIN_SETTINGS = ("estimand", "people", "people_level", "largest_carry_over")
-"""Keys of [assessment.margins] that are no indices."""
+    from ..analysis import Analysis
 
 DEFAULT_STUDIES = 1000
 """Studies that are simulated for each number of participants, unless the caller asks for another number."""
@@ -28,6 +23,15 @@ class AssessmentTable(ProcedureTable):
     ----------
     control : str
         The condition the others are compared with.
+    design : str
+        How the sessions of a participant are ordered: ``"AB/BA"`` (two conditions) or ``"Williams"`` (three or more),
+        which require the period of every recording, or ``"parallel sessions"``, which have no order.
+    washout : str
+        Pause between two sessions, such as ``"30 min"``.
+    exclusions : tuple of str
+        Rules by which people or movements are excluded, in words.
+    excluded : dict of str to str
+        Participants who were excluded, with the reason; they count as lost.
     angle : str
         Channel of the angle; a study with `segment` does not need it.
     segment : tuple of str
@@ -81,6 +85,10 @@ class AssessmentTable(ProcedureTable):
     """
 
     control: ShownText
+    design: Literal["", "parallel sessions", "AB/BA", "Williams"] = ""
+    washout: ShownText = ""
+    exclusions: tuple[ShownText, ...] = ()
+    excluded: dict[ShownText, ShownText] = Field(default_factory=dict)
     angle: Word = "position"
     segment: tuple[Word, ...] = ()
     target: Word = "target"
@@ -105,57 +113,15 @@ class AssessmentTable(ProcedureTable):
     curves: dict[Literal["velocity", "interaction", "emg"], ShownText] = Field(default_factory=dict)
 
     @property
-    def index_margins(self) -> dict[str, str]:
-        """Stated margins by index, without what is said about all of them."""
-        return {name: stated for name, stated in self.margins.items() if name not in MARGIN_SETTINGS}
+    def analysis(self) -> Analysis:
+        """What these settings state before the data are seen; every certificate executes it."""
+        from ..analysis import MOVEMENT_SETTINGS, Analysis
 
-    @property
-    def estimand(self) -> Estimand:
-        """Quantity that must lie within the margins."""
-        return cast("Estimand", self.margins.get("estimand", "mean"))
-
-    @property
-    def people(self) -> float | None:
-        """Share of people who must be shown to lie within the margins, if one is declared."""
-        from ...units import parse_quantity
-
-        stated = self.margins.get("people")
-        return None if stated is None else parse_quantity(stated, "1", "[assessment.margins] people")
-
-    @property
-    def share_rule(self) -> ShareRule:
-        """Shares of people that must be shown, and the level of their tests."""
-        from ...units import parse_quantity
-        from ..certificate import share_rule
-        from ..share_of_people import DEFAULT_RULE
-
-        stated = self.margins.get("people_level")
-        level = DEFAULT_RULE.alpha
-        if stated is not None:
-            level = parse_quantity(stated, "1", "[assessment.margins] people_level")
-        return share_rule("[assessment.margins]", self.estimand, self.people, level)
-
-    @property
-    def largest_carry_over(self) -> float:
-        """Largest carry-over between sessions for which the certificate holds, in half-widths of each margin."""
-        from ...units import parse_quantity
-        from ..equivalence import DEFAULT_CARRY_OVER
-
-        where = "[assessment.margins] largest_carry_over"
-        stated = self.margins.get("largest_carry_over")
-        size = DEFAULT_CARRY_OVER if stated is None else parse_quantity(stated, "1", where)
-        if not 0.0 <= size < float("inf"):
-            raise PellucidError(f'{where}: found "{stated}", expected a number of margins, 0 or more')
-        return size
-
-    @property
-    def alpha(self) -> float:
-        """Level of each one-sided test: `false_transparent`, or what a sequential study spends at this look."""
-        from ..survival import looks
-
-        if self.look is None:
-            return self.false_transparent
-        return looks(self.looks, self.false_transparent).level[self.look - 1]
+        names = ("control", "design", "washout", "exclusions", "excluded", "margins", "false_transparent", "looks",
+                 "look", "max_left_out", "curves")  # fmt: skip
+        stated = {name: getattr(self, name) for name in names}
+        movements = {name: getattr(self, name) for name in MOVEMENT_SETTINGS}
+        return Analysis.of({**stated, "movements": movements}, where="[assessment]")
 
     def reads(self, channel: str, stream: str) -> bool:
         """The angle, the robot's torque, and EMG."""
@@ -174,23 +140,12 @@ class AssessmentTable(ProcedureTable):
         return given
 
     @model_validator(mode="after")
-    def _estimand_and_people(self) -> AssessmentTable:
-        if self.margins:
-            # Both raise an error for what is stated wrongly.
-            _ = self.share_rule, self.largest_carry_over
-        strangers = [name for name in self.justification if name not in self.index_margins]
+    def _analysis(self) -> AssessmentTable:
+        # The analysis raises an error for what is stated wrongly.
+        stated = self.analysis.margins
+        strangers = [name for name in self.justification if name not in stated]
         if strangers:
             raise ValueError(f"[assessment.justification]: found {', '.join(strangers)}, expected indices with margins")
-        return self
-
-    @model_validator(mode="after")
-    def _looks(self) -> AssessmentTable:
-        if (self.look is None) != (not self.looks) or (self.look or 1) > max(len(self.looks), 1):
-            raise ValueError(f"[assessment]: found look = {self.look}, expected one of looks = {list(self.looks)}")
-        if self.looks:
-            from ..survival import looks
-
-            looks(self.looks, self.false_transparent)
         return self
 
     @model_validator(mode="after")

@@ -177,14 +177,14 @@ def change_table(found: AssessmentResult) -> FigureTable:
             rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, own.condition)))
     level = f"{100 * found.confidence:g} % CI"
     title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
-    return FigureTable(title, ("Index", "Condition", "Change", "Test says"), tuple(rows))
+    return FigureTable(title, ("Index", "Condition", "Change", "Result of its test"), tuple(rows))
 
 
 def _test_text(found: AssessmentResult, each: Assessed, condition: str) -> str | None:
     """Say what the test of an index says of a condition: the certificate's, or whether it differs from control."""
     said = found.said_of(each.name, condition)
     if said is not None:
-        return {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "cannot say"}[said]
+        return {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "undecided"}[said]
     differs = each.differs(condition, found.control, 1.0 - found.confidence)
     return None if differs is None else "differs" if differs else "no difference shown"
 

@@ -1,7 +1,8 @@
-"""Certify the transparency of a condition: test all indices together against the margins of study.toml.
+"""Certify the transparency of a condition: collect what recordings say of people's changes, and decide.
 
-Beside the tests stand doubts on the change of an end point, of order, learning, lost and failed movements
-(`find_doubts`), and a mixed model of all movements with covariates of each (`model_of`).
+`study_changes` collects what is known of each end point: values, bounds where movements were cut off, periods,
+learning, lost and failed movements. `people.certificate.decide` says what follows. A mixed model of all movements with
+covariates of each (`model_of`) stands beside it.
 """
 
 from __future__ import annotations
@@ -9,36 +10,28 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..._errors import StudyError
-from ...units import parse_quantity
-from ..certificate import (
-    ESTIMAND_METHODS,
-    LEFT_OUT_DOUBT,
-    Doubt,
-    LostCounts,
-    certificate_from_tests,
-    doubts_of_loss,
-    doubts_of_lost_people,
-    learning_doubt,
-    period_doubt,
-)
+from ..analysis import Analysis, EndPoint
+from ..certificate import LEARNING_DOUBT, Certificate, LostCounts, PeoplesChanges, decide, tested_changes
 from ..design_columns import DIRECTION_UP, MeasuredMovement
-from ..equivalence import Equivalence, Margin, Method, equivalence
-from ..indices import CutOff, Index, PercentOf, Worse
-from ..mixed_model import MIN_MOVEMENTS, MixedModel, Thirds, failed_model, mixed_model, thirds
+from ..equivalence import Equivalence, Margin
+from ..indices import CutOff
+from ..learning import OrderedMovements, learning
+from ..mixed_model import MIN_MOVEMENTS, MixedModel, failed_model, mixed_model
+from ..movement_indices import IndexTable
 from ..power import Active, find_equivalence_participants, lasting_bounds
 from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
-from .assessment_result import Certified, EndPoint
+from .assessment_result import Certified
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
 from .pointing import SessionOrder
 
 if TYPE_CHECKING:
-    from .assessment_result import Assessed, AssessmentResult
+    from .assessment_result import AssessmentResult
     from .assessment_table import AssessmentTable
 
 MAX_AMPLITUDE_LEVELS = 8
@@ -69,22 +62,6 @@ def movements_of(
         cells.setdefault((m.participant, m.cell), set()).add(m.condition)
     own = [each for each in own if len(cells[each[0].participant, each[0].cell]) == len(conditions)]
     return sorted(own, key=lambda each: (order.within[each[0].recording], each[0].movement.start))
-
-
-def thirds_of(
-    own: Sequence[tuple[MeasuredMovement, float]], condition: str, participants: Sequence[str], order: SessionOrder
-) -> list[Thirds] | None:
-    """Return early and late movements of a condition, by participant; None if unknown order or too few movements."""
-    made = []
-    for person in participants:
-        mine = [(m, y) for m, y in own if (m.participant, m.condition) == (person, condition)]
-        if any(order.within[m.recording] < 0 for m, _ in mine):
-            return None
-        found = thirds([y for _, y in mine], [m.cell for m, _ in mine])
-        if found is None:
-            return None
-        made.append(found)
-    return made
 
 
 def model_of(
@@ -161,7 +138,7 @@ def lost_movements(
     """Count the movements of both conditions that gave no value, for each end point and curve.
 
     Median durations include movements that were cut off and targets that were never reached. Other indices of duration
-    include those that were cut off.
+    include those that were cut off. A condition in which nobody has a value of an index is none that lost it.
     """
 
     def count(each: Iterable, condition: str) -> int:
@@ -169,7 +146,7 @@ def lost_movements(
 
     found: dict[str, LostCounts] = {}
     for name in (*wanted, *curves):
-        known = whole.movements
+        known: Sequence = whole.movements if name not in wanted else _with_values(whole.movements, wanted[name], pair)
         cut_off = wanted[name].index.cut_off if name in wanted else CutOff.NO_VALUE
         if cut_off is not CutOff.NO_VALUE:
             known = (*whole.lasted, *(whole.failed if cut_off is CutOff.AT_LEAST_SEEN else ()))
@@ -195,72 +172,108 @@ def people_with_losses(
     }
 
 
-def find_doubts(
-    found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
-    seen: Mapping[str, np.ndarray], order: SessionOrder, tests: Mapping[str, Equivalence],
-) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
-    """Return the doubts and the trend of each end point, and sentences on what cannot be tested.
+def _with_values(
+    movements: Sequence[MeasuredMovement], point: EndPoint, pair: tuple[str, str]
+) -> list[MeasuredMovement]:
+    """Return the movements that lack no value of an index: of another direction none is expected."""
+    index = point.index
+    recorded = {m.condition for m in movements if np.isfinite(m.values.get(index.of, np.nan))} & {*pair}
+    return [
+        m for m in movements
+        if m.condition not in recorded
+        or index.direction not in ("", m.cell[1])
+        or np.isfinite(m.values.get(index.of, np.nan))
+        or index.of_curve is not None
+    ]  # fmt: skip
 
-    A trend is the change from the first to the last third of a session, with its p value.
+
+def study_changes(
+    whole: MeasuredStudy, wanted: Mapping[str, EndPoint], tables: Mapping[str, IndexTable], conditions: Sequence[str],
+    condition: str, people: list[str], order: SessionOrder, analysis: Analysis,
+) -> dict[str, PeoplesChanges]:  # fmt: skip
+    """Return what recordings say of the changes of `people` in each end point under one condition.
+
+    `conditions` are all, control first; `tables` hold people's values by end point.
     """
-    doubts, trends, unknown = {}, {}, []
+    control = conditions[0]
+    pair = control, condition
+    lost, losers = lost_movements(whole, wanted, (), pair, people), people_with_losses(whole, wanted, pair, people)
+    made = {}
+    for name, point in wanted.items():
+        base = control_of(tables[name], control)
+        seen = _differences(tables[name], point, condition, control, people)
+        sessions = None
+        if base is not None:
+            sessions = analysis.sessions(order.by_condition, people, conditions, condition)
+        compared = [condition] if base is None else [base, condition]
+        trend = learning(_ordered(movements_of(whole, point, compared, people, order), order), people, compared)
+        at_end = None
+        if trend is not None:
+            at_end = (1.0 + seen) * np.exp(trend[1]) - 1.0 if point.index.over_control else seen + trend[1]
+        failed = None
+        gone = {each.condition for each in whole.failed if each.participant in people} & {*pair}
+        if point.index.cut_off is CutOff.AT_LEAST_SEEN and gone:
+            every = whole.lasted + whole.failed
+            failed = lasting_bounds(every, people, conditions, *pair, point.differences)
+        made[name] = PeoplesChanges(
+            point.margin, seen, _bounds(whole, point, seen, conditions, condition, people), sessions,
+            None if trend is None else trend[0], at_end, failed, lost[name], losers[name],
+        )  # fmt: skip
+    return made
+
+
+def _ordered(own: Sequence[tuple[MeasuredMovement, float]], order: SessionOrder) -> OrderedMovements:
+    """Return movements, which are in chronological order, for `learning`."""
+    movements = [m for m, _ in own]
+    places = [float(i) if order.within[m.recording] >= 0 else np.nan for i, m in enumerate(movements)]
+    return OrderedMovements(
+        [m.participant for m in movements], [m.condition for m in movements], [m.cell for m in movements],
+        np.array([value for _, value in own]), np.array(places) if own else None,
+    )  # fmt: skip
+
+
+def _bounds(
+    whole: MeasuredStudy, point: EndPoint, seen: np.ndarray, conditions: Sequence[str], condition: str,
+    people: list[str],
+) -> tuple[np.ndarray, np.ndarray] | None:  # fmt: skip
+    """Return the bounds of people's changes where movements were cut off; None if their changes are known."""
+    pair = conditions[0], condition
+    if point.index.cut_off is CutOff.AT_LEAST_SEEN:
+        return lasting_bounds(whole.lasted, people, conditions, *pair, point.differences)
+    if point.index.cut_off is not CutOff.SEEN_DURATION:
+        return None
+    # A mean that includes a movement without a seen end has no upper bound.
+    cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
+    base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
+    return np.where(base, -inf, seen), np.where(own, inf, seen)
+
+
+def _unknown(
+    changes: Mapping[str, PeoplesChanges], whole: MeasuredStudy, wanted: Mapping[str, EndPoint],
+    tables: Mapping[str, IndexTable], pair: tuple[str, str], people: list[str], order: SessionOrder,
+) -> tuple[str, ...]:  # fmt: skip
+    """Return sentences on what cannot be tested."""
+    unknown = []
     if not order.period:
         unknown.append(
             f"{order.unknown}: the effects of period and carry-over cannot be separated from those of conditions."
         )
-    for name, point in wanted.items():
-        test = tests[name]
-        own = [period_doubt(seen[name], test)]
-        if order.period and adjustment(len(people), test.sessions).is_plain:
+    for name, own in changes.items():
+        if order.period and adjustment(len(people), own.sessions, known=own.bounds is None).is_plain:
             unknown.append(
                 f"With {len(people)} participants the effect of the period is not estimated."
                 if len(people) < MIN_ORDERED_PEOPLE
-                else f"{condition} came equally long after {found.control} for everybody: the effect of the period "
+                else f"{pair[1]} came equally long after {pair[0]} for everybody: the effect of the period "
                 "cannot be separated from that of the condition."
             )
-        own += _learning(found, whole, point, condition, people, seen[name], order, test, trends, unknown)
-        failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
-        if point.index.cut_off is CutOff.AT_LEAST_SEEN and failed:
-            own += _left_out(found, whole, point, condition, people, test)
-        doubts[name] = tuple(each for each in own if each is not None)
-    return doubts, trends, tuple(dict.fromkeys(unknown))
-
-
-def _learning(found, whole, point, condition, people, seen, order, test, trends, unknown) -> list[Doubt]:
-    base = _control(found, point.index.name)
-    conditions = [condition] if base is None else [base, condition]
-    own = movements_of(whole, point, conditions, people, order)
-    if not own:
-        return []
-    parts = [thirds_of(own, c, people, order) for c in conditions]
-    if None in parts:
-        unknown.append(
-            f"Whether movements were still changing is not looked for: somebody has fewer than {MIN_MOVEMENTS} of a "
-            "condition, "
-            "or several recordings of it whose order (period, repetition) is not stated."
-        )
-        return []
-    signs = (1.0,) if base is None else (-1.0, 1.0)
-    drift = np.sum([[s * each.drift for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
-    late = np.sum([[s * each.last for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
-    at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
-    doubt = learning_doubt(drift, at_end, test)
-    trends[point.index.name] = float(np.median(drift)), doubt.p_value
-    return [doubt]
-
-
-def _left_out(found, whole, point, condition, people, test) -> list[Doubt]:
-    """Return a doubt if failed movements, counted as longer than any other, change the verdict."""
-    every = whole.lasted + whole.failed
-    bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
-    if bounds is None:
-        return []
-    low, high = bounds
-    counted = equivalence(
-        low, point.margin, upper=high, alpha=test.alpha, method=cast("Method", test.method), sessions=test.sessions,
-        largest_carry_over=test.largest_carry_over,
-    )  # fmt: skip
-    return [Doubt(LEFT_OUT_DOUBT, float("nan"), counted, always=True)]
+        base = control_of(tables[name], pair[0])
+        compared = [pair[1]] if base is None else list(pair)
+        if own.drift is None and movements_of(whole, wanted[name], compared, people, order):
+            unknown.append(
+                f"Whether movements were still changing is not looked for: somebody has fewer than {MIN_MOVEMENTS} of "
+                "a condition, or several recordings of it whose order (period, repetition) is not stated."
+            )
+    return tuple(dict.fromkeys(unknown))
 
 
 PLANNED_POWER = 0.9
@@ -270,29 +283,6 @@ SIMULATED_STUDY_COUNT = 1000
 """Number of simulated studies behind the planned number of participants."""
 
 
-def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:
-    """Return the end points with stated margins; refuse an unknown name or unit."""
-    made = {}
-    for name, stated in spec.index_margins.items():
-        where = f"[assessment.margins] {name}"
-        if name not in indices:
-            raise StudyError(f"{where}: found no index of this name, expected one of {', '.join(indices)}")
-        index = indices[name]
-        share = stated.strip().endswith("%")
-        size = parse_quantity(stated, "1" if share else index.unit, where)
-        if not size > 0.0:
-            raise StudyError(f'{where}: found "{stated}", expected a size above 0')
-        if share and index.percent_of is PercentOf.NOTHING_AT_ALL:
-            raise StudyError(f'{where}: found "{stated}", expected {index.unit}: {index.words} has no zero to share')
-        ratio = share and index.scaled
-        if share and index.needs_robot:
-            raise StudyError(f'{where}: found "{stated}", expected {index.unit}: without the robot there is none')
-        margin = Margin.of_ratio(size) if ratio else Margin.either_way(size)
-        margin = Margin(-inf, margin.high) if index.worse is Worse.IF_MORE else margin
-        made[name] = EndPoint(name, index.along, stated, margin, ratio)
-    return made
-
-
 def certify_conditions(
     found: AssessmentResult,
     spec: AssessmentTable,
@@ -300,12 +290,13 @@ def certify_conditions(
     order: SessionOrder,
     curves: Curves,
     executor: Any = None,
+    registered: Analysis | None = None,
 ) -> tuple[Certified, ...]:
-    """Certify every condition but control. `spec` is [assessment].
+    """Certify every condition but control. `spec` is [assessment], `registered` the registered analysis.
 
     Nothing is returned if no margins are stated, or if one participant alone can be compared.
     """
-    wanted = end_points(spec, found.indices)
+    wanted = spec.analysis.end_points(found.indices)
     if not wanted:
         if spec.curves:
             raise StudyError("[assessment.curves]: found margins of curves alone, expected [assessment.margins] too")
@@ -325,7 +316,7 @@ def certify_conditions(
                     "margin: a claim about what was not recorded cannot be tested; record it or take the margin out "
                     "before the data are seen"
                 )
-            made.append(_certify(found, spec, wanted, condition, whole, order, curves, executor))
+            made.append(_certify(found, spec, wanted, condition, whole, order, curves, executor, registered))
     return tuple(made)
 
 
@@ -338,83 +329,58 @@ def _certify(
     order: SessionOrder,
     curves: Curves,
     executor: Any,
+    registered: Analysis | None,
 ) -> Certified:
-    alpha, method = spec.alpha, ESTIMAND_METHODS[spec.estimand]
-    people = [p for p in found.participants if all(p in found.assessed[n].table.participants for n in wanted)]
+    analysis, pair = spec.analysis, (found.control, condition)
+    tables = {name: found.assessed[name].table for name in wanted}
+    people = [p for p in found.participants if all(p in table.participants for table in tables.values())]
     if len(people) < 2:
         raise StudyError(
             f"[assessment.margins], {condition}: found {len(people)} participants with all of {', '.join(wanted)}, "
             "expected two or more"
         )
-    seen = {name: _differences(found.assessed[name], point, condition, found.control, people)
-            for name, point in wanted.items()}  # fmt: skip
-    tests, other = (
-        {name: _of_people(found, whole, point, condition, people, seen[name], alpha, used, order,
-                          spec.largest_carry_over)
-         for name, point in wanted.items()}
-        for used in (method, "signed_rank" if method == "skew_robust" else "skew_robust")
+    changes = study_changes(whole, wanted, tables, found.conditions, condition, people, order, analysis)
+    shown = compare_with_control(curves, people, condition, found.control, spec.curves, found.along, analysis.alpha)
+    with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
+    lost_of_curves = lost_movements(whole, {}, with_margins, pair, people)
+    lost_people = tuple(p for p in (*found.participants, *found.without) if p not in people)
+    joint = decide(
+        analysis, changes, lost_people=len(lost_people), curves=with_margins, lost_of_curves=lost_of_curves,
+        registered=registered,
     )  # fmt: skip
-    models = {name: model_of(whole, point, condition, _control(found, name), people, order)
+    another = "signed_rank" if analysis.method == "skew_robust" else "skew_robust"
+    other = {name: tested_changes(own, analysis, another) for name, own in changes.items()}
+    models = {name: model_of(whole, point, condition, control_of(tables[name], found.control), people, order)
               for name, point in wanted.items()}  # fmt: skip
     # An index without values of single movements has no mixed model, only participants' values.
-    fitted = {name: of_model(models[name], point, alpha) for name, point in wanted.items()
+    fitted = {name: of_model(models[name], point, analysis.alpha) for name, point in wanted.items()
               if models[name].movements}  # fmt: skip
-    beside = {next(iter(other.values())).method: other, **({"mixed_model": fitted} if fitted else {})}
-    doubts, trends, unknown = find_doubts(found, whole, wanted, condition, people, seen, order, tests)
-    shown = compare_with_control(curves, people, condition, found.control, spec.curves, found.along, alpha)
-    with_margins = {f"{c.quantity} curve": c.comparison for c in shown if c.stated}
-    pair = found.control, condition
-    lost = lost_movements(whole, wanted, with_margins, pair, people)
-    everybody = (*found.participants, *found.without)
-    lost_people = tuple(person for person in everybody if person not in people)
-    for name, doubt in (
-        *doubts_of_loss({**tests, **with_margins}, lost, alpha, spec.max_left_out,
-                        people_with_losses(whole, wanted, pair, people)).items(),
-        *doubts_of_lost_people({**tests, **with_margins}, len(lost_people), alpha, spec.max_left_out).items(),
-    ):  # fmt: skip
-        doubts[name] = (*doubts.get(name, ()), doubt)
-    joint = certificate_from_tests(tests, alpha, doubts, with_margins, spec.share_rule)
-    active = Active(spec.estimand, spec.people, spec.share_rule.alpha, bool(order.period), spec.largest_carry_over,
-                    bool(trends))  # fmt: skip
+    beside = {another: other, **({"mixed_model": fitted} if fitted else {})}
+    trends = {
+        name: (float(np.median(own.drift)), doubt.p_value)
+        for name, own in changes.items()
+        for doubt in joint.doubts.get(name, ())
+        if own.drift is not None and doubt.what == LEARNING_DOUBT
+    }
+    active = Active.of(analysis, order=bool(order.period), learning=bool(trends))
+    seen = {name: own.seen for name, own in changes.items()}
     return Certified(
-        condition, joint, wanted, len(people), _needed(wanted, tests, seen, alpha, active, executor), spec.estimand,
-        tuple(people), models, beside, trends, unknown, _failed(whole, pair, people), shown, lost, spec.max_left_out,
-        lost_people,
+        condition, joint, wanted, len(people), _people_needed(wanted, joint, seen, active, executor), analysis.estimand,
+        tuple(people), models, beside, trends, _unknown(changes, whole, wanted, tables, pair, people, order),
+        _failed(whole, pair, people), shown, {**{n: own.lost for n, own in changes.items()}, **lost_of_curves},
+        analysis.max_left_out, lost_people,
     )  # fmt: skip
 
 
-def _control(found: AssessmentResult, name: str) -> str | None:
+def control_of(table: IndexTable, control: str) -> str | None:
     """Return the control that an end point is compared with; None if it has none."""
-    table = found.assessed[name].table
-    return found.control if found.control in table.conditions or table.index.over_control else None
+    return control if control in table.conditions or table.index.over_control else None
 
 
-def _of_people(
-    found: AssessmentResult, whole: MeasuredStudy, point: EndPoint, condition: str, people: list[str],
-    seen: np.ndarray, alpha: float, method: Method, order: SessionOrder, largest_carry_over: float,
-) -> Equivalence:  # fmt: skip
-    pair, upper = (found.control, condition), None
-    if point.index.cut_off is CutOff.AT_LEAST_SEEN:
-        bounds = lasting_bounds(whole.lasted, people, found.conditions, *pair, point.differences)
-        if bounds is not None:
-            seen, upper = bounds
-    elif point.index.cut_off is CutOff.SEEN_DURATION:
-        # A mean that includes a movement without a seen end has no upper bound.
-        cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
-        base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
-        seen, upper = np.where(base, -inf, seen), np.where(own, inf, seen)
-    control = _control(found, point.index.name)
-    sessions = order.sessions(people, found.conditions, control, condition)
-    return equivalence(
-        seen, point.margin, upper=upper, alpha=alpha, method=method, sessions=sessions,
-        largest_carry_over=largest_carry_over,
-    )  # fmt: skip
-
-
-def _needed(
-    wanted: Mapping[str, EndPoint], tests: Mapping[str, Equivalence], seen: Mapping[str, np.ndarray], alpha: float,
-    active: Active, executor: Any,
-) -> int | None:  # fmt: skip
+def _people_needed(
+    wanted: Mapping[str, EndPoint], joint: Certificate, seen: Mapping[str, np.ndarray], active: Active, executor: Any
+) -> int | None:
+    tests = joint.end_points
     if len(next(iter(seen.values()))) < 3:
         return None
     # The effects of periods are none of how much people differ.
@@ -424,8 +390,8 @@ def _needed(
     change = [float(d.mean()) if point.margin.low == -inf else 0.0
               for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
     return find_equivalence_participants(
-        covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change, alpha=alpha,
-        active=active, studies=SIMULATED_STUDY_COUNT, executor=executor,
+        covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change,
+        alpha=joint.alpha, active=active, studies=SIMULATED_STUDY_COUNT, executor=executor,
     )  # fmt: skip
 
 
@@ -436,8 +402,10 @@ def _failed(whole: MeasuredStudy, pair: tuple[str, str], people: list[str]) -> d
     return {c: (count(whole.failed, c), count(whole.failed, c) + count(whole.lasted, c)) for c in pair}
 
 
-def _differences(each: Assessed, point: EndPoint, condition: str, control: str, people: list[str]) -> np.ndarray:
-    rows = [each.table.participants.index(person) for person in people]
-    own = each.table.column(condition)[rows]
-    there = control in each.table.conditions and not each.table.index.over_control
-    return point.differences(own, each.table.column(control)[rows] if there else None)
+def _differences(
+    table: IndexTable, point: EndPoint, condition: str, control: str, people: Sequence[str]
+) -> np.ndarray:
+    rows = [table.participants.index(person) for person in people]
+    own = table.column(condition)[rows]
+    there = control in table.conditions and not table.index.over_control
+    return point.differences(own, table.column(control)[rows] if there else None)

@@ -8,23 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import StudyError
+from ..._errors import PellucidError, StudyError
 from ...study.study import Study
-from ...units import COORDINATES_BY_UNIT, parse_quantity
-from ..certificate import Estimand
+from ...units import COORDINATES_BY_UNIT
+from ..analysis import EndPoint, Estimand
 from ..equivalence import Margin
 from ..indices import indices_along
 from ..power import (
     CERTIFICATE_SIZES,
     Active,
     equivalence_power,
+    expected_size,
     find_equivalence_participants,
     participants_for_changes,
+    planned_power,
 )
 from ..share_of_people import MIN_PEOPLE
-from .assessment_result import EndPoint, kept_certificates
+from .assessment_result import kept_certificates
 from .assessment_table import AssessmentTable
-from .certified import end_points
 
 TRUE_CHANGE_SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5: "a half"}
 """True changes for which the number is planned, as shares of the margin, with their names."""
@@ -59,21 +60,20 @@ def plan(
     """
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
-    if spec is None or not spec.margins:
+    if spec is None or not spec.analysis.margins:
         raise StudyError(f"{where}: found no [assessment.margins], expected how far a robot may change each index")
     joints = study.config.rig.joints
     along = COORDINATES_BY_UNIT["m" if len(joints) == 1 and joints[0].motion == "prismatic" else "rad"]
-    points = end_points(spec, indices_along(along))
+    points = spec.analysis.end_points(indices_along(along))
     margins = [point.margin for point in points.values()]
     if participants is not None and participants < MIN_PEOPLE:
         raise StudyError(
             f"{where}: found {participants} participants, expected at least {MIN_PEOPLE}: with fewer people nothing is "
             "claimed to lie within its margin"
         )
-    active = Active(
-        spec.estimand, spec.people, spec.share_rule.alpha, order=True, largest_carry_over=spec.largest_carry_over,
-        learning=True,
-    )  # fmt: skip
+    analysis = spec.analysis
+    ordered = analysis.design != "parallel sessions"
+    active = Active.of(analysis, order=ordered, learning=True)
     options = {"alpha": spec.false_transparent, "active": active, "studies": studies, "executor": executor}
     if pilot is not None:
         return _of_pilot(points, pilot, margins, power, participants, options)
@@ -82,7 +82,13 @@ def plan(
             f"{where}: found [assessment.spreads] of {', '.join(spec.spreads) or 'nothing'}, expected those of "
             f"{', '.join(points)}: how much people's changes differ, as a pilot's certificate or another study tells it"
         )
-    spreads = [_spread(point, spec.spreads[name]) for name, point in points.items()]
+    try:
+        spreads = [
+            expected_size(point, "sd", spec.spreads[name], f"{where}, [assessment.spreads] {name}")
+            for name, point in points.items()
+        ]
+    except PellucidError as error:
+        raise StudyError(str(error)) from None
     joint, alone = participants_for_changes(
         spreads, margins, tuple(TRUE_CHANGE_SHARES), END_POINT_CORRELATIONS, power=power, **options
     )
@@ -93,18 +99,17 @@ def plan(
     ]
     if participants is not None:
         heads.append(f"Power with {participants} %")
-        covariance = np.diag(np.array(spreads) ** 2)
         ends = np.array([margin.high for margin in margins])
         for row, share in zip(rows, TRUE_CHANGE_SHARES, strict=True):
-            found = equivalence_power(covariance, margins, (participants,), change=share * ends, **options)
+            found = planned_power(points, np.array(spreads), share * ends, (participants,), **options)
             row.append(round(100.0 * found.power[0]))
     return Plan(
         _title(power),
         tuple(heads),
         tuple(map(tuple, rows)),
-        f"{_tested(spec.estimand, spec.people, spec.false_transparent)}, people's changes normal; going together: "
-        f"correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_ACTIVE_WORDS} {studies} studies simulated for "
-        "each number of people.",
+        f"{_tested(analysis.estimand, analysis.people, spec.false_transparent)}, people's changes normal; going "
+        f"together: correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_active_words(ordered)} {studies} "
+        "studies simulated for each number of people.",
     )
 
 
@@ -117,10 +122,12 @@ def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
     return {name: test.differences for name, test in widest.certificate.end_points.items()}
 
 
-_ACTIVE_WORDS = (
-    "Each study has two conditions in balanced orders, the largest carry-over that is declared, a test for learning, "
-    "and the tests of the shares of people within and far beyond."
-)
+def _active_words(ordered: bool) -> str:
+    orders = "in balanced orders, the largest carry-over that is declared" if ordered else "in no order"
+    return (
+        f"Each study has two conditions {orders}, a test for learning, and the tests of the shares of people within "
+        "and far beyond."
+    )
 
 
 def _title(power: float) -> str:
@@ -160,22 +167,11 @@ def _of_pilot(
         tuple(heads),
         tuple(rows),
         f"{_tested(active.estimand, active.people, options['alpha'])}, people drawn from the pilot's {len(people)}, "
-        f"moved to the true change. {_ACTIVE_WORDS} {options['studies']} studies simulated for each number of people. "
+        f"moved to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
+        "number of people. "
         "What so few people show of a distribution is itself uncertain.",
     )
 
 
 def _people(needed: int | None) -> str | int:
     return f">{CERTIFICATE_SIZES[-1]}" if needed is None else needed
-
-
-def _spread(point: EndPoint, stated: str) -> float:
-    """Return a stated spread in the unit of people's changes; logarithms for ratios."""
-    where = f"[assessment.spreads] {point.index.name}"
-    share = stated.strip().endswith("%")
-    size = parse_quantity(stated, "1" if share else point.index.unit, where)
-    if not size > 0.0 or share != point.stated.strip().endswith("%"):
-        raise StudyError(
-            f'{where}: found "{stated}", expected a size above 0 of the kind of its margin, {point.stated}'
-        )
-    return float(np.log1p(size)) if point.ratio else size

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..certificate import ESTIMAND_METHODS, Estimand
+from ..analysis import ESTIMAND_METHODS, EndPoint, Estimand
 from ..equivalence import Margin, equivalence
 from ..indices import CutOff
 from ..movement_indices import IndexTable
 from ..session_periods import SessionPeriods
-from .assessment_result import EndPoint
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult
