@@ -141,7 +141,7 @@ def test_the_command_saves_its_rows_and_prints_one_screen_that_answers_and_leads
     told = primary_change(whole.found, "duration_median", "PCFr")
     first = " ".join(" ".join(lines[:6]).split())
     assert f"PCFr {told.value:+.1f} % (95 % CI {told.low:+.1f} to {told.high:+.1f} %)" in first
-    answers = [line for line in lines if re.match(r" (Median dur|Peak vel|EMG/Acc)", line)]
+    answers = [line for line in lines if re.match(r" (Median dur|Peak vel|EMG per acc)", line)]
     assert len(answers) == 9
     assert all(line.split()[-1] in ("differs", "shown") for line in answers)
     assert "-v prints" in result.stdout
@@ -342,7 +342,7 @@ def test_a_study_along_a_line_speaks_of_metres_and_newtons(tmp_path):
     told = [str(found), page, *(f"{row.unit} {row.note}" for row in found.rows)]
     told += [p.read_text(encoding="utf-8") for p in write_tables(tmp_path / "tables", found)]
     assert not [m[0] for text in told for m in re.finditer(ANGULAR, text)]
-    assert "End error (mm)" in told[0]
+    assert "End-point error (mm)" in told[0]
     assert "Peak velocity (m/s)" in told[0]
 
 
@@ -498,7 +498,7 @@ def test_who_lacks_an_index_is_named(tmp_path):
     found = assess(open_study(study.folder))
     assert found.assessed["emg_level"].table.participants == ("P1", "P3")
     assert found.assessed["duration"].table.participants == ("P1", "P2", "P3")
-    assert any("P2: found no value of EMG level, EMG/Acc" in v.text for v in found.verdicts)
+    assert any("P2: found no value of EMG level, EMG per acceleration" in v.text for v in found.verdicts)
 
 
 def test_amplitudes_that_are_mislabelled_are_refused(tmp_path):

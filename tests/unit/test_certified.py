@@ -268,7 +268,7 @@ def test_one_change_is_one_number_everywhere(of_twelve):
         assert rows[f"pointing.transparency.{name}.fc"].value == pytest.approx(change.value, rel=1e-12)
         assert rows[f"pointing.certificate.fc.{name}.change"].value == pytest.approx(change.value, rel=1e-12)
         table = description_table(found, found.assessed[name])
-        assert table.rows[1][table.heads.index("Δ %")].replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
+        assert table.rows[1][table.heads.index("Change %")].replace("\N{MINUS SIGN}", "-") == told.removesuffix(" %")
         if name == "vmax":
             short = found.indices[name].short
             chosen = next(row for row in range_table(found).rows if row[0] == short)

@@ -11,10 +11,12 @@ CATALOGUE = "people/indices.py"
 RUN = f"import sys\nsys.path.append({str(TESTS)!r})\nfrom index_battery import faults\nprint(*faults(), sep='\\n')\n"
 HALF_ADDED = {
     "no words": ('words="Mean velocity"', 'words=""', "vmean: has no words"),
-    "no unit": ('short="Acc.", unit="rad/s^2"', 'short="Acc.", unit=""', "acceleration: has no unit"),
+    "no unit": (
+        'short="Peak acceleration", unit="rad/s^2"', 'short="Peak acceleration", unit=""', "acceleration: has no unit"
+    ),
     "no worse direction": (
-        'words="Spectral arc length", short="SPARC", unit="1",\n    worse=Worse.EITHER_WAY, ',
-        'words="Spectral arc length", short="SPARC", unit="1",\n    ',
+        'words="Spectral arc length", short="Spectral arc length", unit="1",\n    worse=Worse.EITHER_WAY, ',
+        'words="Spectral arc length", short="Spectral arc length", unit="1",\n    ',
         "missing 1 required keyword-only argument: 'worse'",
     ),
     "no meaning of a percentage": (

@@ -45,7 +45,7 @@ def test_it_is_the_search_of_the_certificate(study):
     third = np.array([margin.high for margin in margins]) / 3.0
     active = Active(order=True, learning=True)
     needed = find_equivalence_participants(np.diag(spread**2), margins, change=third, active=active, studies=300)
-    assert found.heads[3:] == ("Median dur.", "End error")
+    assert found.heads[3:] == ("Median duration", "End-point error")
     rows = {row[0]: row[1:] for row in found.rows}
     assert rows["a third"][0] == (needed or ">128")
     # Together asks for no fewer than each alone, and going together for no more, within what 300 studies tell.

@@ -191,8 +191,8 @@ class Analysis:
             raise found("max_left_out", "a share from 0 to 1")
         if not 0.0 <= self.largest_carry_over < inf:
             raise found("largest_carry_over", "a number of margins, 0 or more")
-        if (self.look is None) != (not self.looks) or not 1 <= (self.look or 1) <= max(len(self.looks), 1):
-            raise PellucidError(f"{self.where}: found look = {self.look}, expected one of looks = {list(self.looks)}")
+        if self.look is not None and not 1 <= self.look <= len(self.looks):
+            raise self._no_look()
         if self.period and self.sequence:
             raise found("sequence", "a column of periods or one of sequences, not both")
         _ = self.rule
@@ -202,9 +202,14 @@ class Analysis:
     @property
     def alpha(self) -> float:
         """Level of each one-sided test: `false_transparent`, or what is spent at this look."""
-        if self.look is None:
+        if not self.looks:
             return self.false_transparent
+        if self.look is None:
+            raise self._no_look()
         return looks(self.looks, self.false_transparent).level[self.look - 1]
+
+    def _no_look(self) -> PellucidError:
+        return PellucidError(f"{self.where}: found look = {self.look}, expected one of looks = {list(self.looks)}")
 
     @property
     def rule(self) -> ShareRule:

@@ -69,6 +69,9 @@ DEFAULT_CARRY_OVER = 0.25
 MAX_TIPPING_POINT = 10.0
 """Carry-overs up to this many half-widths of the margin are tried for the tipping point."""
 
+MAX_BAYES_FACTOR = 1000.0
+"""Largest Bayes factor that is told: what is beyond it depends on the tails of the prior and not on the data."""
+
 PRIOR_SCALE = 0.5**0.5
 """Scale of the Cauchy prior on the standardised change."""
 
@@ -176,10 +179,14 @@ class Equivalence:
 
     @property
     def bayes_factor(self) -> float:
-        """Bayes factor of "within" against "beyond"; NaN for a model, and if differences are known by bounds alone."""
+        """Bayes factor of "within" against "beyond", up to `MAX_BAYES_FACTOR` either way.
+
+        NaN for a model, and if differences are known by bounds alone.
+        """
         if self.bounded or len(self.differences) < 2:
             return nan
-        return interval_bayes_factor(self.differences, self.margin)
+        factor = interval_bayes_factor(self.differences, self.margin)
+        return float(np.clip(factor, 1.0 / MAX_BAYES_FACTOR, MAX_BAYES_FACTOR))
 
     @property
     def verdict(self) -> str:

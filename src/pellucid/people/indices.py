@@ -125,53 +125,53 @@ MOVEMENT_DURATION = Index(
     has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 PEAK_VELOCITY = Index(
-    name="vmax", words="Peak velocity", short="Peak vel.", unit="rad/s",
+    name="vmax", words="Peak velocity", short="Peak velocity", unit="rad/s",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of="vmax", of_movement=lambda motion, movement: movement.peak_velocity,
     paragraph_place=3, panel_place=3, tile=Tile("Peak velocity"), has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 MEAN_VELOCITY = Index(
-    name="vmean", words="Mean velocity", short="Mean vel.", unit="rad/s",
+    name="vmean", words="Mean velocity", short="Mean velocity", unit="rad/s",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of="vmean", of_movement=lambda motion, movement: movement.mean_velocity, tries_rules=True,
 )  # fmt: skip
 PEAK_ACCELERATION = Index(
-    name="acceleration", words="Peak acceleration", short="Acc.", unit="rad/s^2",
+    name="acceleration", words="Peak acceleration", short="Peak acceleration", unit="rad/s^2",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of="acceleration", of_movement=lambda motion, movement: movement.peak_acceleration,
     panel_place=4, tries_rules=True,
 )  # fmt: skip
 PEAK_TIME_UP = Index(
-    name="peak_time_up", words="Relative time to peak velocity upwards", short="Peak time, up", unit="1",
+    name="peak_time_up", words="Relative time to peak velocity upwards", short="Peak time, upwards", unit="1",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of="peak_time", of_movement=lambda motion, movement: movement.peak_time, direction=DIRECTION_UP,
     panel_place=5, tries_rules=True, is_planned=True,
 )  # fmt: skip
 PEAK_TIME_DOWN = Index(
-    name="peak_time_down", words="Relative time to peak velocity downwards", short="Peak time, down", unit="1",
+    name="peak_time_down", words="Relative time to peak velocity downwards", short="Peak time, downwards", unit="1",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of="peak_time", of_movement=lambda motion, movement: movement.peak_time, direction=DIRECTION_DOWN,
     panel_place=6, tries_rules=True, is_planned=True,
 )  # fmt: skip
 SIGNED_END_ERROR = Index(
-    name="end_error", words="Signed end-point error", short="End bias", unit="rad",
+    name="end_error", words="Signed end-point error", short="End-point bias", unit="rad",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="end_error",
 )  # fmt: skip
 ABSOLUTE_END_ERROR = Index(
-    name="end_absolute", words="Absolute end-point error", short="End error", unit="rad",
+    name="end_absolute", words="Absolute end-point error", short="End-point error", unit="rad",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="end_absolute",
     paragraph_place=4, panel_place=8, has_table=True, is_planned=True,
 )  # fmt: skip
 VARIABLE_END_ERROR = Index(
-    name="end_spread", words="Variable end-point error", short="End spread", unit="rad",
+    name="end_spread", words="Variable end-point error", short="End-point spread", unit="rad",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="end_error", spread=True, panel_place=9,
 )  # fmt: skip
 SPECTRAL_ARC_LENGTH = Index(
-    name="sparc", words="Spectral arc length", short="SPARC", unit="1",
+    name="sparc", words="Spectral arc length", short="Spectral arc length", unit="1",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="sparc", panel_place=7,
 )  # fmt: skip
 LOG_DIMENSIONLESS_JERK = Index(
-    name="ldlj", words="Log dimensionless jerk", short="LDLJ", unit="1",
+    name="ldlj", words="Log dimensionless jerk", short="Log dimensionless jerk", unit="1",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.NOTHING_AT_ALL, of="ldlj",
 )  # fmt: skip
 EMG_LEVEL = Index(
@@ -180,28 +180,28 @@ EMG_LEVEL = Index(
     paragraph_place=7, panel_place=10, delay_place=2, has_table=True, tries_rules=True, is_planned=True,
 )  # fmt: skip
 EMG_PER_ACCELERATION = Index(
-    name="emgacc", words="EMG/Acc", short="EMG/Acc", unit="1",
+    name="emgacc", words="EMG/Acc", short="EMG per acceleration", unit="1",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.OVER_CONTROL, of="emg_per_acc", direction=DIRECTION_UP,
     sentence_words="EMG over acceleration (EMG/Acc)",
     paragraph_place=5, panel_place=11, delay_place=1, tile=Tile("EMG/Acc"), has_table=True, tries_rules=True,
     is_planned=True,
 )  # fmt: skip
 RMS_INTERACTION_TORQUE = Index(
-    name="torque_rms", words="RMS interaction torque", short="Torque RMS", unit="N*m",
+    name="torque_rms", words="RMS interaction torque", short="Root-mean-square torque", unit="N*m",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="torque_rms", needs_robot=True,
     paragraph_place=6, panel_place=12, tile=Tile("Interaction", " RMS"), has_table=True,
 )  # fmt: skip
 PEAK_INTERACTION_TORQUE = Index(
-    name="torque_peak", words="Peak interaction torque", short="Torque peak", unit="N*m",
+    name="torque_peak", words="Peak interaction torque", short="Peak torque", unit="N*m",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="torque_peak", needs_robot=True,
 )  # fmt: skip
 WORK_AGAINST_ROBOT = Index(
-    name="work", words="Work against the robot", short="Work", unit="J",
+    name="work", words="Work against the robot", short="Work against robot", unit="J",
     worse=Worse.IF_MORE, percent_of=PercentOf.THE_CONTROL, of="work", needs_robot=True, panel_place=13,
 )  # fmt: skip
 # The mean duration is not in the paragraph and the median is, because movements that were cut off distort a mean.
 MEDIAN_DURATION = Index(
-    name="duration_median", words="Median duration", short="Median dur.", unit="s",
+    name="duration_median", words="Median duration", short="Median duration", unit="s",
     worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL,
     of=MOVEMENT_DURATION.of, of_curve=lambda curve: curve.bounded_median, cut_off=CutOff.AT_LEAST_SEEN,
     leads=True,
@@ -261,8 +261,7 @@ def _indices_along(unit: str) -> Mapping[str, Index]:
     if along.unit == "rad":
         return INDICES
     units = {"N*m": along.effort}
-    words = {"torque": "force", "Torque": "Force", "upwards": "forwards", "downwards": "backwards", ", up": ", forth",
-             ", down": ", back"}  # fmt: skip
+    words = {"torque": "force", "Torque": "Force", "upwards": "forwards", "downwards": "backwards"}
 
     def of(index: Index) -> Index:
         said = [index.words, index.short]

@@ -506,7 +506,7 @@ def plan(
     >>> import pellucid as pl
     >>> stated = {"margins": {"duration": "10 %"}, "design": "AB/BA"}
     >>> [round(power, 1) for power in pl.plan(stated, people=(8, 12, 24), sd="4 %", studies=500)]
-    [0.0, 0.6, 1.0]
+    [0.0, 0.8, 1.0]
     """
     stated = Analysis.of(analysis)
     points = stated.end_points()
@@ -517,9 +517,10 @@ def plan(
     spread = np.array([expected_size(points[name], "sd", sd) for name in points])
     moved = np.array([expected_size(points[name], "effect", effect) for name in points])
     found = planned_power(
-        points, spread, moved, (people,) if isinstance(people, Integral) else tuple(people), alpha=stated.alpha,
-        active=Active.of(stated, order=stated.is_ordered, learning=learning), correlation=correlation, studies=studies,
-        seed=seed, executor=executor,
+        points, spread, moved, (people,) if isinstance(people, Integral) else tuple(people),
+        correlation=correlation, alpha=stated.false_transparent,
+        active=Active.of(stated, order=stated.is_ordered, learning=learning), studies=studies, seed=seed,
+        executor=executor,
     )  # fmt: skip
     return found.power[0] if isinstance(people, Integral) else found.power
 

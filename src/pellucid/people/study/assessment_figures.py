@@ -289,12 +289,12 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
     axis.set_ylim(at - 0.8, 0.0)
     tidy(axis, first=True, text="")
     axis.set_yticks(places, labels)
-    axis.set_xlabel("Change from control, in sizes of its margin")
+    axis.set_xlabel("Change / margin")
     return Drawing(
         "certificate",
         figure,
-        "Changes from control with their intervals, in sizes of their margins (shaded): inside is shown to be small "
-        f"enough, outside to be too large, across neither. Beyond {MAX_DRAWN_MARGINS:g} sizes lines are cut.",
+        "Changes from control with their intervals, divided by their margins (shaded): inside is shown to be small "
+        f"enough, outside to be too large, across neither. Beyond {MAX_DRAWN_MARGINS:g} margins lines are cut.",
     )
 
 

@@ -22,6 +22,7 @@ from ...study.procedures.procedure import quiet
 from ...study.procedures.result import FigureTable
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
+from ..analysis import ANALYSIS_FILE
 from ..certificate import FAIL, PASS
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
@@ -102,6 +103,8 @@ def certificate_answer(findings: AssessmentResult, following: tuple[str, ...] = 
     said = {each.certificate.verdict for each in findings.certified}
     verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
     question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
+    if any(each.certificate.post_hoc for each in findings.certified):
+        question += " Post hoc: this is not the registered analysis."
     return Answer(question, verdict, draw(figures.certificate_figure, findings.certified), following)
 
 
@@ -131,7 +134,8 @@ def _answer_sentence(findings: AssessmentResult) -> str:
         ends = change.interval.replace("-", MINUS_SIGN) or "not known"
         parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
     words = each.table.index.words
-    verdicts = "".join(f"{one.condition.replace('_', ' ')}: {one.certificate.verdict}. " for one in findings.certified)
+    told = ((one.condition.replace("_", " "), one.certificate.statement) for one in findings.certified)
+    verdicts = "".join(f"{condition}: {statement}. " for condition, statement in told)
     people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
     return f"{verdicts}{words} against {findings.control}, {people}: {', '.join(parts)}."
 
@@ -312,7 +316,7 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
 
 def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) -> Page:
     """Build the page: verdicts, protocol, margins, assumptions, results, sensitivity, exclusions, provenance."""
-    verdicts = [(each.condition, each.certificate.verdict) for each in found.certified]
+    verdicts = [(each.condition, each.certificate.statement) for each in found.certified]
     command = printed_command("certificate", study.folder)
     following = (f"Make this page again: `{command}`.",)
     return study_page(
@@ -321,7 +325,7 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
         [Tile(condition, verdict, "", p_statement(each.certificate.p_value))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found),
-         _other_analyses(found), _exclusions(found),
+         _other_analyses(found), _exclusions(spec, found),
          provenance(study, [("Made again by", command)], _checksums(study, found))],
         answer=certificate_answer(found, following),
     )  # fmt: skip
@@ -352,6 +356,9 @@ def _protocol(study: Study, spec: AssessmentTable, found: AssessmentResult) -> S
         ("Participants recorded", str(people)),
         ("Participants compared", str(len(found.participants))),
         ("Movements in use", f"{found.movements:,}"),
+        ("Registered", _registration(found)),
+        ("Design", spec.design or "not stated"),
+        ("Washout", spec.washout or "not stated"),
         ("Analysed", f"{look}, level {100.0 * spec.analysis.alpha:.3g} % of each one-sided test"),
         ("End of a movement", f"last sample above {100.0 * spec.threshold:g} % of its largest speed"),
         ("Low-pass of the angle", f"{spec.lowpass:g} Hz, order {spec.order}, zero phase"),
@@ -371,6 +378,14 @@ def _protocol(study: Study, spec: AssessmentTable, found: AssessmentResult) -> S
         ]
         shown.append(_plain_table(("Participant", "Order"), listed, "Order of conditions.", 2))
     return Section("protocol", "Protocol", tables=tuple(shown))
+
+
+def _registration(found: AssessmentResult) -> str:
+    """Say whether the analysis is the registered one."""
+    if not found.is_registered:
+        return f"no {ANALYSIS_FILE} was registered"
+    apart = found.certified[0].certificate.post_hoc
+    return f"post hoc, {ANALYSIS_FILE} differs: {'; '.join(apart)}" if apart else f"as in {ANALYSIS_FILE}"
 
 
 def _margins(spec: AssessmentTable, found: AssessmentResult) -> Section:
@@ -434,8 +449,9 @@ def _other_analyses(found: AssessmentResult) -> Section:
     return Section("sensitivity", "Sensitivity", (text,), tuple(shown))
 
 
-def _exclusions(found: AssessmentResult) -> Section:
-    rows: list[tuple] = [("participant", person, why) for person, why in found.without.items()]
+def _exclusions(spec: AssessmentTable, found: AssessmentResult) -> Section:
+    rows: list[tuple] = [("rule", rule, "rule of study.toml") for rule in spec.exclusions]
+    rows += [("participant", person, why) for person, why in found.without.items()]
     rows += [("recording", name, why) for name, why in found.unusable.items()]
     rows += [
         ("movements", str(count), REASON_WORDS.get(why, "that went as far as another label"))

@@ -142,8 +142,9 @@ class AssessmentTable(ProcedureTable):
     @model_validator(mode="after")
     def _analysis(self) -> AssessmentTable:
         # The analysis raises an error for what is stated wrongly.
-        stated = self.analysis.margins
-        strangers = [name for name in self.justification if name not in stated]
+        stated = self.analysis
+        _ = stated.alpha
+        strangers = [name for name in self.justification if name not in stated.margins]
         if strangers:
             raise ValueError(f"[assessment.justification]: found {', '.join(strangers)}, expected indices with margins")
         return self

@@ -175,7 +175,7 @@ def change_table(found: AssessmentResult) -> FigureTable:
             interval = f" ({change.interval})" if change.interval else ""
             cell = f"{change.figure}{interval} {change.unit}".rstrip().replace("-", MINUS_SIGN)
             rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, own.condition)))
-    level = f"{100 * found.confidence:g} % CI"
+    level = f"{100 * found.confidence:g} % interval"
     title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
     return FigureTable(title, ("Index", "Condition", "Change", "Result of its test"), tuple(rows))
 
@@ -198,7 +198,7 @@ def summary_table(found: AssessmentResult) -> FigureTable:
         rows.append((words(each, short=True), *cells))
     n = len(found.participants)
     marked = f"* differs from {found.control} (Friedman and Nemenyi)"
-    title = f"Mean ± SD over {n} participants; {marked}" if n > 1 else "One participant"
+    title = f"Mean ± standard deviation over {n} participants; {marked}" if n > 1 else "One participant"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
@@ -245,7 +245,7 @@ def test_table(found: AssessmentResult) -> FigureTable:
             kendall = each.comparison.kendall
             test_cells = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
             rows.append((each.table.index.short, test.statistic, *test_cells))
-    heads = ("Index", "χ²", "df", "p", "p counted", "Kendall W")
+    heads = ("Index", "χ²", "Degrees of freedom", "p", "p counted", "Kendall's W")
     return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
 
 
@@ -258,7 +258,7 @@ def needed_table(found: AssessmentResult) -> FigureTable:
         # What people differ by is the same behind every change.
         spread = 100.0 * changes[0] / cells[name, changes[0]].effect
         rows.append((found.indices[name].short, _short(spread), *(_people(cells[name, change]) for change in changes)))
-    heads = ("Index", "SD of changes %", *(f"{100 * change:g} %" for change in changes))
+    heads = ("Index", "Standard deviation of changes %", *(f"{100 * change:g} %" for change in changes))
     return FigureTable(
         f"Participants who would show a change from {found.control} in 8 of 10 studies", heads, tuple(rows)
     )
@@ -273,7 +273,8 @@ def effect_size_table(found: AssessmentResult) -> FigureTable:
         f"{found.control}, power 0.8"
     )
     row = ("Participants", *(_people(each) for each in generic))
-    return FigureTable(title, ("d of pairs", *(f"{each.effect:g}" for each in generic)), (row,) if generic else ())
+    heads = ("Cohen's d of pairs", *(f"{each.effect:g}" for each in generic))
+    return FigureTable(title, heads, (row,) if generic else ())
 
 
 def _people(needed: Needed) -> str | int:
@@ -303,10 +304,10 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
         elif against:
             row += [None, None, None]
         rows.append((condition, *row))
-    heads = ("", "Mean", "SD", "Min", "Median", "Max")
+    heads = ("", "Mean", "Standard deviation", "Smallest", "Median", "Largest")
     if against:
         percent = any(change is not None and change.unit == "%" for change in changes.values())
-        heads += ("Δ %" if percent else "Δ", f"{100 * found.confidence:g} % CI", "p")
+        heads += ("Change %" if percent else "Change", f"{100 * found.confidence:g} % interval", "p")
     return FigureTable(words(each), heads, tuple(rows))
 
 
@@ -325,8 +326,8 @@ def effect_table(found: AssessmentResult) -> FigureTable:
                 p_text(a.holm),
             )
             rows.append((words(each, short=True), a.condition, *effect_cells))
-    level = f"{100 * found.confidence:g} % CI"
-    heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
+    level = f"{100 * found.confidence:g} % interval"
+    heads = ("Index", "", "Change", level, "Cohen's d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Sensitivity: differences of means from {found.control}", heads, tuple(rows))
 
 
@@ -393,7 +394,7 @@ def isochrony_table(found: AssessmentResult) -> FigureTable:
         described = float(r2.mean()), sd, float(r2.min()), float(np.median(r2)), float(r2.max())
         way = line.direction if found.unit == "rad" else found.along.ways[line.direction]
         rows.append((line.condition, way, *described, line.velocity_slope, line.velocity_intercept))
-    heads = ("", "", "R²", "SD", "Min", "Median", "Max", "Slope", "Offset")
+    heads = ("", "", "R²", "Standard deviation", "Smallest", "Median", "Largest", "Slope", "Offset")
     title = f"Isochrony: mean velocity ({found.unit}/s) = slope (1/s) × amplitude + offset; R² of each participant"
     return FigureTable(title, heads, tuple(rows))
 

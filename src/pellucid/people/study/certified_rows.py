@@ -10,6 +10,7 @@ import numpy as np
 from ...models.estimates import Verdict
 from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow
+from ..analysis import ANALYSIS_FILE
 from ..certificate import (
     FAIL,
     LEARNING_DOUBT,
@@ -22,7 +23,7 @@ from ..certificate import (
     share_reason,
     too_many_lost,
 )
-from ..equivalence import BEYOND_MARGIN, MAX_TIPPING_POINT, UNDECIDED, WITHIN_MARGIN, Equivalence
+from ..equivalence import BEYOND_MARGIN, MAX_BAYES_FACTOR, MAX_TIPPING_POINT, UNDECIDED, WITHIN_MARGIN, Equivalence
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, TOO_FEW, ShareTest
 from .movement_curves import QUANTITY_NAMES
 from .primary_change import change_figure
@@ -108,8 +109,8 @@ def beside_table(found: AssessmentResult) -> FigureTable:
                 said = "no answer" if failed else own.verdict
                 movements = model.movements if fitted else None
                 rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
-    heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval", "SD of people's",
-             "Movements", "Said")  # fmt: skip
+    heads = ("Condition", "Index", "Analysis", "Change", f"{_share(found):g} % interval",
+             "Standard deviation of people's changes", "Movements", "Said")  # fmt: skip
     return FigureTable("Sensitivity analyses, on which no verdict rests", heads, tuple(rows))
 
 
@@ -198,7 +199,7 @@ def _nearest_text(each: Certified) -> str:
     point, own = each.end_points[name], each.certificate.end_points[name]
     level = 100.0 * (1.0 - 2.0 * each.certificate.alpha)
     return (
-        f"; nearest to its margin is {point.index.words.lower()}, {_change(point, own)} ({level:g} % CI "
+        f"; nearest to its margin is {point.index.words.lower()}, {_change(point, own)} ({level:g} % interval "
         f"{_interval(point, own)}, margin {point.stated})"
     )
 
@@ -212,7 +213,7 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
     """Return remarks on a certificate: disagreement of tests, and questions that could not be tested."""
     remarks = []
     for each in found.certified:
-        remarks += [*_far(each), *_tipping(each)]
+        remarks += [*_post_hoc(each), *_far(each), *_tipping(each)]
         remarks += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each), *_lost(each)]
     remarks += [text for each in found.certified for text in each.unknown]
     return tuple(dict.fromkeys(remarks))
@@ -224,17 +225,17 @@ def _sentence(each: Certified) -> str:
     words |= {name: name for name in each.certificate.curves}
     if verdict == PASS:
         return (
-            f"{each.condition}: transparent. All {len(words)} end points lie within their margins"
+            f"{each.condition}: {each.certificate.statement}. All {len(words)} end points lie within their margins"
             f"{_nearest_text(each)}. "
             f"{_what_was_tested(each)} {_people_sentence(each)}"
         )
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
     if verdict == FAIL:
-        return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
+        return f"{each.condition}: {each.certificate.statement}. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
-    return f"{each.condition}: cannot say. {_why_undecided(each, words, by[UNDECIDED])}"
+    return f"{each.condition}: {each.certificate.statement}. {_why_undecided(each, words, by[UNDECIDED])}"
 
 
 def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
@@ -286,6 +287,12 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
     )
     return f"Undecided: {', '.join(undecided)}.{counts} {more}"
+
+
+def _post_hoc(each: Certified) -> list[str]:
+    """Say in what the analysis deviates from the registered one."""
+    apart = each.certificate.post_hoc
+    return [f"{each.condition}: post hoc, not as registered in {ANALYSIS_FILE}: {'; '.join(apart)}."] if apart else []
 
 
 def _far(each: Certified) -> list[str]:
@@ -457,7 +464,9 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             known = value if value is not None and np.isfinite(value) else None
             rows.append(ResultRow(f"{head}.{name}", known, unit, "assess", "fitted", digest, note))
 
-        add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
+        add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.statement)
+        if found.is_registered:
+            add("post_hoc", float(bool(own.post_hoc)), "1", "; ".join(own.post_hoc) or "as registered")
         add("p", own.p_value, "1", f"that all end points lie within: {TEST_NAMES[each.test]}")
         add("participants", each.participants, "1")
         add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
@@ -476,7 +485,9 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
                 add(f"{name}.tipping_point", own.tipping_point(name), "1", "carry-over that overturns it, in margins")
             for rank, row in enumerate(part.far_people, start=1):
                 add(f"{name}.far.{rank}", point.shown(part.differences[row]), point.unit, _person(each, row))
-            add(f"{name}.bayes_factor", part.bayes_factor, "1", "of within against beyond")
+            factor, most = part.bayes_factor, MAX_BAYES_FACTOR
+            more = "; at least this" if factor >= most else "; at most this" if factor <= 1.0 / most else ""
+            add(f"{name}.bayes_factor", factor, "1", f"of within against beyond{more}")
             for condition, (gone, of) in each.lost[name].items():
                 share = 100.0 * gone / of if of else 0.0
                 add(f"{name}.left_out.{condition.lower()}", share, "%", f"{gone} of {of} movements")

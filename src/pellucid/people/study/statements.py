@@ -25,7 +25,7 @@ MIN_ISOCHRONY_R2 = 0.8
 
 def headline(found: AssessmentResult) -> str:
     """Return the result in one sentence, after the verdict on each condition with stated margins."""
-    verdicts_text = "".join(f"{one.condition}: {one.certificate.verdict}. " for one in found.certified)
+    verdicts_text = "".join(f"{one.condition}: {one.certificate.statement}. " for one in found.certified)
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     counts_text = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
     leading = found.assessed.get(leading_index().name)

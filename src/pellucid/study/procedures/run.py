@@ -243,7 +243,9 @@ def assess(
     executor : Executor, optional
         Runs the simulated studies, on a cluster for instance.
     **table
-        For a data frame: ``control``, the name of the control condition, and optionally ``indices``, ``participant``,
+        For a data frame: ``analysis``, what was stated before the data were seen (``analysis.toml``, study.toml, or a
+        mapping of the same: control, design, margins, columns, and more). Or ``control``, the name of the control
+        condition, and optionally ``indices``, ``participant``,
         ``condition``, ``factors`` (names of columns; movements are compared within the levels of the factors, by
         default of amplitude, target and direction), ``margins`` (largest relative change of each index that does not
         matter), ``alpha``, ``estimand``, ``people`` and ``max_left_out`` (largest share of movements or participants
@@ -275,12 +277,15 @@ def assess(
     >>> found = pl.assess(rows, control="free")
     >>> round(found["duration"].pairwise["worn"].change, 2)
     0.13
+    >>> stated = {"control": "free", "margins": {"duration": "10 %"}, "estimand": "mean"}
+    >>> pl.assess(rows, analysis=stated).certificates["worn"].verdict
+    'cannot say'
     """
     if not is_study(subject):
-        if "control" not in table:
+        if "control" not in table and "analysis" not in table:
             raise PellucidError(
-                f"assess: found {type(subject).__name__}, expected a study, or a data frame with control=NAME of the "
-                "control condition"
+                f"assess: found {type(subject).__name__}, expected a study, or a data frame with analysis=FILE or "
+                "control=NAME of the control condition"
             )
         return array_function("assess")(subject, **table)
     if table:
