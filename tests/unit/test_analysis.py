@@ -165,6 +165,11 @@ def test_a_column_of_sequences_says_what_a_column_of_periods_says():
         ({"margin": {}}, {}, "found margin, expected margins, control"),
         ({"margins": {"duration": "2 s", "other": "2 s"}}, {"other": [1.0] * 32}, "the unit is not known"),
         ({"false_transparent": 0.7}, {}, "expected a level between 0 and 0.5"),
+        ({"margins": {"duration": {"size": 1}}}, {}, "expected a table of margins"),
+        ({"looks": "0.5"}, {}, "expected a list of numbers"),
+        ({"exclusions": "nobody"}, {}, "expected a list of texts"),
+        ({"control": 5}, {}, "found control = 5, expected a text"),
+        ({"max_left_out": "10 deg"}, {}, "max_left_out"),
         ({"looks": [0.5, 1.0]}, {}, "expected one of looks"),
     ],
 )

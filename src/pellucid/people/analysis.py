@@ -13,7 +13,7 @@ count wherever they are stated.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import inf
 from pathlib import Path
@@ -350,6 +350,47 @@ REGISTERED_FIELDS = (
 """Fields that are registered. The others name columns, the present look, and people who were excluded."""
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_size(value: object) -> bool:
+    return _is_text(value) or _is_number(value)
+
+
+def _is_margin(value: object) -> bool:
+    return _is_size(value) or (isinstance(value, (list, tuple)) and len(value) == 2 and all(map(_is_number, value)))
+
+
+def _is_table(value: object, is_kind: Callable[[object], bool]) -> bool:
+    return isinstance(value, Mapping) and all(_is_text(key) and is_kind(each) for key, each in value.items())
+
+
+def _is_list(value: object, is_kind: Callable[[object], bool]) -> bool:
+    return isinstance(value, (list, tuple)) and all(map(is_kind, value))
+
+
+_SIZE = 'a number, or a text such as "10 %"', lambda x: x is None or _is_size(x)
+_TEXTS = "a table of texts", lambda x: _is_table(x, _is_text)
+
+_KINDS: Mapping[str, tuple[str, Callable[[Any], bool]]] = {
+    **dict.fromkeys(("people", "people_level", "false_transparent", "largest_carry_over", "max_left_out"), _SIZE),
+    **dict.fromkeys(("curves", "excluded"), _TEXTS),
+    "margins": ('a table of margins such as "10 %"', lambda x: _is_table(x, _is_margin)),
+    "movements": ("a table of settings", lambda x: _is_table(x, _is_size)),
+    "exclusions": ("a list of texts", lambda x: _is_list(x, _is_text)),
+    "factors": ("a list of texts", lambda x: x is None or _is_list(x, _is_text)),
+    "looks": ("a list of numbers", lambda x: _is_list(x, _is_number)),
+    "look": ("a whole number", lambda x: x is None or (_is_number(x) and x == int(x))),
+    "relative": ("true or false", lambda x: isinstance(x, bool)),
+}
+"""What a value must be, by field; every other field is a text."""
+
+
 def _of_mapping(given: Mapping[str, Any], where: str) -> Analysis:
     """Return the analysis of a mapping; of study.toml's tables only what an analysis states."""
     names = [each.name for each in fields(Analysis) if each.name != "where"]
@@ -362,10 +403,11 @@ def _of_mapping(given: Mapping[str, Any], where: str) -> Analysis:
     strangers = [name for name in table if name not in names]
     if strangers:
         raise PellucidError(f"{where}: found {', '.join(strangers)}, expected {', '.join(names)}")
+    for name, value in table.items():
+        expected, is_kind = _KINDS.get(name, ("a text", lambda x: isinstance(x, str)))
+        if not is_kind(value):
+            raise PellucidError(f"{where}: found {name} = {value!r}, expected {expected}")
     margins = table.get("margins", {})
-    for name in ("margins", "curves", "excluded", "movements"):
-        if not isinstance(table.get(name, {}), Mapping):
-            raise PellucidError(f"{where}: found {name} = {table[name]!r}, expected a table")
     for name in MARGIN_SETTINGS:
         if name in margins:
             table.setdefault(name, margins[name])
