@@ -168,6 +168,7 @@ def test_a_column_of_sequences_says_what_a_column_of_periods_says():
         ({"margins": {"duration": {"size": 1}}}, {}, "expected a table of margins"),
         ({"looks": "0.5"}, {}, "expected a list of numbers"),
         ({"exclusions": "nobody"}, {}, "expected a list of texts"),
+        ({"curves": {"velocity": "15 %"}}, {}, "only recordings have curves"),
         ({"control": 5}, {}, "found control = 5, expected a text"),
         ({"max_left_out": "10 deg"}, {}, "max_left_out"),
         ({"looks": [0.5, 1.0]}, {}, "expected one of looks"),

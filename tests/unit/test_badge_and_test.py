@@ -1,7 +1,7 @@
 """Simulated studies with margins and without: badge, headline, certificate and tables never contradict each other."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -233,3 +233,6 @@ def test_a_session_says_of_an_estimand_what_its_certificate_does(estimand):
     part = MeasuredStudy(MovementRule(), (somebody,), {}, {})
     said = indices._verdict("Robot", point, [part], people).said
     assert said == {"mean": "cannot say yet", "pseudo-median": "transparent"}[estimand]
+    indices.registered = replace(spec.analysis, false_transparent=0.01)
+    said = indices._verdict("Robot", point, [part], people).said
+    assert said == {"mean": "cannot say yet", "pseudo-median": "transparent (post hoc)"}[estimand]

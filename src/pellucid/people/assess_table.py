@@ -256,6 +256,11 @@ def _assessed(
     for name in (participant, condition, *(indices or ()), *(stated.factors or ()), *margins, *stated_columns):
         if name not in columns:
             raise PellucidError(f"assess: found the columns {', '.join(columns)}, expected {name!r} among them")
+    if stated.curves:
+        raise PellucidError(
+            f"{stated.where}: found margins of curves ({', '.join(stated.curves)}), expected none for a table: only "
+            "recordings have curves"
+        )
     if not control:
         raise PellucidError("assess: found no control, expected the name of the control condition")
     ends = stated.end_points()

@@ -20,6 +20,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...controllers.supervisor_faults import NO_FAULT
 from ...people.study.assessment_table import AssessmentTable
+from ...people.study.registered import registered_analysis
 from ...study.study import STUDY_FILE, Study
 from ..setup import SESSION_TIMEOUT_S
 from .recorded_trial import (
@@ -204,7 +205,7 @@ class LiveSession:
         self.cue = 0  # number of cues so far; its parity is the patch on the participant's page
         self.shown_instructions: set[str] = set()
         self._spec = study.find_table(AssessmentTable)
-        self._running = None if self._spec is None else RunningIndices(self._spec)
+        self._running = None if self._spec is None else RunningIndices(self._spec, registered_analysis(study))
         self._cursor = self._emg_cursor = 0
         self._last: dict[str, float] = {}
         self._last_time = math.nan

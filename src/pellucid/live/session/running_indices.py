@@ -15,7 +15,7 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...files.recording import Recording
-from ...people.analysis import EndPoint
+from ...people.analysis import Analysis, EndPoint
 from ...people.certificate import CANNOT_SAY, decide
 from ...people.indices import Index, indices_along
 from ...people.movement_indices import index_table
@@ -46,7 +46,7 @@ class RunningVerdict:
     """What a certificate of one condition could say by now."""
 
     condition: str
-    said: str  # "transparent", "not transparent" or "cannot say yet"
+    said: str  # "transparent", "not transparent", each also "(post hoc)", or "cannot say yet"
     people: int  # people with every end point
     more: int | None  # further people for a power of 90 %; None if that is not known
     why: str = ""
@@ -57,6 +57,7 @@ class RunningIndices:
     """Keeps the trials of a session, and measures each person's trials together."""
 
     spec: AssessmentTable
+    registered: Analysis | None = None  # analysis that was registered before the data
     _records: dict[str, PointingRecord] = field(default_factory=dict)
     _measured: dict[tuple, MeasuredStudy] = field(default_factory=dict)  # by person, trials and labelled amplitudes
     _along: str = "rad"
@@ -150,7 +151,7 @@ class RunningIndices:
             whole = join_studies(parts)
             changes = study_changes(whole, points, tables, [control, *(c for c in recorded if c != control)], condition,
                                     both, order, analysis)  # fmt: skip
-            found = decide(analysis, changes, lost_people=missing)
+            found = decide(analysis, changes, lost_people=missing, registered=self.registered)
             if found.verdict == CANNOT_SAY and len(both) > 2:
                 covariance = np.atleast_2d(np.cov([
                     own.seen if test.bounded else test.differences
@@ -165,5 +166,5 @@ class RunningIndices:
         except PellucidError as error:
             return RunningVerdict(condition, "cannot say yet", len(both), None, str(error))
         why = "" if len(both) > 2 else "three people are the least for a forecast"
-        said = "cannot say yet" if found.verdict == CANNOT_SAY else found.verdict
+        said = "cannot say yet" if found.verdict == CANNOT_SAY else found.statement
         return RunningVerdict(condition, said, len(both), more, why)
