@@ -222,7 +222,8 @@ def try_files(
             print_line(console, text)
         print_short_table(console, heads, rows)
         print_lines(console, after, MAX_ASSUMPTION_LINES, "further assumption")
-        worst = [(v.kind, v.said) for v in tried.verdicts if v.kind in ("wrong", "warning") or is_verbose()]
+        told = [v for v in tried.verdicts if v.kind in ("wrong", "warning") or is_verbose()]
+        worst = [(v.kind, v.said.replace("`", "")) for v in told]
         print_items(console, worst, MAX_TRIED_WARNING_LINES)
         print_line(console, f"Page: {tried.page}")
         print_line(console, f"Next: {tried.next_command}")

@@ -6,6 +6,7 @@ import pytest
 import pellucid as pl
 from pellucid.files.name_evidence import read_name
 from pellucid.files.quantity import quantity_of
+from pellucid.files.readers.read import read_columns
 from pellucid.files.stated_units import split_unit, unit_from_text
 from pellucid.start.given_files import read_given
 from pellucid.start.inference.assign_roles import TableHints, assign_roles
@@ -204,3 +205,27 @@ ORDINARY_NAMES = {
 def test_init_and_audit_read_a_name_alike(name, quantity):
     assert (read_name(name).quantity or "") == quantity
     assert quantity_of(name).kind == quantity
+
+
+def test_the_load_of_a_computer_is_no_force_and_an_axis_has_its_sensor():
+    assert read_name("cpu_load").quantity == "state"
+    assert (read_name("imu_ax").quantity, read_name("imu_ax").axis) == ("linear_acceleration", "x")
+    assert read_name("load_kg").quantity == "force"
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "units"),
+    [
+        ("# Time (s),Angle (gon),Torque (Nm)\n", ["Time (s)", "Angle (gon)", "Torque (Nm)"], {}),
+        ("# Load cell test\n  mSec   TORQUE   POS (ANAT)\n         FT-LBS   DEGREES\n",
+         ["mSec", "TORQUE", "POS (ANAT)"], {"TORQUE": "foot*lbf", "POS (ANAT)": "deg"}),
+    ],
+)  # fmt: skip
+def test_names_in_a_comment_and_over_a_row_of_units_are_read(tmp_path, text, names, units):
+    separator = "," if "," in text else "   "
+    rows = "\n".join(separator.join(f"{value:.2f}" for value in (10 * k, -25.5 + k, 84.6 - k)) for k in range(40))
+    path = tmp_path / "log.txt"
+    path.write_text(f"{text}{rows}\n")
+    found = read_columns(path)
+    assert list(found.values) == names
+    assert dict(found.units) == units

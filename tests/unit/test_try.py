@@ -21,6 +21,7 @@ from pellucid.cli import app
 from pellucid.start.assumptions import assumptions_of
 from pellucid.start.given_files import read_given
 from pellucid.start.propose_study import propose_study
+from pellucid.study.pages.quantities import typeset_sentence
 from pellucid.study.procedures.result import HeldOutEffort
 
 FIRST_SCREEN_PX = 800
@@ -133,6 +134,68 @@ def test_a_motor_s_turns_become_the_joint_s(tmp_path):
     inertia = [next(row["value"] for row in each["figures"] if row["id"].endswith("headline.inertia"))
                for each in (turned, plain)]  # fmt: skip
     assert inertia[0] == pytest.approx(inertia[1], rel=1e-3)
+
+
+def table_file(folder, head, columns):
+    path = folder / "log.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.7g")
+    return path
+
+
+def headline(*arguments):
+    """Return the figures of the headline that `try` prints as JSON, by their last word."""
+    figures = json.loads(run(*arguments, "-q", "--json").output)["figures"]
+    return {row["id"].rpartition(".")[2]: row["value"] for row in figures if ".headline." in row["id"]}
+
+
+def test_a_force_on_a_joint_that_turns_needs_its_lever(tmp_path):
+    """1 N of a load cell counted as 1 N*m, with "Yes"."""
+    p = made_layouts.swing(23)
+    path = table_file(tmp_path, "time [s],knee_deg,loadcell_N", [p["t"], np.degrees(p["q"]), p["tau"] / 0.25])
+    with pytest.raises(StudyError, match="lever_arm"):
+        CliRunner().invoke(app, ["try", str(path), "-q"], catch_exceptions=False)
+    by_force = headline(path, "--answer", "lever_arm=0.25 m")
+    path = table_file(tmp_path, "time [s],knee_deg,torque_Nm", [p["t"], np.degrees(p["q"]), p["tau"]])
+    assert by_force["inertia"] == pytest.approx(headline(path)["inertia"], rel=1e-3)
+
+
+def test_degrees_in_a_column_named_radians_are_asked_for(tmp_path):
+    """A joint that went to and fro by 43 "rad" was said to turn on and on, and its gravity became a spring."""
+    p = made_layouts.swing(24)
+    path = table_file(tmp_path, "time [s],q_rad,tau_Nm", [p["t"], np.degrees(p["q"]), p["tau"]])
+    proposal = propose_study(read_given([path]), "made")
+    assert "position_unit" in [question.key for question in proposal.asked]
+    assert run(path, "-q").exit_code != 0
+
+
+def test_a_gear_in_a_comment_is_the_default_of_a_motor_s_turns(tmp_path):
+    """The comment was not read, and the answer 9 was refused: the motor turned less than twice."""
+    p = made_layouts.swing(25)
+    head = "# AK80-9, gear_ratio: 9, torque_constant: 0.091 Nm/A (motor)\ntime [s],motor_pos_rad,motor_cur_A"
+    path = table_file(tmp_path, head, [p["t"], 9.0 * p["q"], p["tau"] / (9.0 * 0.091)])
+    proposal = propose_study(read_given([path]), "made")
+    assert {question.key: question.default for question in proposal.asked}["gear_turns"] == "9"
+    said = run(path, "-q").output
+    assert "Cannot say" in said
+    assert '--answer "gear_turns=9"' in " ".join(said.split())
+    by_motor = headline(path, "--answer", "gear_turns=9")
+    path = table_file(tmp_path, "time [s],q_rad,tau_Nm", [p["t"], p["q"], p["tau"]])
+    assert by_motor["inertia"] == pytest.approx(headline(path)["inertia"], rel=1e-3)
+
+
+def test_a_range_is_written_in_the_scale_of_its_unit(tmp_path):
+    """position_min was 100 times too far out where the unit was a hundredth of a degree."""
+    p = made_layouts.swing(26)
+    path = table_file(tmp_path, "time [s],angle_0.01deg,tau_Nm", [p["t"], np.round(100 * np.degrees(p["q"])), p["tau"]])
+    said = run(path, "-q", "--out", tmp_path / "out").output
+    assert "deg" in said
+    assert "position_min" not in (tmp_path / "out" / "log" / "study.toml").read_text()
+
+
+def test_a_page_prints_answers_that_can_be_pasted():
+    """The page lost the underscore of "counts_per_turn=4096"."""
+    sentence = "Confirm or correct it: `--answer \"position_unit=rad\"`."
+    assert typeset_sentence(sentence) == sentence
 
 
 def test_a_jittering_clock_that_loses_rows_is_bridged_and_its_comments_are_read(tmp_path):

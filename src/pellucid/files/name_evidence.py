@@ -179,6 +179,8 @@ def read_name(name: str) -> NameEvidence:
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
     words = words_of(own)
+    if _COMPUTER_WORDS & set(words):
+        words = ["state"]
     joined = re.sub(r"[\W_]+", "", own.casefold())
     is_command = bool(COMMAND_WORDS & {*words, joined})
     muscle = _muscle(bare)
@@ -358,7 +360,15 @@ def _joint(bare: str) -> str | None:
     return next((joint for joint in JOINT_WORDS if joint in folded), None)
 
 
+_NAMED_AXIS = re.compile(r"(a|g|m|acc|gyr|gyro|mag|q|quat|accel)[xyzw]")
+"""A letter or a word of an inertial quantity with its axis, as in imu_ax."""
+
+_COMPUTER_WORDS = frozenset({"cpu", "gpu", "ram", "memory", "disk", "network", "thread"})
+"""Words of a computer, whose load is no force."""
+
+
 def _axis(words: list[str], joined: str) -> str | None:
     if words and words[-1] in ("x", "y", "z", "w"):
         return words[-1]
-    return joined[-1] if re.fullmatch(r"(a|g|m|acc|gyr|gyro|mag|q|quat|accel)[xyzw]", joined) else None
+    named = next((text for text in (joined, *words[-1:]) if _NAMED_AXIS.fullmatch(text)), "")
+    return named[-1:] or None

@@ -48,6 +48,9 @@ _UNITS_BY_TEXT = {
     "j": "J", "joule": "J", "joules": "J", "kg": "kg", "pa": "Pa", "kpa": "kPa", "mpa": "MPa", "ohm": "ohm",
     "ohms": "ohm", "Ω": "ohm", "ω": "ohm", "1": "1", "-": "1", "bool": "1", "a.u.": "1", "au": "1", "unitless": "1",
     "dimensionless": "1", "n m": "N*m", "prozent": "%", "promille": "permille", "dnm": "dN*m", "danm": "daN*m",
+    "grados": "deg", "gradi": "deg", "graus": "deg", "degrés": "deg", "graden": "deg", "radianes": "rad",
+    "radianti": "rad", "segundos": "s", "secondes": "s", "secondi": "s", "vueltas": "turn", "giri": "turn",
+    "tours": "turn", "umdrehungen": "turn", "amperios": "A", "voltios": "V",
     "cdeg": "cdeg", "mdeg": "mdeg", "ddeg": "ddeg", "udeg": "udeg", "centideg": "cdeg", "millideg": "mdeg",
     "decideg": "ddeg", "microdeg": "udeg", "millidegrees": "mdeg", "centidegrees": "cdeg", "decidegrees": "ddeg",
     "millirad": "mrad", "microrad": "urad", "arcmin": "arcmin", "arcsec": "arcsec",
@@ -69,7 +72,10 @@ _CASE_MATTERS = {
 _BRACKETED_LETTERS = {"a": "A", "n": "N", "v": "V", "C": "degC", "c": "degC", "K": "K", "w": "W", "h": "h", "H": "h"}
 """Units of one letter that are certain within brackets only."""
 
-_EXACT_UNITS = {"mN": "mN", "MPa": "MPa", "MHz": "MHz", "mA": "mA", "MA": "", "mV": "mV", "MV": "", "mW": "mW"}
+_EXACT_UNITS = {
+    "mN": "mN", "cN": "cN", "dN": "dN", "daN": "daN", "MPa": "MPa", "MHz": "MHz", "mA": "mA", "MA": "", "mV": "mV",
+    "MV": "", "mW": "mW",
+}  # fmt: skip
 """Units whose case decides their size."""
 
 _NEWTON_METRES = re.compile(r"(da|[numckdM]?)N(m|mm|cm)")

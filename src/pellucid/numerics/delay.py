@@ -35,6 +35,9 @@ class DelayThresholds:
     # A delay is accepted only if it explains at least this share of the residual's mean square. Friction errors imitate
     # delays of a few milliseconds, but explain less.
     min_explained_share: float = 0.15
+    # A delay within a sampling period, such as that of an effort which is held from sample to sample, is corrected only
+    # if it explains at least this share.
+    min_explained_share_within_period: float = 0.5
     # A candidate delay is tried only if the effort is recorded during at least this share of the motion.
     min_recorded_share: float = 0.5
     # A lag replaces the delay only if its mean square residual is at most this share of the delay's.
@@ -114,13 +117,14 @@ class Delay:
         return max(low - other, 0.0) + min(high - other, 0.0)
 
     def clear(self, step: float) -> bool:
-        """Return whether the delay exceeds the drive's sampling period `step` [s] and what friction errors imitate.
+        """Return whether the delay is certain and explains more than friction errors, which imitate delays, could.
 
-        A doubtful delay never does.
+        One that may be within the drive's sampling period `step` [s] must explain more. A doubtful delay is never
+        clear.
         """
-        return (
-            not self.doubt and abs(self.beyond(0.0)) > step and self.explained >= DELAY_THRESHOLDS.min_explained_share
-        )
+        beyond, limits = abs(self.beyond(0.0)), DELAY_THRESHOLDS
+        least = limits.min_explained_share if beyond > step else limits.min_explained_share_within_period
+        return not self.doubt and beyond > 0.0 and self.explained >= least
 
 
 def interpolate_cubic(samples: np.ndarray, place: np.ndarray) -> np.ndarray:

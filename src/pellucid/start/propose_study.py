@@ -23,7 +23,7 @@ from ..study.study_file import channel_unit, rig_units
 from ..units import parse_quantity, to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
-from .inference.angle_units import ANGLE_LIMITS
+from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
 from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
 from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
@@ -47,7 +47,7 @@ MAX_QUESTION_COUNT = 5
 
 QUESTION_ORDER = (
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
+    "lever_arm", "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
 """Questions by how much hangs on their answer."""
 
@@ -219,7 +219,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if spring is not None:
         main = replace(main, roles=with_locked_spring(main.roles, spring))
         recordings = [replace(r, protocol=LOCKED_SPRING_PROTOCOL) for r in recordings]
-    motion, motion_sure, gravity = _motion(main, drive)
+    turns = _motor_turns(answers, facts)
+    motion, motion_sure, gravity = _motion(main, drive, turns)
     if spring is not None:
         motion, gravity = ("rotary", "none") if _is_torque(main, drive) else (motion, "none")
     main = _in_metres(main) if motion == "prismatic" and not motion_sure else main
@@ -243,7 +244,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
-        gravity = _gravity(main, drive)
+        gravity = _gravity(main, drive, turns)
     if duty_without_supply([main, *streams], drive, facts) is not None:
         facts["supply"] = UNKNOWN_SUPPLY
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
@@ -303,9 +304,16 @@ def require_known_units(proposal: Proposal) -> None:
 
 def require_turns_of_motors(proposal: Proposal) -> None:
     """Raise a StudyError if positions are motors' and nothing says how often a motor turns for a turn of its joint."""
-    if "gear_turns" in proposal.answers or not any(q.key == "gear_turns" for q in (*proposal.asked, *proposal.marked)):
+    asked = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "gear_turns"), None)
+    if asked is None or "gear_turns" in proposal.answers or asked.default != "1":
         return
     role = next(r for r in proposal.main.channels if r.quantity == "motor_position")
+    table = proposal.main.tables[0]
+    counts = float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
+    per_radian = counts / (2.0 * np.pi) if role.unit == "counts" else 1.0 / to_si_factor(role.unit, None)[0]
+    known = _in_unit(table, role)
+    if np.ptp(known[np.isfinite(known)]) <= per_radian * MAX_RADIAN_RANGE:
+        return  # a motor without a gear, perhaps
     raise StudyError(
         f'{proposal.main.tables[0].path.name}: column "{role.column}": found a motor\'s position, which turns too '
         "often for a joint's; expected its turns for a turn of the joint: --answer gear_turns=..."
@@ -859,7 +867,7 @@ def duty_without_supply(
     return next((role for role in channels if role.quantity == "duty" and role.label not in supplied), None)
 
 
-def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
+def _motion(main: Layout, drive: str | None, turns: float) -> tuple[str, bool, str | None]:
     """Return whether the joint turns or slides, whether that is certain, and how gravity acts on it."""
     positions = [r for r in main.channels if r.quantity in ("position", "angle", "reference")]
     lengths = [r for r in positions if r.unit in ("m", "mm", "cm", "um")]
@@ -870,11 +878,11 @@ def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
         turning = [r for r in main.channels if r.quantity == "torque" or r.unit in ("rad/s", "deg/s", "rpm", "turn/s")]
         if not positions and sliding and not turning:
             return "prismatic", False, None
-        return "rotary", True, _gravity(main, drive)
+        return "rotary", True, _gravity(main, drive, turns)
     if any(r.unit == "counts" for r in positions):
-        return "rotary", False, _gravity(main, drive)
+        return "rotary", False, _gravity(main, drive, turns)
     measured = [r for r in positions if r.quantity == "position"]
-    gravity = _gravity(main, drive)
+    gravity = _gravity(main, drive, turns)
     span = max((float(np.ptp(_in_unit(main.tables[0], r))) for r in measured), default=1.0)
     # Little travel without weight is a slide more often than a joint in a horizontal plane; it is asked.
     if gravity == "none" and len(measured) == 1 and 0.005 < span < 1.0:
@@ -882,11 +890,19 @@ def _motion(main: Layout, drive: str | None) -> tuple[str, bool, str | None]:
     return "rotary", False, gravity
 
 
-def _gravity(main: Layout, drive: str | None) -> str | None:
+def _motor_turns(answers: Mapping[str, str], facts: Mapping[str, FileFact]) -> float:
+    """Return how often a motor turns for a turn of its joint, by an answer or by what a file states; else 1."""
+    if "gear_turns" in answers:
+        return parse_quantity(answers["gear_turns"], "1", "gear_turns")
+    return facts["gear_ratio"].value if "gear_ratio" in facts else 1.0
+
+
+def _gravity(main: Layout, drive: str | None, turns: float) -> str | None:
     """Return the gravity term: ``"none"`` if the sine of the angle explains nothing of the effort, else with a free
-    zero."""
+    zero. A motor turns `turns` times for a turn of its joint."""
     found = _main_effort([main], drive)
     positions = [r for r in main.channels if r.quantity == "position"]
+    positions = positions or [r for r in main.channels if r.quantity == "motor_position"]
     if not _measures_angle(main):
         # The integral of a velocity starts at 0, wherever the joint hangs.
         is_integrated = any(r.quantity == "velocity" and not r.is_command for r in main.channels)
@@ -902,6 +918,8 @@ def _gravity(main: Layout, drive: str | None) -> str | None:
     turn = FULL_TURNS.get(role.unit)
     if role.unit == "counts" and "counts_per_turn" in role.keys:
         turn = float(str(role.keys["counts_per_turn"]))
+    if turn is not None and role.quantity == "motor_position":
+        turn *= turns
     weighed = weigh_turns(effort, motion, {role.unit: turn}) if turn is not None else None
     if weighed is None:
         return "sine+cosine"
@@ -1001,6 +1019,43 @@ def _with_stated_counts(layout: Layout) -> Layout:
         return replace(role, keys=keys, unit_why=why, unit_is_certain=False)
 
     return layout.with_each(counted)
+
+
+def _force_on_lever(main: Layout, drive: str | None) -> ColumnRole | None:
+    """Return a force in a stated unit that drives a joint which turns; None without one."""
+    found = _main_effort([main], drive)
+    is_angle = any(r.quantity in ("position", "motor_position") and r.unit not in LENGTHS for r in main.channels)
+    if found is None or found[1].quantity != "force" or not found[1].unit_is_certain or not is_angle:
+        return None
+    return found[1]
+
+
+def require_lever_arm(proposal: Proposal) -> None:
+    """Raise a StudyError if a force drives a joint that turns and nothing says at which distance from its axis."""
+    role = _force_on_lever(proposal.main, proposal.drive)
+    if role is not None:
+        raise StudyError(
+            f'{proposal.main.tables[0].path.name}: column "{role.column}": found a force in {role.unit} on a joint '
+            'that turns, expected a torque, or the distance from the axis at which it acts: --answer "lever_arm=0.3 m"'
+        )
+
+
+def _with_lever_arm(layout: Layout, lever: float) -> Layout:
+    """Return a layout in which forces are torques at a `lever` [m]."""
+
+    def turned(role: ColumnRole) -> ColumnRole:
+        if role.quantity not in ("force", "desired_force"):
+            return role
+        scale = float(str(role.keys.get("scale", 1.0))) * to_si_factor(role.unit, "N")[0] * lever
+        said = {**_said_unit("N*m"), "unit_why": f"a force at {lever:g} m from the axis"}
+        quantity = role.quantity.replace("force", "torque")
+        return replace(role, quantity=quantity, keys={**role.keys, "scale": scale}, **said)
+
+    return layout.with_each(turned)
+
+
+LENGTHS = ("m", "mm", "cm", "um", "km", "inch", "foot")
+"""Units of a position that slides."""
 
 
 def _steady_supply(layout: Layout) -> FileFact | None:
@@ -1177,9 +1232,8 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     if not has_joint_angle and any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
-            "The positions turn too often for joints: they are motors'. How often does a motor turn for a turn of its "
-            "joint?",
-            "1",
+            "The positions are motors'. How often does a motor turn for a turn of its joint (1 without a gear)?",
+            f"{_motor_turns({}, facts):g}",
             "every angle, inertia and torque of the joints",
         )
     if any(r.quantity == "duty" and "scale" in r.keys and not r.unit_is_certain for r in main.channels):
@@ -1188,6 +1242,14 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "Which number of the duty's column is 100 %?",
             f"{1.0 / next(float(str(r.keys['scale'])) for r in main.channels if r.quantity == 'duty'):.6g}",
             "the effort's scale: torques are too large or too small by as much",
+        )
+    lever = _force_on_lever(main, drive)
+    if lever is not None:
+        yield Question(
+            "lever_arm",
+            f'At which distance from the axis does the force "{lever.column}" act, such as 0.3 m?',
+            "unknown",
+            "the torque about the joint, and with it every parameter",
         )
     duty = duty_without_supply(layouts, drive, facts)
     if duty is not None:
@@ -1259,6 +1321,19 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
     return best, f"95 % of EMG's power usually lies below some 250 Hz, here below {edge:.3g} of the rate"
 
 
+_STAFF_WORDS = frozenset({"operator", "examiner", "therapist", "physician", "doctor", "clinician", "experimenter",
+    "tester", "untersucher", "arzt", "recorded"})  # fmt: skip
+"""Words of labels that tell who made a recording, and nothing of who wears a machine."""
+
+
+def _tells_wearer(table: GivenTable) -> bool:
+    """Whether a file tells a person who may wear the machine: a patient, a subject, and not who recorded."""
+    return any(
+        (said := set(words_of(person.label))) - {"name", "a", "line"} and not said & _STAFF_WORDS
+        for person in table.personal
+    )
+
+
 def _worn_evidence(layouts: Sequence[Layout], recordings: Sequence[ProposedRecording]) -> str:
     quantities = {role.quantity for layout in layouts for role in layout.channels}
     if "emg" in quantities:
@@ -1268,7 +1343,7 @@ def _worn_evidence(layouts: Sequence[Layout], recordings: Sequence[ProposedRecor
     people = {r.participant for r in recordings if r.participant}
     if len(people) >= 2:
         return f"the files' names tell {len(people)} participants"
-    if any(table.personal for layout in layouts for table in layout.tables):
+    if any(_tells_wearer(table) for layout in layouts for table in layout.tables):
         return "a file tells a person's name"
     return ""
 
@@ -1295,6 +1370,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
             said = {"quantity": quantity, "is_certain": True, **_said_unit(unit)}
             main, *streams = (layout.with_changes(is_meant, **said) for layout in (main, *streams))
             drive = _drive_of(quantity)
+    if answers.get("lever_arm", "unknown") != "unknown":
+        main = _with_lever_arm(main, parse_quantity(answers["lever_arm"], "m", "lever_arm"))
+        drive = "torque"
     if "position_unit" in answers:
         unit = _position_answer(answers["position_unit"])
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"

@@ -217,7 +217,8 @@ def _position_scale(role: ColumnRole, proposal: Proposal) -> float:
 
 
 def _motor_turns(proposal: Proposal) -> float:
-    return float(proposal.answers.get("gear_turns", "1"))
+    asked = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "gear_turns"), None)
+    return float(proposal.answers.get("gear_turns", asked.default if asked is not None else "1"))
 
 
 def _turns(proposal: Proposal, joint: str) -> list[str]:
@@ -286,6 +287,7 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
     role, main = positions[0], proposal.main
     per = int(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
     factor = 2.0 * math.pi / per if role.unit == "counts" else to_si_factor(role.unit, "rad")[0]
+    factor *= float(str(role.keys.get("scale", 1.0)))
     known = []
     for table in proposal.main.tables:
         name = role.column if role.column in table.columns else main.column_in(table, role.column)

@@ -83,7 +83,8 @@ class TriedLog:
         if not taken:
             return rank_verdicts(self.result.verdicts)
         listed = ", ".join(f'{a.subject} "{a.taken}"' for a in taken)
-        answers = " ".join(f'--answer "{a.subject}={a.taken}"' for a in taken)
+        shown = (a.taken if a.taken != "unknown" else "..." for a in taken)
+        answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
         doubt = Verdict(
             "warning",
             f"No file states what every figure scales with; a default is taken: {listed}.",

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ..personal_fields import find_personal_columns, find_personal_lines, searched_part
-from ..stated_units import unit_from_text
+from ..stated_units import is_unit_row, unit_from_text
 from ._caps import require_few_columns, require_narrow_lines
 from ._columns import Columns
 from ._comma import (
@@ -477,10 +477,18 @@ def _units(names: list[str], texts: list[str] | None) -> dict[str | int, str]:
     return {name: unit_from_text(text) or text for name, text in zip(names, texts, strict=False) if text}
 
 
+def _labelled_parts(line: str) -> list[str]:
+    """Return the parts of a comment with several labelled values, as "# gear: 9, kt: 0.09 Nm/A"; else the line."""
+    parts = re.split(r"[,;]\s+", line)
+    if not is_comment(line) or sum(bool(re.search(r"[A-Za-z]\w*\s*[:=]\s*\S", part)) for part in parts) < 2:
+        return [line]
+    return [f"# {part.lstrip('#%!/ ')}" for part in parts]
+
+
 def _facts(lines: list[str], names: list[str]) -> dict[str, str]:
     """Return the values of the lines above a table by their labels, without what tells who was recorded."""
     facts: dict[str, str] = {}
-    for line in lines:
+    for line in (part for whole in lines for part in _labelled_parts(whole)):
         searched = searched_part(line)
         match = _FACT_IN_COMMENT.fullmatch(searched) or _LABELLED_FACT.fullmatch(searched)
         if match is None or not match[2] or find_personal_lines([line]):
@@ -604,6 +612,8 @@ def _header(
     found = find_header([line for _, line in above], split, body, width, is_last_empty=is_last_empty)
     if found is not None:
         return found
+    if delimiter is None and len(above) > 1 and (stacked := _spaced_units(above[-2][1], above[-1][1], width)):
+        return TableHeader(*stacked, frozenset({len(above) - 2, len(above) - 1}))
     if delimiter is None and above and (spaced := _spaced_names(above[-1][1], width)):
         return TableHeader(spaced, None, frozenset({len(above) - 1}))
     has_names = above and not (delimiter is not None and all(delimiter not in line for _, line in above))
@@ -614,10 +624,26 @@ def _header(
             bare = line.lstrip().lstrip("#%!/ ")
             for mark in (*([delimiter] if delimiter else []), ",", "\t", ";", None):
                 fields = _split(bare, mark)
-                if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
+                if width > 1 and len(fields) == width and not any(map(_is_phrase, fields)):
                     comments.remove(line)
                     return TableHeader(fields)
     return TableHeader()
+
+
+def _is_phrase(field: str) -> bool:
+    """Whether a field of a comment has several words that are no name with its unit."""
+    return " " in re.sub(r"\s*[\[({][^\[\](){}]*[\])}]", "", field.strip())
+
+
+def _spaced_units(line: str, below: str, width: int) -> tuple[list[str], list[str]] | None:
+    """Return names between blanks and the units in the line below them; None without.
+
+    The first column may have no unit there, as its name says it: mSec.
+    """
+    names, units = _spaced_names(line, width), re.split(r"\s{2,}|\t", below.strip())
+    if names is None or len(units) not in (width, width - 1) or not is_unit_row(units):
+        return None
+    return names, [""] * (width - len(units)) + units
 
 
 def _spaced_names(line: str, width: int) -> list[str] | None:

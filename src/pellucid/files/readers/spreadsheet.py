@@ -58,6 +58,10 @@ def read(path: Path) -> Columns:
     return Columns(path, values, units=units, facts=facts, personal=tuple(personal), damaged=damaged)
 
 
+MAX_EMPTY_COLUMNS = 5
+"""At most so many columns at the end of a sheet may have a name and nothing below it, such as remarks."""
+
+
 def _table(path: Path, cells: list[list[Any]]) -> Columns | None:
     """Return the columns of a sheet's cells; None if no row has a number."""
     if not any(isinstance(cell, (int, float)) and not isinstance(cell, bool) for row in cells for cell in row):
@@ -65,6 +69,11 @@ def _table(path: Path, cells: list[list[Any]]) -> Columns | None:
     texts = [[_cell_text(cell) for cell in row] for row in cells]
     widths = [max((i for i, text in enumerate(row, 1) if text), default=0) for row in texts]
     table_width = Counter(width for width in widths if width).most_common(1)[0][0]
+    wider = [row[:width] for row, width in zip(texts, widths, strict=True) if width > table_width]
+    if len(wider) == 1 and all(wider[0]) and len(wider[0]) - table_width <= MAX_EMPTY_COLUMNS:
+        # Columns behind the table that have a name and no cell.
+        texts = [row[:table_width] for row in texts]
+        widths = [min(width, table_width) for width in widths]
     begun, lines = False, []
     for row, width in zip(texts, widths, strict=True):
         begun = begun or width >= table_width

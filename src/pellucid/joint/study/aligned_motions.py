@@ -270,6 +270,12 @@ class Alignment:
     moved: float  # time by which the channel was shifted [s]; 0 if it was not
     asked: bool  # whether study.toml asks for an estimate
     recording: str = ""  # recording concerned; empty for all recordings
+    step: float = 0.0  # sampling period [s]
+
+    @property
+    def is_within_period(self) -> bool:
+        """Whether the channel was moved by at most a sampling period, as where an effort is held between samples."""
+        return 0.0 < abs(self.moved) <= self.step
 
     @property
     def said(self) -> str:
@@ -382,7 +388,7 @@ def _estimate_alignments(study: Study) -> Iterator[Alignment]:
         by = 0.0
         if pooled is not None and not pooled.doubt and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0)):
             by = pooled.value
-        yield Alignment(channel, pooled, by, asked)
+        yield Alignment(channel, pooled, by, asked, step=step)
     for r in judged:
         d = each.get(r.name)
         if d is not None and d.clear(1.0 / r.fs) and apart(d, by):

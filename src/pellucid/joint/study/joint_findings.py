@@ -225,7 +225,8 @@ def report_collinear(case: JointCase) -> Iterator[Verdict]:
     condition = case.fit.estimate.scaled_condition_number
     if condition > FINDING_THRESHOLDS.max_condition_number:
         yield Verdict(
-            "warning",
+            # Intervals allow for it; `report_wide_interval` warns of wide ones.
+            "note",
             f"The regressor's columns are nearly collinear (condition number {condition:.0f} with columns of equal "
             "length): some parameters trade off against each other.",
             "A richer motion helps.",
@@ -606,7 +607,7 @@ def report_late_drive(case: JointCase) -> Iterator[Verdict]:
     """Report a delay that was found, or a requested one that was not."""
     for found in find_alignments(case.study):
         if found.said:
-            is_warning = found.moved or found.recording
+            is_warning = (found.moved or found.recording) and not found.is_within_period
             yield Verdict("warning" if is_warning else "note", found.said, found.do)
 
 

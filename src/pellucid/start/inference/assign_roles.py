@@ -81,6 +81,10 @@ _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torq
 """Quantities of drives by the first letter of a short name that is no word."""
 
 
+_MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
+"""Words of a position before a gear."""
+
+
 @dataclass(frozen=True)
 class RoleLimits:
     """How much of a table is examined, and when its joints are in degrees."""
@@ -98,6 +102,8 @@ class RoleLimits:
     max_supply_spread: float = 0.2
     # Counts of a turn that a speed tells are those of a usual encoder within this share.
     counts_tolerance: float = 0.02
+    # A position that ends within this share of its range from its start goes to and fro.
+    max_one_way_share: float = 0.9
     # Fits of efforts to motions are made for at most this many columns.
     max_effort_candidates: int = 40
 
@@ -248,7 +254,9 @@ class _Assignment:
         # Of columns that a number alone tells apart, one motor's position makes all of them motors'.
         turning = {_stem(name) for name, role in self.roles.items() if role.quantity == "motor_position"}
         for name, role in self.roles.items():
-            if role.quantity == "position" and _stem(name) in turning:
+            is_measured = role.quantity == "position" and not role.is_command
+            is_motor = is_measured and self._stated(name) is not None and self._is_motor_side(name)
+            if is_motor or (role.quantity == "position" and _stem(name) in turning):
                 self.roles[name] = replace(role, quantity="motor_position")
         is_inertial = any((role.quantity or "").endswith(".acceleration") for role in self.roles.values())
         if not is_inertial:
@@ -492,16 +500,23 @@ class _Assignment:
             self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
 
     def _is_motor_side(self, name: str) -> bool:
-        """Whether a position turns too often for a joint: in a stated unit if its name says a motor, or in radians that
-        its encoder's quanta show."""
+        """Whether a position is a motor's: by its name, with a stated unit and no joint's position beside it, or by how
+        often it turns in radians that its encoder's quanta show."""
         known = self.values[name][np.isfinite(self.values[name])]
         stated, spread = self._stated(name), float(np.ptp(known))
         if stated is not None:
-            turns = is_known_unit(stated, "rad") and side_of(name) == "motor"
-            return turns and self.names[name].scale * spread * to_si_factor(stated, "rad")[0] > MAX_RADIAN_RANGE
+            measured = [n for n, each in self.names.items() if each.quantity == "position" and not each.is_command]
+            is_angle = is_known_unit(stated, "rad")
+            return is_angle and all(_MOTOR_WORDS & set(words_of(each)) for each in (name, *measured))
         found = self._angle(name)
         is_wound = "wrap" in self.keys.get(name, {})
         return found.is_certain and not is_wound and found.unit == "rad" and spread > MAX_RADIAN_RANGE
+
+    def _turns_often(self, name: str) -> bool:
+        """Whether an angle in radians goes to and fro over more than two turns."""
+        known = self.names[name].scale * self.values[name][np.isfinite(self.values[name])]
+        spread, travel = float(np.ptp(known)), float(np.abs(known[-1] - known[0]))
+        return spread > MAX_RADIAN_RANGE and travel < ROLE_LIMITS.max_one_way_share * spread
 
     def _is_register(self, name: str) -> bool:
         """Whether a column holds whole numbers without a unit, as a servo's register of load does."""
@@ -742,6 +757,9 @@ class _Assignment:
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
                 why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
             decided = None
+            if sure and stated == "rad" and quantity == "position" and self._turns_often(name):
+                # A wheel turns on and on in one direction; a joint goes to and fro within two turns.
+                why, sure = f"{why}, but it goes to and fro over more than joints turn: degrees, or a motor?", False
             if sure and stated in FULL_TURNS and quantity == "position" and self.names[name].scale == 1.0:
                 by_weight = self._weighed(name)
                 if by_weight is not None and by_weight[0] != stated and by_weight[0] in FULL_TURNS:
