@@ -177,7 +177,7 @@ def change_table(found: AssessmentResult) -> FigureTable:
             rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, own.condition)))
     level = f"{100 * found.confidence:g} % interval"
     title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
-    return FigureTable(title, ("Index", "Condition", "Change", "Result of its test"), tuple(rows))
+    return FigureTable(title, ("Index", "Condition", "Change", "Test result"), tuple(rows))
 
 
 def _test_text(found: AssessmentResult, each: Assessed, condition: str) -> str | None:
@@ -186,7 +186,7 @@ def _test_text(found: AssessmentResult, each: Assessed, condition: str) -> str |
     if said is not None:
         return {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "undecided"}[said]
     differs = each.differs(condition, found.control, 1.0 - found.confidence)
-    return None if differs is None else "differs" if differs else "no difference shown"
+    return None if differs is None else "differs" if differs else "not shown"
 
 
 def summary_table(found: AssessmentResult) -> FigureTable:
