@@ -1,6 +1,7 @@
 """One analysis behind every door: arrays, tables, studies, plans and sessions give the same answer to the same data."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import made_pointing
@@ -330,3 +331,20 @@ def test_a_plan_that_lacks_something_is_refused(given, said):
 def test_no_bayes_factor_is_larger_than_the_data_can_say():
     found = pl.certify({"d": (np.ones(30), np.exp(0.001 * np.random.default_rng(1).standard_normal(30)))}, {"d": 0.1})
     assert found.end_points["d"].bayes_factor == 1000.0
+
+
+def test_movements_without_a_value_are_lost_for_the_command_too(monkeypatch):
+    """Movements that were found, of which an index has no value, count as those that were not found."""
+    monkeypatch.setattr(certified, "SIMULATED_STUDY_COUNT", 1)
+    monkeypatch.setattr(certified, "mixed_model", lambda y, who, *_: failed_model(len(who), len(y), "not fitted"))
+    spec = AssessmentTable(control=CONTROL, margins={"vmax": "10 %"})
+    study = next(each for each in map(random_study, range(20)) if by_command(each, spec).verdict == "transparent")
+    blank = [m.condition == WORN and i % 5 == 0 for i, m in enumerate(study.whole.movements)]
+    movements = tuple(
+        replace(m, values=m.values | {"vmax": float("nan")}) if gone else m
+        for m, gone in zip(study.whole.movements, blank, strict=True)
+    )
+    study.whole = replace(study.whole, movements=movements)
+    found = by_command(study, spec)
+    assert found.verdict == "cannot say"
+    assert "lost movements" in {doubt.what for doubt in found.contradicted("vmax")}
