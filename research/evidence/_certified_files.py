@@ -20,6 +20,7 @@ from pellucid.people.movement_indices import SimulatedStudies, are_transparent
 from pellucid.people.session_periods import SessionPeriods
 from pellucid.people.survival import looks
 from pellucid.study.procedures.registry import open_study
+from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 SEED = 20261127
@@ -106,12 +107,12 @@ def _assessed(case: str, i: int) -> tuple[float, float]:
 
 
 def door_rows() -> Iterator[tuple[str, float, str, str]]:
-    """Name, value, unit and note: do a study of files, a table and arrays give the same certificate of the same data?
+    """Name, value, unit and note: do the command, a study, a table and arrays certify the same of the same data?
 
-    The study is assessed by the function that the command calls; the table has its movements, the arrays its people's
+    The command's figures are read from its results.json; the table has the study's movements, the arrays its people's
     values.
     """
-    apart = [not _doors_agree(i) for i in range(DOOR_STUDY_COUNT)]
+    apart = [not each for each in ordered_results([(_doors_agree, i) for i in range(DOOR_STUDY_COUNT)])]
     yield "doors.studies", len(apart), "1", "studies made of files, a half of them with ordered sessions"
     yield "doors.differences", sum(apart), "1", "studies in which estimate, interval, p, shares or verdict differ"
 
@@ -128,6 +129,7 @@ def _doors_agree(i: int) -> bool:
         case = "periods" if ordered else "plain"
         _write_study(folder, case, changes, first, 0.1 * rng.standard_normal(people), movements=4)
         whole = pl.assess(open_study(folder), studies=5)
+        by_command = _figures_of_command(folder)
     table = whole.assessed["vmax"].table
     rows = {
         "participant": [m.participant for m in whole.measured], "condition": [m.condition for m in whole.measured],
@@ -140,9 +142,25 @@ def _doors_agree(i: int) -> bool:
     own = later[[int(person[1:]) for person in table.participants]] if ordered else None
     by_arrays = pl.certify({"vmax": (table.column("free"), table.column("robot"))}, {"vmax": 0.10}, later=own)
     found = [whole.certified[0].certificate, by_table.certificates["robot"], by_arrays]
-    return all(np.allclose(_numbers_of(each), _numbers_of(found[0]), rtol=1e-9) for each in found) and (
-        len({each.verdict for each in found}) == 1
+    numbers = [by_command[1:], *(_numbers_of(each) for each in found)]
+    return all(np.allclose(each, numbers[1], rtol=1e-9) for each in numbers) and (
+        {each.verdict for each in found} == {by_command[0]}
     )
+
+
+def _figures_of_command(folder: Path) -> tuple:
+    """Return the verdict of ``pellucid assess`` on a study, and its numbers in the order of `_numbers_of`."""
+    from pellucid.cli import app
+
+    done = CliRunner().invoke(app, ["assess", str(folder), "--studies", "100"])
+    if done.exit_code:
+        raise RuntimeError(f"pellucid assess failed on a study: {done.output[-2000:]}")
+    figures = json.loads((folder / "results.json").read_text(encoding="utf-8"))["figures"]
+    rows = {row["id"].partition(".certificate.robot.")[2]: row for row in figures}
+    value = {name: row["value"] for name, row in rows.items() if name}
+    logs = [float(np.log1p(value[f"vmax.{name}"] / 100.0)) for name in ("change", "low", "high")]
+    shares = [value[f"vmax.{name}"] / 100.0 for name in ("share_within", "share_far")]
+    return rows["transparent"]["note"], *logs, value["vmax.p_within"], value["vmax.p_beyond"], *shares
 
 
 def _numbers_of(found: Certificate) -> tuple[float, ...]:
