@@ -281,7 +281,14 @@ def _write_recordings(
     told = ['name = "challenge"', "[rig]", 'joint = "elbow"', 'motion = "rotary"', 'lifts = "flexion"', "[channels]"]
     told += [f'{c} = {{ column = "{c}", unit = "{u}" }}' for c, u in
              (("time", "s"), ("position", "deg"), ("target", "deg"))]  # fmt: skip
-    told += ["[assessment]", 'control = "free"', "[assessment.margins]", f'duration_median = "{100 * MARGIN:g} %"']
+    told += [
+        "[assessment]",
+        'control = "free"',
+        'cutoffs = ["3 Hz"]',
+        "thresholds = [0.05]",
+        "[assessment.margins]",
+        f'duration_median = "{100 * MARGIN:g} %"',
+    ]
     hidden = rng.uniform() < 0.5  # markers are hidden, or the next target comes too early
     for k in range(drawn.people):
         told += [f"[participants.P{k + 1}]", 'mass = "70 kg"']
