@@ -45,8 +45,8 @@ class MovementIndices(Mapping[str, np.ndarray]):
     columns : Mapping of str to ndarray, shape (movements,)
         start, duration (time to rest), first_arrival (time until the speed first falls below the threshold),
         after_arrival (the rest of the duration) [s], corrections (their number), direction (1 along the angle, -1
-        against it), travel [rad], peak_velocity (largest speed), mean_velocity [rad/s], peak_acceleration [rad/s^2], peak_time (of the largest speed, as a share of the
-        duration), sparc, ldlj.
+        against it), travel [rad], peak_velocity (largest speed), mean_velocity [rad/s], peak_acceleration [rad/s^2],
+        peak_time (of the largest speed, as a share of the duration), sparc, ldlj.
     left_out : Mapping of str to int
         Number of stretches of the record without a movement, by reason.
     """

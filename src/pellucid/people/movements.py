@@ -5,8 +5,8 @@ from the middle of one rest to the middle of the next. The angle is low-passed w
 movement lasts from the first to the last sample of its stretch whose speed is above a share of its largest, 5 % in the
 published rule [1]_. Speed has no sign: an overshoot and its correction backwards belong to the movement. The duration
 is thus the time to rest. Beside it stand the number of corrections and the time after the first arrival
-(`MOVEMENT_DEFINITIONS` has each by its name). What a filter at 3 Hz does to fast movements (longer, with lower peaks) is
-told by doing it again with others.
+(`MOVEMENT_DEFINITIONS` has each by its name). What a filter at 3 Hz does to fast movements (longer, with lower peaks)
+is told by doing it again with others.
 
 A low-pass without delay rings: it answers a movement that is short for its cut-off with motions in the opposite
 direction, before and after it. Such a motion counts if it is faster than what the filter leaves of a one-way movement
