@@ -12,6 +12,7 @@ import numpy as np
 import pellucid as pl
 from pellucid import PellucidError
 from pellucid.people.certificate import CANNOT_SAY, PASS
+from pellucid.people.equivalence import Margin, equivalence
 from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import is_smallest, sized
 from research.certificate.generator import SEAL, STUDY_COUNT, Truth, seal, truth_of, write_study
@@ -39,6 +40,26 @@ def verdict_of(i: int) -> str:
         return pl.assess(
             read_table(folder / "movements.csv"), control="free", margins={"duration": MARGIN}
         ).certificates["robot"].verdict  # fmt: skip
+
+
+def rival_says_within(i: int) -> bool | None:
+    """Return whether two one-sided t tests of people's mean durations, of all rows with a value, say "within".
+
+    None of recordings.
+    """
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        write_study(i, folder)
+        if (folder / "study.toml").exists():
+            return None
+        table = read_table(folder / "movements.csv")
+    seen: dict[tuple[str, str], list[float]] = {}
+    for person, condition, seconds in zip(table["participant"], table["condition"], table["duration"], strict=True):
+        if np.isfinite(seconds):
+            seen.setdefault((person, condition), []).append(seconds)
+    people = sorted({person for person, _ in seen})
+    changes = [np.log(np.mean(seen[p, "robot"]) / np.mean(seen[p, "free"])) for p in people]
+    return equivalence(np.array(changes), Margin.of_ratio(MARGIN), method="t").verdict == "within"
 
 
 def read_table(path: Path) -> dict[str, list]:
@@ -78,6 +99,12 @@ def rows() -> Iterator[tuple[str, float, str, str]]:
         value = 100.0 * len(some) / max(len(of), 1)
         named = f": {_named(truths, some)}" if some and name.startswith(("false", "refused")) else ""
         yield f"challenge.{name}", value, "%", f"{len(some)} of {len(of)} {words}{named}"
+    rival = ordered_results([(rival_says_within, i) for i in numbers if truths[i].kind == "table"])
+    tables = dict(zip((i for i in numbers if truths[i].kind == "table"), rival, strict=True))
+    for name, some in (("false_transparent", changed), ("power", alike)):
+        own = [tables[i] for i in some if i in tables]
+        value = 100.0 * float(np.mean(own)) if own else 0.0
+        yield f"challenge.rival.t.{name}", value, "%", f"the rival: t tests of people's means, {len(own)} tables"
     for kind in ("table", "recordings"):
         own = [i for i in alike if truths[i].kind == kind]
         value = 100.0 * float(np.mean([said[i] == PASS for i in own])) if own else 0.0
