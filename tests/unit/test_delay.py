@@ -12,6 +12,7 @@ from pellucid.files.cut import Cut
 from pellucid.files.delay import interpolate_at, shift_channels, undo_lags
 from pellucid.files.recording import Channel, Recording
 from pellucid.joint.study.aligned_motions import aligned_motions, find_alignments
+from pellucid.start.log_proposal import propose
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.run import check, identify
 from pellucid_lab.bench.rig import bench_joint
@@ -179,3 +180,34 @@ def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
     (tmp_path / "study.toml").write_text(text.replace('unit = "rad" }', 'unit = "rad", delay = "auto" }'))
     with pytest.raises(StudyError, match="expected a time"):
         open_study(tmp_path)
+
+
+def held_effort(seconds=24.0, rate=100, fine=40):
+    """Time, position and effort of a joint whose effort is held between samples: half a period late on average."""
+    h, n = 1.0 / (rate * fine), round(seconds * rate)
+    q = v = 0.0
+    rows = []
+    for k in range(n):
+        t = k / rate
+        wanted = 0.6 * np.sin(1.3 * t) + 0.3 * np.sin(4.1 * t + 1.0)
+        effort = 60.0 * (wanted - q) - 6.0 * v
+        rows.append((t, q, effort))
+        for _ in range(fine):
+            v += h * (effort - 3.0 * np.sin(q) - 0.3 * v - 0.4 * np.tanh(v / 1e-3)) / 0.2
+            q += h * v
+    return np.array(rows)
+
+
+def test_an_effort_that_is_held_between_samples_is_half_a_period_late(tmp_path):
+    """Its inertia was 1.3 % off, and the reversals looked like backlash."""
+    table = held_effort()
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time_s,q_rad,tau_Nm", comments="", fmt="%.6f")
+    study = propose({"time_s": table[:, 0], "q_rad": table[:, 1], "tau_Nm": table[:, 2]}).study(tmp_path / "held")
+    found = alignment(study)
+    assert found.moved == pytest.approx(-0.005, abs=1.5e-3)
+    assert found.is_within_period
+    fit = identify(study, families=["symmetric"], thorough=False)
+    assert fit["inertia"].value == pytest.approx(0.2, rel=0.012)
+    (verdict,) = [v for v in fit.verdicts if v.finding == "late_drive"]
+    assert verdict.kind == "note"
+    assert "backlash" not in [cause.name for cause in fit.causes]

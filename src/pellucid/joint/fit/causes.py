@@ -60,6 +60,9 @@ class CauseThresholds:
     # most 2.0 times on plain ones and on those with another fault.
     rattle_times_s: tuple[float, float] = (-0.1, 0.3)
     min_rattle_ratio: float = 3.0
+    # A gap that is smaller than the smallest one must explain this share: an effort that is held between samples also
+    # leaves more around reversals, but little.
+    min_rattle_share: float = 0.2
     # The range of effort that a sensor reads has this share of the samples beyond either end.
     limit_quantile: float = 0.002
 
@@ -212,6 +215,9 @@ def _rattle(stretches: LeftOutStretches) -> Iterator[Cause]:
     ratio, share = stretches.contrast(np.concatenate([near(m) for m in stretches.data.motions]))
     if ratio >= CAUSE_THRESHOLDS.min_rattle_ratio:
         size, unit = _gap_size(_gap_columns(stretches), stretches)
+        least = CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
+        if abs(size) < least and share < CAUSE_THRESHOLDS.min_rattle_share:
+            return
         yield Cause(BACKLASH, float(size), unit, share)
 
 
