@@ -432,7 +432,7 @@ def plan(
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     allow_outside: Outside = False,
 ) -> None:
-    """Plan the number of people for a certificate, and register its analysis.
+    """Plan people for a certificate, and register its analysis.
 
     The analysis is written to analysis.toml. A certificate under another one is called post hoc.
     """

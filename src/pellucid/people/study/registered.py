@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..._atomic import write_text_atomically
 from ..._errors import StudyError
 from ...study.study import Study
 from ..analysis import ANALYSIS_FILE, Analysis
@@ -37,7 +38,7 @@ def register(study: Study) -> str:
         return f"{ANALYSIS_FILE} registers another analysis ({apart}): there are recordings, and it stays as it is."
     path = Path(study.folder) / ANALYSIS_FILE
     try:
-        path.write_text(own.to_toml(), encoding="utf-8")
+        write_text_atomically(path, own.to_toml())
     except OSError as error:
         raise StudyError(f"{path}: found no way to write the analysis ({error.strerror}), expected one") from None
     return f"Registered the analysis in {ANALYSIS_FILE}. Keep it unchanged: `assess` calls every other one post hoc."

@@ -757,14 +757,14 @@ class _Assignment:
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
                 why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
             decided = None
-            if sure and stated == "rad" and quantity == "position" and self._turns_often(name):
-                # A wheel turns on and on in one direction; a joint goes to and fro within two turns.
-                why, sure = f"{why}, but it goes to and fro over more than joints turn: degrees, or a motor?", False
             if sure and stated in FULL_TURNS and quantity == "position" and self.names[name].scale == 1.0:
                 by_weight = self._weighed(name)
                 if by_weight is not None and by_weight[0] != stated and by_weight[0] in FULL_TURNS:
                     why, sure = f"{why}, but {by_weight[1]}", False
                     role = replace(role, fitting_unit=by_weight[0])
+            if sure and stated == "rad" and quantity == "position" and self._turns_often(name):
+                # A wheel turns on and on in one direction; a joint goes to and fro within two turns.
+                why, sure = f"{why}, but it goes to and fro over more than joints turn: degrees, or a motor?", False
             if stated is None and (not sure or unit == "counts") and quantity != "reference":
                 decided = self._weighed(name)
             if decided is not None:
