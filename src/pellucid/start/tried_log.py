@@ -82,7 +82,7 @@ class TriedLog:
         taken = [a for a in self.assumptions if a.is_question and a.subject in SCALE_QUESTIONS]
         if not taken:
             return rank_verdicts(self.result.verdicts)
-        listed = ", ".join(f'{a.subject} "{a.taken}"' for a in taken)
+        listed = ", ".join(f"`{a.subject}` {a.taken}" for a in taken)
         shown = (a.taken if a.taken != "unknown" else "..." for a in taken)
         answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
         doubt = Verdict(
