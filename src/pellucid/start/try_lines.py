@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..study.results import finite_row, row_table
+from .inference.assign_roles import ColumnRole
 from .propose_study import Layout
 from .study_text import channel_name
 from .tried_log import TriedLog
@@ -17,7 +18,8 @@ MAX_LISTED_COLUMNS = 12
 def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list[tuple[str, ...]]], list[str]]:
     """Return the lines on what was understood, heads and rows of the parameters, and the lines on what was assumed."""
     proposal = tried.proposal
-    drive = f", driven by a measured {proposal.drive}" if proposal.drive else ""
+    kind = "force" if (proposal.motion, proposal.drive) == ("prismatic", "torque") else proposal.drive
+    drive = f", driven by a measured {kind}" if kind else ""
     before = [
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
@@ -33,10 +35,16 @@ def _columns(layout: Layout) -> list[str]:
     """Return the columns of a layout and their roles in a line, and those that are not used in another one."""
     clock = layout.roles.clock
     used = [f"{clock.column} -> time [{clock.unit}]"] if clock.column else []
-    used += [f"{role.column} -> {channel_name(role)} [{role.unit}]" for role in layout.channels]
+    used += [f"{role.column} -> {channel_name(role)} [{_scaled_unit(role)}]" for role in layout.channels]
     idle = [role.column for role in layout.roles.roles if role.quantity is None]
     lines = [f"  {_listed(used)}"]
     return [*lines, f"  not used: {_listed(idle)}"] if idle else lines
+
+
+def _scaled_unit(role: ColumnRole) -> str:
+    """Return the unit of a column's numbers with how many of it one number is, as in "0.01 deg"."""
+    scale = role.keys.get("scale", 1.0)
+    return role.unit if scale == 1.0 else f"{float(str(scale)):.4g} {role.unit}"
 
 
 def _listed(names: list[str]) -> str:

@@ -117,7 +117,7 @@ def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ..
     wanted = [which for name in FIRST_PARAMETERS for which in counts if which[0] == name]
     shown = wanted or [which for which, _ in counts.most_common(MAX_PARAMETER_COLUMNS)]
     units = (f" ({unit_text(unit)})" if unit_text(unit) else "" for _, unit in shown)
-    parameters = (f"{parameter_label(name)}{unit}" for (name, _), unit in zip(shown, units, strict=True))
+    parameters = (f"{parameter_label(name, si)}{unit}" for (name, si), unit in zip(shown, units, strict=True))
     heads = ("Joint", "Held-out error (%)", "Constant effort (%)", *parameters)
     return heads, [_joint_row(joint, shown, level) for joint in joints]
 
@@ -125,7 +125,7 @@ def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ..
 def _row(p: Parameter, level: float) -> tuple[str, ...]:
     interval = parameter_interval(p, level)
     value, unit = number(p.value, p.standard_error), unit_text(p.unit) or "–"
-    return parameter_label(p.name), value, unit, interval, parameter_note(p, level)
+    return parameter_label(p.name, p.unit), value, unit, interval, parameter_note(p, level)
 
 
 def _joint_row(joint: TriedJoint, shown: Sequence[tuple[str, str]], level: float) -> tuple[str, ...]:

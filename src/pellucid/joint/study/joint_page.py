@@ -310,7 +310,7 @@ def _drive_constant(fit: JointResult, p: Parameter) -> Value:
 
 def _tile(p: Parameter, level: float, shown: str) -> Tile:
     more = f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)"
-    return Tile(parameter_label(p.name).replace(" friction", ""), shown, unit_text(p.unit), more)
+    return Tile(parameter_label(p.name, p.unit).replace(" friction", ""), shown, unit_text(p.unit), more)
 
 
 def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
@@ -325,7 +325,7 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
             value = str(_drive_constant(fit, p))
         else:
             value = parameter_value(fit, p) if is_chosen else number(p.value, p.standard_error)
-        cells = [parameter_label(p.name), value, unit_text(p.unit) or "–", parameter_interval(p, level)]
+        cells = [parameter_label(p.name, p.unit), value, unit_text(p.unit) or "–", parameter_interval(p, level)]
         if is_booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
         cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p, level)]

@@ -235,8 +235,10 @@ def typeset_quantities(text: str) -> str:
     return re.sub(r"(?<![\w^-])-(?=\.?\d)", MINUS_SIGN, text)
 
 
-def parameter_label(name: str) -> str:
-    """Return a parameter's name in words."""
+def parameter_label(name: str, unit: str = "") -> str:
+    """Return a parameter's name in words; the inertia of a joint that slides, in kg, is its mass."""
+    if name == "inertia" and unit == "kg":
+        return "Mass"
     return PARAMETER_LABELS.get(name, name.replace("_", " "))
 
 
