@@ -229,3 +229,11 @@ def test_names_in_a_comment_and_over_a_row_of_units_are_read(tmp_path, text, nam
     found = read_columns(path)
     assert list(found.values) == names
     assert dict(found.units) == units
+
+
+def test_a_share_of_a_rated_torque_asks_for_that_torque_alone(tmp_path):
+    t, q, _, tau = swing()
+    path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", "torque_percent_rated"], [t, q, 100.0 * tau / 48.0])
+    keys = [question.key for question in propose_study(read_given([path]), "made").asked]
+    assert "rated" in keys
+    assert "drive_constant" not in keys

@@ -1277,7 +1277,10 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "inertia and friction are then those of machine and limb together" + (f" ({hints})" if hints else ""),
             ("yes", "no"),
         )
-    if drive in ("current", "voltage") and not {"torque_constant", "force_constant"} & set(facts):
+    has_constant = bool({"torque_constant", "force_constant"} & set(facts))
+    # The rated torque, which is asked for, is in N*m already.
+    is_share_of_torque = any(r.keys.get("rated") == "torque" for layout in layouts for r in layout.channels)
+    if drive in ("current", "voltage") and not has_constant and not is_share_of_torque:
         yield Question(
             "drive_constant",
             f"What is the drive's constant at the {'motor' if 'gear_ratio' in facts else 'joint'}, such as 0.06 N*m/A?",
