@@ -96,6 +96,8 @@ class ProposalLimits:
     # A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
     # friction.
     min_gravity_share: float = 0.02
+    # Inertia and friction leave at most this share of the effort of a map of friction.
+    max_unexplained_map: float = 0.1
     # Recordings of one motion with another effort are looked for among at least so many.
     min_times_compared: int = 2
     # A duty cycle with larger numbers is no share of 1: it counts in units of its own.
@@ -302,18 +304,35 @@ def require_known_units(proposal: Proposal) -> None:
             )
 
 
+def _needs_gear(role: ColumnRole, proposal: Proposal) -> bool:
+    """Whether a motor turns too often for a joint, and inertia and friction alone do not explain its effort.
+
+    A map of friction on a dynamometer needs no angle of the joint.
+    """
+    main, table = proposal.main, proposal.main.tables[0]
+    counts = float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
+    per_radian = counts / (2.0 * np.pi) if role.unit == "counts" else 1.0 / to_si_factor(role.unit, None)[0]
+    known = _in_unit(table, role)[: ROLE_LIMITS.max_analysed_rows]
+    if np.ptp(known[np.isfinite(known)]) <= per_radian * MAX_RADIAN_RANGE:
+        return False
+    efforts = (r for r in main.channels if r.quantity in DRIVE_QUANTITIES and r.label == role.label)
+    effort = next(efforts, None)
+    if effort is None or main.roles.rate is None:
+        return True
+    motion = motion_samples(known, np.arange(len(known)) / main.roles.rate)
+    weighed = weigh_turns(_decoded(table, effort)[: len(known)], motion, {"turn": 2.0 * np.pi * per_radian})
+    return weighed is None or weighed.left_share("none") > PROPOSAL_LIMITS.max_unexplained_map
+
+
 def require_turns_of_motors(proposal: Proposal) -> None:
     """Raise a StudyError if positions are motors' and nothing says how often a motor turns for a turn of its joint."""
     asked = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "gear_turns"), None)
     if asked is None or "gear_turns" in proposal.answers or asked.default != "1":
         return
-    role = next(r for r in proposal.main.channels if r.quantity == "motor_position")
-    table = proposal.main.tables[0]
-    counts = float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
-    per_radian = counts / (2.0 * np.pi) if role.unit == "counts" else 1.0 / to_si_factor(role.unit, None)[0]
-    known = _in_unit(table, role)
-    if np.ptp(known[np.isfinite(known)]) <= per_radian * MAX_RADIAN_RANGE:
-        return  # a motor without a gear, perhaps
+    motors = (r for r in proposal.main.channels if r.quantity == "motor_position")
+    role = next((r for r in motors if _needs_gear(r, proposal)), None)
+    if role is None:
+        return
     raise StudyError(
         f'{proposal.main.tables[0].path.name}: column "{role.column}": found a motor\'s position, which turns too '
         "often for a joint's; expected its turns for a turn of the joint: --answer gear_turns=..."

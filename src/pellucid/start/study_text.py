@@ -281,13 +281,12 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
 
     Only a unit that is certain, or was answered, makes the range a fact.
     """
-    positions = [r for r in proposal.main.channels if r.quantity == "position" and r.label == joint]
+    places = ("position", "motor_position")
+    positions = [r for r in proposal.main.channels if r.quantity in places and r.label == joint]
     if not positions or proposal.motion != "rotary" or not positions[0].unit_is_certain:
         return []
     role, main = positions[0], proposal.main
-    per = int(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
-    factor = 2.0 * math.pi / per if role.unit == "counts" else to_si_factor(role.unit, "rad")[0]
-    factor *= float(str(role.keys.get("scale", 1.0)))
+    factor = _position_scale(role, proposal)
     known = []
     for table in proposal.main.tables:
         name = role.column if role.column in table.columns else main.column_in(table, role.column)
