@@ -200,6 +200,11 @@ def _gap_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
     return stretches.columns(lambda m: reversal_pulses(m, load(m)))
 
 
+def _least_gap(stretches: LeftOutStretches) -> float:
+    """Return the smallest gap that is named."""
+    return CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
+
+
 def _rattle(stretches: LeftOutStretches) -> Iterator[Cause]:
     """Yield a backlash whose parts rattle: what the model misses is larger around reversals of the load."""
     load = _load(stretches)
@@ -215,8 +220,7 @@ def _rattle(stretches: LeftOutStretches) -> Iterator[Cause]:
     ratio, share = stretches.contrast(np.concatenate([near(m) for m in stretches.data.motions]))
     if ratio >= CAUSE_THRESHOLDS.min_rattle_ratio:
         size, unit = _gap_size(_gap_columns(stretches), stretches)
-        least = CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
-        if abs(size) < least and share < CAUSE_THRESHOLDS.min_rattle_share:
+        if abs(size) < _least_gap(stretches) and share < CAUSE_THRESHOLDS.min_rattle_share:
             return
         yield Cause(BACKLASH, float(size), unit, share)
 
@@ -228,11 +232,16 @@ def _excess_columns(stretches: LeftOutStretches) -> list[np.ndarray]:
     return [np.maximum(modelled - high, 0.0), np.minimum(modelled - low, 0.0)]
 
 
+def _share_of_time(stretches: LeftOutStretches) -> np.ndarray:
+    """Return the time of every row from start to end of its recording, (m,)."""
+    motions = stretches.data.motions
+    return np.concatenate([share_of_time(m, motions) for m in motions])
+
+
 def _drift_columns(stretches: LeftOutStretches, names: Sequence[str]) -> list[np.ndarray]:
     """Return the columns of parameters among `names`, times the time from start to end of each recording."""
-    model, data = stretches.model, stretches.data
-    jacobian = regression_rows(model, stretches.values, data)[0]
-    time = np.concatenate([share_of_time(m, data.motions) for m in data.motions])
+    model, time = stretches.model, _share_of_time(stretches)
+    jacobian = regression_rows(model, stretches.values, stretches.data)[0]
     return [jacobian[:, model.names.index(name)] * time for name in names]
 
 
@@ -247,9 +256,7 @@ def _cause(name: str, columns: Sequence[np.ndarray], stretches: LeftOutStretches
         # Errors of friction may hide a drift in the error of the model alone.
         alone = max(stretches.share(columns), saved)
     size, unit = _SIZES[name](columns, stretches)
-    least = 0.0
-    if name == BACKLASH:
-        least = CAUSE_THRESHOLDS.min_gap_range_share * float(np.ptp(stretches.states.position))
+    least = _least_gap(stretches) if name == BACKLASH else 0.0
     if alone < CAUSE_THRESHOLDS.min_share_alone or abs(size) < least:
         return None
     return Cause(name, float(size), unit, alone)
@@ -309,7 +316,7 @@ def _limit_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> t
 def _drift_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
     """Return the change of the effort from start to end of a recording, as a share of the effort [%]."""
     change = np.column_stack(columns) @ stretches.coefficients(columns)
-    time = np.concatenate([share_of_time(m, stretches.data.motions) for m in stretches.data.motions])
+    time = _share_of_time(stretches)
     # The change at time t is t times that from start to end, and t is even from -1/2 to 1/2.
     whole = float(np.sqrt(np.sum(change**2) / max(float(np.sum(time**2)), np.finfo(float).tiny)))
     return 100.0 * whole / float(np.sqrt(np.mean(stretches.data.target**2))), "%"
@@ -318,7 +325,7 @@ def _drift_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> t
 def _warm_up_size(columns: Sequence[np.ndarray], stretches: LeftOutStretches) -> tuple[float, str]:
     """Return the change of friction from start to end of a recording, below 0 if it falls."""
     change = np.column_stack(columns) @ stretches.coefficients(columns)
-    time = np.concatenate([share_of_time(m, stretches.data.motions) for m in stretches.data.motions])
+    time = _share_of_time(stretches)
     way = time * stretches.states.direction
     return float(change @ way) / max(float(way @ way), np.finfo(float).tiny), stretches.model.effort_unit
 
