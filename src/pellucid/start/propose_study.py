@@ -24,7 +24,15 @@ from ..units import parse_quantity, to_si_factor
 from .file_facts import FileFact, find_drive_facts, find_encoder_counts, find_rate
 from .given_files import GivenFiles, GivenTable, trial_key
 from .inference.angle_units import ANGLE_LIMITS, MAX_RADIAN_RANGE
-from .inference.assign_roles import DRIVE_QUANTITIES, ROLE_LIMITS, ColumnRole, TableHints, TableRoles, assign_roles
+from .inference.assign_roles import (
+    DRIVE_QUANTITIES,
+    ROLE_LIMITS,
+    ColumnRole,
+    TableHints,
+    TableRoles,
+    assign_roles,
+    is_known_unit,
+)
 from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
@@ -191,6 +199,11 @@ class Proposal:
         return self.main.roles.rate
 
     @property
+    def motor_turns(self) -> float:
+        """How often a motor turns for a turn of its joint; 1 where the joint's own position was measured."""
+        return 1.0 if _measures_joint(self.main) else _motor_turns(self.answers, self.drive_facts)
+
+    @property
     def summary(self) -> str:
         """Number of recordings and their rate, in words; parts of one recording are told as such."""
         whole = len({id(recording.table) for recording in self.recordings})
@@ -326,8 +339,7 @@ def _needs_gear(role: ColumnRole, proposal: Proposal) -> bool:
 
 def require_turns_of_motors(proposal: Proposal) -> None:
     """Raise a StudyError if positions are motors' and nothing says how often a motor turns for a turn of its joint."""
-    asked = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "gear_turns"), None)
-    if asked is None or "gear_turns" in proposal.answers or asked.default != "1":
+    if "gear_turns" in proposal.answers or proposal.motor_turns != 1.0 or _measures_joint(proposal.main):
         return
     motors = (r for r in proposal.main.channels if r.quantity == "motor_position")
     role = next((r for r in motors if _needs_gear(r, proposal)), None)
@@ -946,6 +958,10 @@ def _gravity(main: Layout, drive: str | None, turns: float) -> str | None:
     return "sine+cosine" if gain > PROPOSAL_LIMITS.min_gravity_share or weighed.beats(role.unit, "none") else "none"
 
 
+def _measures_joint(main: Layout) -> bool:
+    return any(r.quantity == "position" for r in main.channels)
+
+
 def _measures_angle(main: Layout) -> bool:
     return any(r.quantity in ("position", "motor_position") for r in main.channels)
 
@@ -1043,7 +1059,8 @@ def _with_stated_counts(layout: Layout) -> Layout:
 def _force_on_lever(main: Layout, drive: str | None) -> ColumnRole | None:
     """Return a force in a stated unit that drives a joint which turns; None without one."""
     found = _main_effort([main], drive)
-    is_angle = any(r.quantity in ("position", "motor_position") and r.unit not in LENGTHS for r in main.channels)
+    places = [r for r in main.channels if r.quantity in ("position", "motor_position")]
+    is_angle = any(not is_known_unit(r.unit, "m") for r in places)
     if found is None or found[1].quantity != "force" or not found[1].unit_is_certain or not is_angle:
         return None
     return found[1]
@@ -1071,10 +1088,6 @@ def _with_lever_arm(layout: Layout, lever: float) -> Layout:
         return replace(role, quantity=quantity, keys={**role.keys, "scale": scale}, **said)
 
     return layout.with_each(turned)
-
-
-LENGTHS = ("m", "mm", "cm", "um", "km", "inch", "foot")
-"""Units of a position that slides."""
 
 
 def _steady_supply(layout: Layout) -> FileFact | None:
@@ -1247,8 +1260,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "inertia, gravity and friction, and whether efforts are torques or forces",
             ("deg", "rad", "turn", "counts", "m", "mm"),
         )
-    has_joint_angle = any(r.quantity == "position" for r in main.channels)
-    if not has_joint_angle and any(r.quantity == "motor_position" for r in main.channels):
+    if not _measures_joint(main) and any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
             "The positions are motors'. How often does a motor turn for a turn of its joint (1 without a gear)?",

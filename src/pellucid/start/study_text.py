@@ -212,13 +212,8 @@ def _position_scale(role: ColumnRole, proposal: Proposal) -> float:
     if role.unit == "counts":
         return 2.0 * math.pi / float(str(role.keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)))
     scale = float(str(role.keys.get("scale", 1.0)))
-    turns = _motor_turns(proposal) if role.quantity == "motor_position" else 1.0
+    turns = proposal.motor_turns if role.quantity == "motor_position" else 1.0
     return scale * to_si_factor(role.unit, None)[0] / turns
-
-
-def _motor_turns(proposal: Proposal) -> float:
-    asked = next((q for q in (*proposal.asked, *proposal.marked) if q.key == "gear_turns"), None)
-    return float(proposal.answers.get("gear_turns", asked.default if asked is not None else "1"))
 
 
 def _turns(proposal: Proposal, joint: str) -> list[str]:
@@ -226,7 +221,7 @@ def _turns(proposal: Proposal, joint: str) -> list[str]:
     is_of_motors = any(r.quantity == "motor_position" for r in proposal.main.channels)
     if not is_of_motors or proposal.robot_joints is None:
         return []
-    turns = _motor_turns(proposal)
+    turns = proposal.motor_turns
     mark = "" if "gear_turns" in proposal.answers else f"{MARK_ASKED}: a motor's turns for a turn of the joint"
     return [_line(f"turns = {{ {joint} = {turns:g} }}", mark)]
 
@@ -397,7 +392,7 @@ def _at_joint(role: ColumnRole, proposal: Proposal) -> ColumnRole:
         return role
     if "position" in quantities:
         return role
-    scale = float(str(role.keys.get("scale", 1.0))) / _motor_turns(proposal)
+    scale = float(str(role.keys.get("scale", 1.0))) / proposal.motor_turns
     keys = {**role.keys, "scale": scale} if scale != 1.0 else role.keys
     return replace(role, quantity=moves[role.quantity], keys=keys)
 

@@ -25,8 +25,8 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
         try_headline(tried),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
+        tried.answer,
     ]
-    before.append(tried.answer)
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
     return before, parameter_rows(tried), assumed
 
