@@ -10,6 +10,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+_STAFF_WORDS = (
+    "operator", "examiner", "therapist", "physician", "doctor", "clinician", "experimenter", "tester", "untersucher",
+    "arzt", "recorded by",
+)  # fmt: skip
+"""Labels of those who made a recording, folded."""
+
 _WORDS_BY_KIND = {
     "birth date": (
         "birth date", "birthdate", "birthday", "date of birth", "dob", "born", "geburtsdatum", "geburtstag", "geboren",
@@ -31,8 +37,7 @@ _WORDS_BY_KIND = {
         "lastname", "middle name", "patient", "patient name", "patientname", "subject name", "subjectname",
         "participant name", "person name", "client name", "athlete name", "athlete", "proband name", "vorname",
         "nachname", "familienname", "nom", "nom de famille", "prénom", "prenom", "nombre", "apellido", "apellidos",
-        "nome", "cognome", "sobrenome", "voornaam", "achternaam", "patientin", "operator", "examiner", "therapist",
-        "physician", "doctor", "clinician", "experimenter", "tester", "untersucher", "arzt", "recorded by",
+        "nome", "cognome", "sobrenome", "voornaam", "achternaam", "patientin", *_STAFF_WORDS,
     ),
 }  # fmt: skip
 """Labels of fields that tell who a person is, by the kind of what they tell, folded as `_folded` does."""
@@ -75,6 +80,12 @@ class PersonalField:
     kind: str  # "name", "birth date", "contact" or "number of a person"
     label: str  # label of the field, as the file writes it
     place: str  # place of the field in the file, such as "line 4" or "column subject.name"
+
+    @property
+    def is_of_staff(self) -> bool:
+        """Whether the label is that of somebody who made the recording, and not of whom was recorded."""
+        folded = set(_folded(self.label).split())
+        return any(set(words.split()) <= folded for words in _STAFF_WORDS)
 
     def __str__(self) -> str:
         return f'{self.place}, "{self.label}": {self.kind}'

@@ -1355,16 +1355,10 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
     return best, f"95 % of EMG's power usually lies below some 250 Hz, here below {edge:.3g} of the rate"
 
 
-_STAFF_WORDS = frozenset({"operator", "examiner", "therapist", "physician", "doctor", "clinician", "experimenter",
-    "tester", "untersucher", "arzt", "recorded"})  # fmt: skip
-"""Words of labels that tell who made a recording, and nothing of who wears a machine."""
-
-
 def _tells_wearer(table: GivenTable) -> bool:
     """Whether a file tells a person who may wear the machine: a patient, a subject, and not who recorded."""
     return any(
-        (said := set(words_of(person.label))) - {"name", "a", "line"} and not said & _STAFF_WORDS
-        for person in table.personal
+        not person.is_of_staff and set(words_of(person.label)) - {"name", "a", "line"} for person in table.personal
     )
 
 
