@@ -1,6 +1,7 @@
 """One analysis behind every door: arrays, tables, studies, plans and sessions give the same answer to the same data."""
 
 import re
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -348,3 +349,11 @@ def test_movements_without_a_value_are_lost_for_the_command_too(monkeypatch):
     found = by_command(study, spec)
     assert found.verdict == "cannot say"
     assert "lost movements" in {doubt.what for doubt in found.contradicted("vmax")}
+
+
+def test_a_registered_text_of_several_lines_and_a_name_with_blanks_are_read_again():
+    """A rule of two lines made an analysis.toml that nothing could read."""
+    stated = Analysis(control="free", margins={"my index": "10 %"}, exclusions=('fell "asleep"\nor left',))
+    again = tomllib.loads(stated.to_toml())
+    assert again["exclusions"] == ['fell "asleep"\nor left']
+    assert again["margins"] == {"my index": "10 %"}

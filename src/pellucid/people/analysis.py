@@ -13,8 +13,11 @@ count wherever they are stated.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from inspect import signature
+from json import dumps
 from math import inf
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -310,7 +313,7 @@ class Analysis:
             value = getattr(self, name)
             if isinstance(value, Mapping):
                 if value:
-                    tables += ["", f"[{name}]", *(f"{key} = {_toml(each)}" for key, each in value.items())]
+                    tables += ["", f"[{name}]", *(f"{_key(key)} = {_toml(each)}" for key, each in value.items())]
             elif value not in (None, ""):
                 lines.append(f"{name} = {_toml(value)}")
         return "\n".join([*lines, *tables, ""])
@@ -341,6 +344,13 @@ class Analysis:
         except (OSError, UnicodeDecodeError) as error:
             raise PellucidError(f"{path.name}: found no readable file ({error}), expected an analysis") from None
         return _of_mapping(table, path.name)
+
+
+def keywords_beside(function: Callable[..., object], given: Mapping[str, object]) -> list[str]:
+    """Return the names of those keywords `given` that are not the defaults of a `function`."""
+    defaults = {name: each.default for name, each in signature(function).parameters.items()}
+    said = {name: own for name, own in given.items() if own is not None}
+    return [name for name, own in said.items() if defaults[name] is None or own != defaults[name]]
 
 
 REGISTERED_FIELDS = (
@@ -512,5 +522,8 @@ def _toml(value: object) -> str:
         return str(value).lower()
     if isinstance(value, (int, float)):
         return repr(value)
-    text = str(value).replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{text}"'
+    return dumps(str(value), ensure_ascii=False)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else dumps(name, ensure_ascii=False)

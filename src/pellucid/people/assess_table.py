@@ -17,7 +17,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
-from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand
+from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand, keywords_beside
 from .certificate import (
     CANNOT_SAY,
     LOST_MOVEMENTS_DOUBT,
@@ -226,15 +226,11 @@ def assess_table(
     if analysis is not None:
         stated = Analysis.of(analysis)
         given = {
-            "control": (control, None), "margins": (margins, None), "alpha": (alpha, 0.05),
-            "estimand": (estimand, "mean"), "people": (people, None),
-            "people_level": (people_level, DEFAULT_RULE.alpha),
-            "largest_carry_over": (largest_carry_over, DEFAULT_CARRY_OVER), "factors": (factors, None),
-            "max_left_out": (max_left_out, DEFAULT_MAX_LEFT_OUT), "participant": (participant, "participant"),
-            "condition": (condition, "condition"),
+            "control": control, "margins": margins, "alpha": alpha, "estimand": estimand, "people": people,
+            "people_level": people_level, "largest_carry_over": largest_carry_over, "factors": factors,
+            "max_left_out": max_left_out, "participant": participant, "condition": condition,
         }  # fmt: skip
-        twice = [name for name, (own, default) in given.items() if own != default]
-        if twice:
+        if twice := keywords_beside(assess_table, given):
             raise PellucidError(f"assess: found analysis and {', '.join(twice)}, expected all of it in the analysis")
     else:
         stated = Analysis(

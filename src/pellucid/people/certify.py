@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._errors import PellucidError
 from ..numerics.arguments import with_checked_arguments
-from .analysis import Analysis, Estimand
+from .analysis import Analysis, Estimand, keywords_beside
 from .assess_table import assess_table
 from .certificate import Certificate, PeoplesChanges, decide
 from .equivalence import DEFAULT_CARRY_OVER
@@ -109,11 +109,13 @@ def certify(
     'transparent'
     """
     if analysis is not None:
-        return _of_table(
-            values, Analysis.of(analysis), compared,
-            margins is None and later is None and people is None and relative and alpha == 0.05
-            and estimand == "mean" and (people_level, largest_carry_over) == (DEFAULT_RULE.alpha, DEFAULT_CARRY_OVER),
-        )  # fmt: skip
+        given = {
+            "margins": margins, "relative": relative, "alpha": alpha, "estimand": estimand, "people": people,
+            "people_level": people_level, "later": later, "largest_carry_over": largest_carry_over,
+        }  # fmt: skip
+        if keywords_beside(certify, given):
+            raise PellucidError("certify: found analysis and other keywords, expected all of it in the analysis")
+        return _of_table(values, Analysis.of(analysis), compared)
     if not isinstance(values, Mapping) or not margins:
         raise PellucidError(
             "certify: found no margins, expected one for each index, or analysis= with a table of movements"
@@ -149,10 +151,8 @@ def certify(
     return decide(stated, changes)
 
 
-def _of_table(table: object, stated: Analysis, compared: str | None, alone: bool) -> Certificate:
-    """Return the certificate of a table's compared condition; `alone`: no other keyword was given."""
-    if not alone:
-        raise PellucidError("certify: found analysis and other keywords, expected all of it in the analysis")
+def _of_table(table: object, stated: Analysis, compared: str | None) -> Certificate:
+    """Return the certificate of a table's compared condition."""
     if not stated.margins:
         raise PellucidError(f"{stated.where}: found no margins, expected one for each index that is certified")
     found = assess_table(table, analysis=stated).certificates
