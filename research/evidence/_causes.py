@@ -18,8 +18,8 @@ import pellucid as pl
 from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
-from ._foreign_joint import GRAVITY, RATE_HZ, ForeignJoint, drawn_sines
-from ._foreign_plants import STEP_S, Advance, _mujoco_joint, _pinocchio_arm, drawn_plants
+from ._foreign_joint import GRAVITY, ForeignJoint
+from ._foreign_plants import STEP_S, Advance, Sines, advance_in_mujoco, drawn_plants, follow, plant
 
 SEED = 20261129
 """Seed of every random draw. Thresholds were set on other seeds."""
@@ -119,9 +119,8 @@ def try_joint(fault: str, seed: list[int]) -> Trial:
 
 def record_fault(engine: str, joint: ForeignJoint, fault: str, rng: np.random.Generator) -> np.ndarray:
     """Return time, position and torque, (n, 3), of a joint with one fault."""
-    frequency, phase, size = (x[:, 0] for x in drawn_sines(rng, 1))
-    turning, n = 2.0 * np.pi * frequency, round(DURATION_S * RATE_HZ)
-    start = float(np.sum(size * np.sin(phase))), float(np.sum(size * turning * np.cos(phase)))
+    sines = Sines.drawn(rng)
+    start = sines.at(0.0)
     stiffness, slack = joint.gravity * float(rng.uniform(*SPRING_SHARE)), float(rng.uniform(-0.3, 0.3))
     beside: Callable[[float], float] = lambda q: 0.0  # noqa: E731
     if fault == "backlash":
@@ -129,20 +128,11 @@ def record_fault(engine: str, joint: ForeignJoint, fault: str, rng: np.random.Ge
     elif fault == "parallel_spring" and engine == "mujoco":
         advance = _sprung_joint(joint, stiffness, slack, *start)
     else:
-        advance = (_mujoco_joint if engine == "mujoco" else _pinocchio_arm)(joint, *start)
+        advance = plant(engine, joint, *start)
         if fault == "parallel_spring":
             beside = lambda q: stiffness * (q - slack)  # noqa: E731
-    omega = 2.0 * np.pi * 6.0
-    kp, kd = joint.inertia * omega**2 + joint.gravity, 1.4 * joint.inertia * omega
-    q, v = start
-    time, rows = np.arange(n) / RATE_HZ, np.empty((n, 2))
-    for i in range(n):
-        angle = turning * time[i] + phase
-        reference, speed = float(np.sum(size * np.sin(angle))), float(np.sum(size * turning * np.cos(angle)))
-        torque = kp * (reference - q) + kd * (speed - v) + joint.gravity * np.sin(reference)
-        rows[i] = q, torque
-        q, v = advance(torque - beside(q))
-    rows[1:, 1] = 0.5 * (rows[1:, 1] + rows[:-1, 1])
+    time, rows = follow(joint, sines, advance, DURATION_S, beside)
+    n = len(time)
     noise = joint.torque_noise * max(joint.coulomb, 0.1 * joint.gravity)
     rows[:, 0] += joint.position_noise * rng.standard_normal(n)
     white = noise * rng.standard_normal(n)
@@ -165,32 +155,19 @@ def _sprung_joint(joint: ForeignJoint, stiffness: float, slack: float, q: float,
 
 
 def _mujoco_hinge(joint: ForeignJoint, q: float, v: float, spring: str) -> Advance:
-    import mujoco
-
     mass, distance, left = _body(joint, joint.inertia)
-    model = mujoco.MjModel.from_xml_string(f"""
+    return advance_in_mujoco(f"""
 <mujoco><option timestep="{STEP_S}" gravity="0 0 -{GRAVITY}" integrator="implicitfast"/>
 <worldbody><body><joint name="hinge" axis="0 1 0" damping="{joint.viscous}" frictionloss="{joint.coulomb}" {spring}/>
 <inertial pos="0 0 -{distance}" mass="{mass}" diaginertia="{left} {left} {left}"/></body></worldbody>
-<actuator><motor joint="hinge"/></actuator></mujoco>""")
-    data = mujoco.MjData(model)
-    data.qpos[0], data.qvel[0] = q, v
-
-    def advance(torque: float) -> tuple[float, float]:
-        data.ctrl[0] = torque
-        mujoco.mj_step(model, data, nstep=round(1.0 / (RATE_HZ * STEP_S)))
-        return float(data.qpos[0]), float(data.qvel[0])
-
-    return advance
+<actuator><motor joint="hinge"/></actuator></mujoco>""", q, v)
 
 
 def _geared_link(joint: ForeignJoint, gap: float, q: float, v: float) -> Advance:
     """Return a rotor, which the encoder reads, and a link that a gap [rad] separates from it."""
-    import mujoco
-
     rotor = 0.3 * joint.inertia
     mass, distance, left = _body(joint, joint.inertia - rotor)
-    model = mujoco.MjModel.from_xml_string(f"""
+    return advance_in_mujoco(f"""
 <mujoco><compiler angle="radian"/>
 <option timestep="{STEP_S}" gravity="0 0 -{GRAVITY}" integrator="implicitfast"/>
 <worldbody><body><joint name="rotor" axis="0 1 0" damping="{0.7 * joint.viscous}" frictionloss="{0.7 * joint.coulomb}"/>
@@ -198,16 +175,7 @@ def _geared_link(joint: ForeignJoint, gap: float, q: float, v: float) -> Advance
 <body><joint name="link" axis="0 1 0" damping="{0.05 * joint.viscous}" limited="true" range="{-0.5 * gap} {0.5 * gap}"
   solreflimit="0.002 1"/>
 <inertial pos="0 0 -{distance}" mass="{mass}" diaginertia="{left} {left} {left}"/></body></body></worldbody>
-<actuator><motor joint="rotor"/></actuator></mujoco>""")
-    data = mujoco.MjData(model)
-    data.qpos[0], data.qvel[0] = q, v
-
-    def advance(torque: float) -> tuple[float, float]:
-        data.ctrl[0] = torque
-        mujoco.mj_step(model, data, nstep=round(1.0 / (RATE_HZ * STEP_S)))
-        return float(data.qpos[0]), float(data.qvel[0])
-
-    return advance
+<actuator><motor joint="rotor"/></actuator></mujoco>""", q, v)
 
 
 def _body(joint: ForeignJoint, inertia: float) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ encoder and torque sensor are those of `_foreign_joint.py`; nothing of Pellucid 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,44 +41,71 @@ def drawn_plants(rng: np.random.Generator, count: int) -> list[tuple[str, Foreig
     return made
 
 
-def record_plant(engine: str, joint: ForeignJoint, rng: np.random.Generator, seconds: float = 30.0) -> np.ndarray:
-    """Return time, position and torque, (n, 3), of a joint that follows sines under a PD loop with stiff gains."""
-    frequency, phase, size = (x[:, 0] for x in drawn_sines(rng, 1))
-    turning, n = 2.0 * np.pi * frequency, round(seconds * RATE_HZ)
-    start = float(np.sum(size * np.sin(phase))), float(np.sum(size * turning * np.cos(phase)))
-    advance = _mujoco_joint(joint, *start) if engine == "mujoco" else _pinocchio_arm(joint, *start)
+@dataclass(frozen=True)
+class Sines:
+    """Reference of a joint: a sum of sines, each (k,)."""
+
+    turning: np.ndarray  # [rad/s]
+    phase: np.ndarray  # [rad]
+    size: np.ndarray  # [rad]
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Sines:
+        """Return drawn sines."""
+        frequency, phase, size = (x[:, 0] for x in drawn_sines(rng, 1))
+        return cls(2.0 * np.pi * frequency, phase, size)
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Return angle [rad] and speed [rad/s] at a time [s]."""
+        angle = self.turning * time + self.phase
+        return float(np.sum(self.size * np.sin(angle))), float(np.sum(self.size * self.turning * np.cos(angle)))
+
+
+def follow(
+    joint: ForeignJoint,
+    sines: Sines,
+    advance: Advance,
+    seconds: float,
+    beside: Callable[[float], float] = lambda q: 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return time, (n,), with angle and mean torque, (n, 2), of a joint under a PD loop with stiff gains.
+
+    `beside` is the torque that acts against the drive's at an angle [N*m].
+    """
+    n = round(seconds * RATE_HZ)
     omega = 2.0 * np.pi * 6.0
     kp, kd = joint.inertia * omega**2 + joint.gravity, 1.4 * joint.inertia * omega
-    q, v = start
+    q, v = sines.at(0.0)
     time, rows = np.arange(n) / RATE_HZ, np.empty((n, 2))
     for i in range(n):
-        angle = turning * time[i] + phase
-        reference, speed = float(np.sum(size * np.sin(angle))), float(np.sum(size * turning * np.cos(angle)))
+        reference, speed = sines.at(time[i])
         torque = kp * (reference - q) + kd * (speed - v) + joint.gravity * np.sin(reference)
         rows[i] = q, torque
-        q, v = advance(torque)
+        q, v = advance(torque - beside(q))
     rows[1:, 1] = 0.5 * (rows[1:, 1] + rows[:-1, 1])
+    return time, rows
+
+
+def record_plant(engine: str, joint: ForeignJoint, rng: np.random.Generator, seconds: float = 30.0) -> np.ndarray:
+    """Return time, position and torque, (n, 3), of a joint that follows sines under a PD loop with stiff gains."""
+    sines = Sines.drawn(rng)
+    time, rows = follow(joint, sines, plant(engine, joint, *sines.at(0.0)), seconds)
     noise = joint.torque_noise * max(joint.coulomb, 0.1 * joint.gravity)
-    rows[:, 0] += joint.position_noise * rng.standard_normal(n)
-    rows[:, 1] += noise * rng.standard_normal(n)
+    rows[:, 0] += joint.position_noise * rng.standard_normal(len(time))
+    rows[:, 1] += noise * rng.standard_normal(len(time))
     return np.column_stack([time, rows])
 
 
-def _mujoco_joint(joint: ForeignJoint, q: float, v: float) -> Advance:
+def plant(engine: str, joint: ForeignJoint, q: float, v: float) -> Advance:
+    """Return a joint in MuJoCo or Pinocchio from an angle and a speed on."""
+    return (_mujoco_joint if engine == "mujoco" else _pinocchio_arm)(joint, q, v)
+
+
+def advance_in_mujoco(text: str, q: float, v: float) -> Advance:
+    """Return a model in MuJoCo's format from the angle and speed of its first joint on, which its only motor drives."""
     import mujoco
 
-    weight = joint.gravity / GRAVITY  # mass times distance
-    distance = 0.5 * joint.inertia / weight
-    mass, left = weight / distance, joint.inertia - weight * distance
-    own = 1.0 - TENDON_SHARE
-    model = mujoco.MjModel.from_xml_string(f"""
-<mujoco><option timestep="{STEP_S}" gravity="0 0 -{GRAVITY}" integrator="implicitfast"/>
-<worldbody><body><joint name="hinge" axis="0 1 0" damping="{own * joint.viscous}" armature="{0.4 * left}"
-  frictionloss="{own * joint.coulomb}"/>
-<inertial pos="0 0 -{distance}" mass="{mass}" diaginertia="{0.6 * left} {0.6 * left} {0.6 * left}"/></body></worldbody>
-<tendon><fixed damping="{TENDON_SHARE * joint.viscous}" frictionloss="{TENDON_SHARE * joint.coulomb}">
-<joint joint="hinge" coef="1"/></fixed></tendon>
-<actuator><motor joint="hinge"/></actuator></mujoco>""")
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     data.qpos[0], data.qvel[0] = q, v
 
@@ -88,6 +115,21 @@ def _mujoco_joint(joint: ForeignJoint, q: float, v: float) -> Advance:
         return float(data.qpos[0]), float(data.qvel[0])
 
     return advance
+
+
+def _mujoco_joint(joint: ForeignJoint, q: float, v: float) -> Advance:
+    weight = joint.gravity / GRAVITY  # mass times distance
+    distance = 0.5 * joint.inertia / weight
+    mass, left = weight / distance, joint.inertia - weight * distance
+    own = 1.0 - TENDON_SHARE
+    return advance_in_mujoco(f"""
+<mujoco><option timestep="{STEP_S}" gravity="0 0 -{GRAVITY}" integrator="implicitfast"/>
+<worldbody><body><joint name="hinge" axis="0 1 0" damping="{own * joint.viscous}" armature="{0.4 * left}"
+  frictionloss="{own * joint.coulomb}"/>
+<inertial pos="0 0 -{distance}" mass="{mass}" diaginertia="{0.6 * left} {0.6 * left} {0.6 * left}"/></body></worldbody>
+<tendon><fixed damping="{TENDON_SHARE * joint.viscous}" frictionloss="{TENDON_SHARE * joint.coulomb}">
+<joint joint="hinge" coef="1"/></fixed></tendon>
+<actuator><motor joint="hinge"/></actuator></mujoco>""", q, v)
 
 
 def _pinocchio_arm(joint: ForeignJoint, q: float, v: float) -> Advance:
