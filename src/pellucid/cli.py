@@ -303,7 +303,7 @@ def identify(
 
 
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
-    """Identify several studies in parallel, and print one table of all; exit with status 1 if one failed."""
+    """Identify several studies in parallel, and print one table of all; exit with status 1 where one alone would."""
     from .people.design_columns import cluster
     from .study.procedures.run import identify_several, table_of
 
@@ -314,7 +314,7 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
     console = make_console()
     print_short_table(console, *table_of(found))
     print_items(console, [("good", f"{each.study}: {each.headline}") for each in found if not each.failure], 16)
-    failed = [("warning", f"{each.folder}: {each.failure}") for each in found if each.failure]
+    failed = [("warning", f"{each.folder}: {each.failure or each.flaw}") for each in found if each.failure or each.flaw]
     print_items(console, failed)
     if failed:
         raise typer.Exit(1)

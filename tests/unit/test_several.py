@@ -56,6 +56,15 @@ def test_the_command_says_what_failed_and_ends_with_status_1(tmp_path):
     assert " ".join(made.stdout.split()).count("no such file") == 2  # progress, beside it, may tell a failure too
 
 
+def test_the_status_is_that_of_one_study_where_figures_describe_nothing(monkeypatch, tmp_path):
+    """`identify a` ended with status 1, and `identify a b` with 0."""
+    outcome = Outcome("x/a", "a", "the fit failed", flaw="the fit failed: it explains nothing.")
+    monkeypatch.setattr("pellucid.study.procedures.run.identify_several", lambda *_, **__: (outcome, outcome))
+    made = CliRunner().invoke(app, ["identify", str(tmp_path / "a"), str(tmp_path / "b")])
+    assert made.exit_code == 1
+    assert "it explains nothing" in " ".join(made.stdout.split())
+
+
 def test_a_table_over_none_has_no_columns_of_parameters():
     assert table_of([Outcome("x/y", failure="no")]) == (("study", "warnings"), [("y", "failed")])
 

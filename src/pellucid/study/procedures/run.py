@@ -690,6 +690,7 @@ class Outcome:
     parameters: tuple[Parameter, ...] = ()  # parameters of the study's first table
     warnings: int = 0  # number of findings worse than a note
     failure: str = ""  # reason for the failure; empty if there was none
+    flaw: str = ""  # why its figures do not describe what was recorded; empty if nothing says so
 
 
 def identify_several(
@@ -725,7 +726,7 @@ def _identified(folder: str, families: Sequence[str] | None, allow_outside: bool
         return Outcome(folder, failure=str(error))
     shown = next((t.parameters for t in result.tables if isinstance(t, ParameterTable)), ())
     warnings = sum(v.kind in ("wrong", "warning") for v in result.verdicts)
-    return Outcome(folder, study.name, result.headline, tuple(shown), warnings)
+    return Outcome(folder, study.name, result.headline, tuple(shown), warnings, flaw=result.flaw)
 
 
 def table_of(outcomes: Sequence[Outcome]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
