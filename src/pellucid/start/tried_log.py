@@ -87,7 +87,7 @@ class TriedLog:
         answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
         doubt = Verdict(
             "warning",
-            f"No file states what every figure scales with; a default is taken: {listed}.",
+            f"No file states the scale of these figures. A default is assumed: {listed}.",
             f"Confirm or correct it: {answers}.",
             finding="unconfirmed_scale",
             weight=float("inf"),

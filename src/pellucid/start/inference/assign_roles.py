@@ -102,7 +102,7 @@ class RoleLimits:
     max_supply_spread: float = 0.2
     # Counts of a turn that a speed tells are those of a usual encoder within this share.
     counts_tolerance: float = 0.02
-    # A position that ends within this share of its range from its start goes to and fro.
+    # A position that ends within this share of its range from its start moves back and forth.
     max_one_way_share: float = 0.9
     # Fits of efforts to motions are made for at most this many columns.
     max_effort_candidates: int = 40
@@ -513,7 +513,7 @@ class _Assignment:
         return found.is_certain and not is_wound and found.unit == "rad" and spread > MAX_RADIAN_RANGE
 
     def _turns_often(self, name: str) -> bool:
-        """Whether an angle in radians goes to and fro over more than two turns."""
+        """Whether an angle in radians moves back and forth over more than two turns."""
         known = self.names[name].scale * self.values[name][np.isfinite(self.values[name])]
         spread, travel = float(np.ptp(known)), float(np.abs(known[-1] - known[0]))
         return spread > MAX_RADIAN_RANGE and travel < ROLE_LIMITS.max_one_way_share * spread
@@ -763,8 +763,8 @@ class _Assignment:
                     why, sure = f"{why}, but {by_weight[1]}", False
                     role = replace(role, fitting_unit=by_weight[0])
             if sure and stated == "rad" and quantity == "position" and self._turns_often(name):
-                # A wheel turns on and on in one direction; a joint goes to and fro within two turns.
-                why, sure = f"{why}, but it goes to and fro over more than joints turn: degrees, or a motor?", False
+                # A wheel keeps turning in one direction; a joint moves back and forth within two turns.
+                why, sure = f"{why}, but it moves back and forth over more than two turns: degrees, or a motor?", False
             if stated is None and (not sure or unit == "counts") and quantity != "reference":
                 decided = self._weighed(name)
             if decided is not None:
