@@ -443,8 +443,11 @@ def plan(
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor:
-        people = None if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
-        found = run(study, power=power, participants=participants, pilot=people, studies=studies, executor=executor)
+        people, noise = (None, None) if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
+        found = run(
+            study, power=power, participants=participants, pilot=people, noise_shares=noise, studies=studies,
+            executor=executor,
+        )  # fmt: skip
     print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     print_short_table(console, found.heads, rows, 30)

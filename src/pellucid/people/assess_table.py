@@ -34,6 +34,7 @@ from .design_columns import DesignRole, columns_with_role, design_roles, level_o
 from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED
 from .learning import OrderedMovements, learning
 from .movement_indices import shared_cells
+from .movement_noise import MovementNoise, movement_noise
 from .share_of_people import DEFAULT_RULE
 
 
@@ -519,7 +520,31 @@ def _changes(
         lost=_lost(rows, index, both, pair),
         losers=np.array([any(gone for gone, _ in each.values()) for each in lost_by_person]),
         alike=rows.alike,
+        noise=_noise(rows, index, end, both, pair),
     )
+
+
+def _noise(
+    rows: _Rows, index: str, end: EndPoint, both: Sequence[str], pair: tuple[str, str]
+) -> MovementNoise | None:
+    """Return the noise of people's changes by single movements: by rows of one person, condition and cell."""
+    values = rows.values[index]
+    order = np.arange(len(values)) if rows.order is None else np.argsort(rows.order, kind="stable")
+    own = order[np.isfinite(values[order])]
+
+    def change_of(part: np.ndarray) -> dict[str, float]:
+        chosen = own[part]
+        some = _Rows(
+            [rows.who[i] for i in chosen], [rows.what[i] for i in chosen], [rows.cells[i] for i in chosen], None,
+            {index: values[chosen]}, rows.alike,
+        )  # fmt: skip
+        names, recorded, means = _values(some, index, both, pair)
+        if len(recorded) < len(pair):
+            return {}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return dict(zip(names, end.differences(means[:, 1], means[:, 0]), strict=True))
+
+    return movement_noise([(rows.who[i], rows.what[i], rows.cells[i]) for i in own], both, pair, change_of)
 
 
 def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], max_share: float) -> list[str]:

@@ -45,6 +45,7 @@ from .equivalence import (
     Method,
     equivalence,
 )
+from .movement_noise import MovementNoise
 from .session_periods import SessionPeriods
 from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, SHOWN, TOO_FEW, ShareRule, ShareTest
 
@@ -251,6 +252,7 @@ class PeoplesChanges:
     lost: LostCounts = field(default_factory=dict)
     losers: np.ndarray | None = None  # (n,) whether a person lost a movement
     alike: bool = True  # whether movements are compared with alike ones
+    noise: MovementNoise | None = None  # noise of `seen` by single movements, if there are enough to tell it
 
 
 def decide(
@@ -304,6 +306,7 @@ def tested_changes(own: PeoplesChanges, analysis: Analysis, method: Method) -> E
         method=method,
         sessions=own.sessions,
         largest_carry_over=analysis.largest_carry_over,
+        noise=own.noise,
     )
 
 
@@ -450,7 +453,7 @@ def share_reason(shares: ShareTest) -> str:
     reasons = []
     if shares.p_within > rule.alpha:
         reasons.append(
-            f"{shares.within} of {shares.people} people lie within the margin, which shows at least "
+            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows at least "
             f"{100.0 * shares.least_within:.0f} % of people to ({level}), not {100.0 * rule.within:g} %"
         )
     if shares.p_far > rule.alpha:

@@ -48,6 +48,7 @@ from .._errors import PellucidError
 from ..numerics.tied_ranks import TIE_TOLERANCE, scale_of, tied_signs
 from .comparison import critical_statistic, mean_p_values, rank_sums, sign_distribution, student_statistics
 from .margin import Margin
+from .movement_noise import MovementNoise
 from .session_periods import Adjustment, SessionPeriods, adjustment
 from .share_of_people import DEFAULT_RULE, ShareRule, ShareTest, limits, share_p_values, share_test
 
@@ -95,6 +96,7 @@ class Equivalence:
 
     sessions: SessionPeriods | None = field(default=None, repr=False)  # when people had both conditions, if stated
     largest_carry_over: float = 0.0  # largest carry-over for which both claims hold, in half-widths of the margin
+    noise: MovementNoise | None = None  # noise of people's differences by their movements, if it is known
 
     @property
     def fit(self) -> Adjustment:
@@ -111,7 +113,8 @@ class Equivalence:
         if not len(self.differences):
             return ShareTest(rule, 0, 0, 0, 1.0, 1.0, nan, nan)
         upper = self.differences if self.upper is None else self.upper
-        return share_test(self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule)
+        return share_test(self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule,
+                          noise=self.noise)  # fmt: skip
 
     def shows_people(self, rule: ShareRule = DEFAULT_RULE) -> bool:
         """Return whether the shares of people within and far beyond the margin are shown."""
@@ -119,7 +122,7 @@ class Equivalence:
             return False
         upper = self.differences if self.upper is None else self.upper
         shares = share_p_values(
-            self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule
+            self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule, noise=self.noise
         )
         return bool(max(shares) <= rule.alpha)
 
@@ -133,6 +136,7 @@ class Equivalence:
             method=cast("Method", self.method),
             sessions=self.sessions,
             largest_carry_over=self.largest_carry_over if largest_carry_over is None else largest_carry_over,
+            noise=self.noise,
         )
 
     def tipping_point(self, rule: ShareRule = DEFAULT_RULE) -> float | None:
@@ -205,6 +209,7 @@ def equivalence(
     method: Method = "skew_robust",
     sessions: SessionPeriods | None = None,
     largest_carry_over: float = DEFAULT_CARRY_OVER,
+    noise: MovementNoise | None = None,
 ) -> Equivalence:
     """Test whether paired differences lie within a margin.
 
@@ -226,6 +231,8 @@ def equivalence(
     largest_carry_over : float
         Largest carry-over from one session to the next for which both claims hold, in half-widths of the margin. It
         matters only with `sessions`.
+    noise : MovementNoise, optional
+        Variance of the differences by the noise of movements, which is no difference between people.
 
     Returns
     -------
@@ -271,7 +278,7 @@ def equivalence(
     estimate, interval = _location(d, high, alpha, fit, method, sessions)
     return Equivalence(
         margin, len(d), estimate, interval, within, beyond, alpha, method, d, bounded, ends, sessions,
-        largest_carry_over,
+        largest_carry_over, noise,
     )  # fmt: skip
 
 

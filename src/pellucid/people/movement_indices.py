@@ -23,6 +23,7 @@ from .comparison import rank_sums, two_sided_p
 from .design_columns import DIRECTION_DOWN, DIRECTION_UP, MeasuredMovement, MovementDuration
 from .equivalence import DEFAULT_CARRY_OVER, Margin, Method, margin_p_values
 from .indices import MEAN_VELOCITY, MOVEMENT_DURATION, Index, indices_along, smoothness
+from .movement_noise import MovementNoise
 from .movements import MovementRule, kinematics, movements, rest_stretches, target_stretches
 from .session_periods import SessionPeriods, adjustment
 from .share_of_people import DEFAULT_RULE, ShareRule, share_p_values
@@ -173,12 +174,15 @@ class SimulatedStudies:
         When people had both conditions; without it, orders are not stated.
     drifts, late : ndarray, shape (k, n, m), optional
         Change of the last third of movements less that of the first, and that of the last third less that of all.
+    noise : tuple of MovementNoise or None, length m
+        Noise of the changes by single movements; () if it is not known.
     """
 
     changes: np.ndarray
     sessions: SessionPeriods | None = None
     drifts: np.ndarray | None = None
     late: np.ndarray | None = None
+    noise: tuple[MovementNoise | None, ...] = ()
 
 
 def are_transparent(
@@ -198,7 +202,8 @@ def are_transparent(
         allowance = largest_carry_over * margin.half_width * fit.carry_over_share
         d = fit.adjusted(studies.changes[:, :, j])
         said &= margin_p_values(d, d, margin, fit, method, studies.sessions, allowance)[0] <= alpha
-        shares = share_p_values(d, d, margin, fit, allowance=allowance, rule=rule)
+        noise = studies.noise[j] if studies.noise else None
+        shares = share_p_values(d, d, margin, fit, allowance=allowance, rule=rule, noise=noise)
         said &= np.maximum(*shares) <= rule.alpha
         if studies.drifts is not None and studies.late is not None:
             drifting = _has_trend(studies.drifts[:, :, j], alpha / m)

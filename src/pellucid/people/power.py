@@ -38,6 +38,7 @@ from .comparison import rank_sums, two_sided_p
 from .design_columns import MovementDuration
 from .equivalence import DEFAULT_CARRY_OVER, Margin, Method
 from .movement_indices import SimulatedStudies, are_transparent
+from .movement_noise import MovementNoise
 from .session_periods import SessionPeriods
 from .share_of_people import DEFAULT_RULE
 from .survival import survival
@@ -343,6 +344,11 @@ LATE_SPREAD_RATIO = 1.0
 
 Sixty movements of each condition that scatter by 12 % leave about that beside changes of 3 %."""
 
+NOISE_DEGREES_A_PERSON = 2.0
+"""Degrees of freedom for each person of the noise of movements in a planned study.
+
+About five movements of each cell and condition in `movement_noise.MAX_PARTS` parts have that."""
+
 
 @dataclass(frozen=True)
 class Active:
@@ -354,13 +360,15 @@ class Active:
     order: bool = False  # orders of two conditions are stated, each begun by half of the people
     largest_carry_over: float = DEFAULT_CARRY_OVER  # in half-widths of the margin; matters where orders are stated
     learning: bool = False  # movements are recorded in their order, at least nine of each condition
+    noise: tuple[float, ...] = ()  # by end point, the share of the variance of changes that is noise of movements
 
     @classmethod
-    def of(cls, analysis: Analysis, *, order: bool, learning: bool) -> Active:
+    def of(cls, analysis: Analysis, *, order: bool, learning: bool, noise: Sequence[float] = ()) -> Active:
         """Return what a study with this analysis will have; `order`: whether its sessions come in stated orders."""
         return cls(
-            analysis.estimand, analysis.people, analysis.people_level, order, analysis.largest_carry_over, learning
-        )
+            analysis.estimand, analysis.people, analysis.people_level, order, analysis.largest_carry_over, learning,
+            tuple(noise),
+        )  # fmt: skip
 
 
 CERTIFICATE_SIZES = (12, 14, 16, 20, 24, 32, 48, 64, 96, 128)
@@ -455,6 +463,7 @@ def plan(
     people: int | Sequence[int],
     sd: float | str | Mapping[str, float | str],
     effect: float | str | Mapping[str, float | str] = 0.0,
+    noise_share: float | Mapping[str, float] = 0.0,
     correlation: float = 0.0,
     learning: bool = True,
     studies: int = 2000,
@@ -480,6 +489,9 @@ def plan(
         margin is one, otherwise in the index's unit.
     effect : float, str, or mapping of str to float or str
         True change, in the same units.
+    noise_share : float or mapping of str to float
+        Share in [0, 1) of the variance of people's changes that is noise of their movements, which the study will
+        tell from several movements of each kind; 0 if each person has one value of each condition.
     correlation : float
         Correlation of people's changes between end points, in [0, 1].
     learning : bool
@@ -516,10 +528,14 @@ def plan(
         raise PellucidError(f"plan: found correlation = {correlation:g}, expected one from 0 to 1")
     spread = np.array([expected_size(points[name], "sd", sd) for name in points])
     moved = np.array([expected_size(points[name], "effect", effect) for name in points])
+    noise = [float(noise_share[n] if isinstance(noise_share, Mapping) else noise_share) for n in points]
+    if not all(0.0 <= share < 1.0 for share in noise):
+        raise PellucidError(f"plan: found noise_share = {noise_share}, expected shares from 0 to below 1")
     found = planned_power(
         points, spread, moved, (people,) if isinstance(people, Integral) else tuple(people),
         correlation=correlation, alpha=stated.false_transparent,
-        active=Active.of(stated, order=stated.is_ordered, learning=learning), studies=studies, seed=seed,
+        active=Active.of(stated, order=stated.is_ordered, learning=learning, noise=noise if any(noise) else ()),
+        studies=studies, seed=seed,
         executor=executor,
     )  # fmt: skip
     return found.power[0] if isinstance(people, Integral) else found.power
@@ -654,4 +670,11 @@ def draw_active(changes: np.ndarray, spread: np.ndarray, active: Active, rng: np
     if active.learning:
         thirds = np.sqrt(1.5) * LATE_SPREAD_RATIO * spread * rng.standard_normal((3, *changes.shape))
         drifts, late = thirds[2] - thirds[0], thirds[2] - thirds.mean(axis=0)
-    return SimulatedStudies(changes, sessions, drifts, late)
+    noise: tuple[MovementNoise | None, ...] = ()
+    if active.noise:
+        degrees = NOISE_DEGREES_A_PERSON * changes.shape[1]
+        noise = tuple(
+            MovementNoise(share * float(own) ** 2, degrees) if share > 0.0 else None
+            for share, own in zip(active.noise, spread, strict=True)
+        )
+    return SimulatedStudies(changes, sessions, drifts, late, noise)

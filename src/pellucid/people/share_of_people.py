@@ -13,6 +13,10 @@ confidence bound of its share.
   normal scores, rejects it. With 12 people one person in five is missing from 6.9 % of studies; of the studies that
   show nobody far away, so many are refused, those with the least normal changes first, that such a group is missed in
   at most `MISSED_GROUP_LEVEL`. A group is supposed to lie within `HIDDEN_GAP_SD` of the others.
+- **Noise of movements.** A person's change is a mean of few movements, so people seem to differ more than they do.
+  Where the variance by this noise is known (`movement_noise`), the share of normal people within is bounded by
+  generalised pivots, as in tolerance limits of a random model [4]_: draws of the mean, of the variance of people's
+  changes, and of the noise, which is subtracted. Counting takes all noise for differences between people.
 - **Skewed changes.** The far share may also be bounded where the shape is not normal: by the least favourable of the
   normal and the lognormal distribution of sigma 1, with its long tail to the nearer end.
 
@@ -22,6 +26,8 @@ A normal model never argues against a count: where somebody was seen far beyond,
 .. [2] ISO 3951-2:2013, double specification limits, unknown process standard deviation.
 .. [3] S. S. Shapiro, R. S. Francia, "An approximate analysis of variance test for normality", J. Am. Stat. Assoc. 67,
    1972.
+.. [4] K. Krishnamoorthy, T. Mathew, "One-sided tolerance limits in balanced and unbalanced one-way random models based
+   on generalized confidence intervals", Technometrics 46, 2004.
 """
 
 from __future__ import annotations
@@ -36,6 +42,7 @@ from scipy.optimize import brentq
 
 from ..numerics.tied_ranks import TIE_TOLERANCE
 from .margin import Margin
+from .movement_noise import MovementNoise
 from .session_periods import Adjustment
 
 MIN_PEOPLE = 12
@@ -53,8 +60,17 @@ HIDDEN_GAP_SD = 20.0
 lie at least this many standard deviations of the others away from them."""
 
 MODEL_PEOPLE = 60
-"""From this number of people on, shares are shown by counting alone: 59 people of whom nobody lies far beyond show that
-at most 5 % do at 95 % confidence."""
+"""From this number of people on, shares are shown by counting alone where no noise of movements is known: 59 people of
+whom nobody lies far beyond show that at most 5 % do at 95 % confidence."""
+
+MAX_SHAPE_PEOPLE = 200
+"""The distribution of shape of this many people serves for more, too."""
+
+PIVOT_COUNT = 20_000
+"""Number of draws of the generalised pivots of one study."""
+
+MANY_PIVOT_COUNT = 1_000
+"""Number of draws for each of many simulated studies."""
 
 SHAPE_LEVEL = 0.05
 """Level of the test that people's changes are normal."""
@@ -64,6 +80,9 @@ SHAPE_STUDY_COUNT = 100_000
 
 SHAPE_SEED = 31
 """Seed of these distributions."""
+
+NOTED_NOISE_SHARE = 0.05
+"""Smallest share of noise that is told."""
 
 TOO_FEW = "too few"
 """Answer with fewer than `MIN_PEOPLE` people."""
@@ -101,6 +120,14 @@ class ShareTest:
     p_far: float
     least_within: float  # lower confidence bound of the share within, at 1 - alpha
     most_far: float  # upper confidence bound of the share far beyond, at 1 - alpha
+    noise_share: float = 0.0  # share of the variance of people's changes that is noise of their movements
+
+    @property
+    def noise_note(self) -> str:
+        """How much of the variance of people's changes is noise, in brackets after a count; "" if little is."""
+        if self.noise_share < NOTED_NOISE_SHARE:
+            return ""
+        return f" ({100.0 * self.noise_share:.0f} % of the variance of changes is noise of single movements)"
 
     @property
     def answer(self) -> str:
@@ -125,7 +152,7 @@ def limits(margin: Margin, count: float) -> tuple[float, float]:
 
 def share_p_values(
     lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, *, allowance: float = 0.0,
-    rule: ShareRule = DEFAULT_RULE,
+    rule: ShareRule = DEFAULT_RULE, noise: MovementNoise | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return the p values of the share within and of the share far beyond, shape (...) each.
 
@@ -141,6 +168,8 @@ def share_p_values(
         Amount by which all differences may be off.
     rule : ShareRule
         Shares and level.
+    noise : MovementNoise, optional
+        Variance of the differences by the noise of movements.
     """
     n = lower.shape[-1]
     if n < MIN_PEOPLE:
@@ -152,14 +181,19 @@ def share_p_values(
     seen_far = n - _count_inside(lower, upper, far, allowance, slack)
     p_within = stats.binom.sf(within - 1, n, rule.within)
     p_far = stats.binom.cdf(seen_far, n, rule.far)
-    if n >= MODEL_PEOPLE:
+    if n >= MODEL_PEOPLE and noise is None:
         return p_within, p_far
     known = np.isfinite(lower).all(axis=-1) & (lower == upper).all(axis=-1)
     d = np.where(known[..., None], lower, 0.0)
     shape = shape_p(d)
     looks_normal = known & (shape > SHAPE_LEVEL)
-    by_model = _normal_p(d, near, allowance, fit, 1.0 - rule.within)
+    if noise is None:
+        by_model = _normal_p(d, near, allowance, fit, 1.0 - rule.within)
+    else:
+        by_model = np.mean(_pivots(d, near, allowance, fit, noise) >= 1.0 - rule.within, axis=-1)
     p_within = np.where(looks_normal, by_model, p_within)
+    if n >= MODEL_PEOPLE:
+        return p_within, p_far
     gap = _distance(d, far, allowance, fit)
     usable = known & (seen_far == 0) & ((shape > refused_share(n)) | (gap > HIDDEN_GAP_SD))
     skewed = _skewed_p(gap, n, rule.far)
@@ -169,23 +203,28 @@ def share_p_values(
 
 def share_test(
     lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, *, allowance: float = 0.0,
-    rule: ShareRule = DEFAULT_RULE,
+    rule: ShareRule = DEFAULT_RULE, noise: MovementNoise | None = None,
 ) -> ShareTest:  # fmt: skip
     """Return both tests of one end point, with their bounds; arguments as in `share_p_values`, differences (n,)."""
     n, slack = len(lower), TIE_TOLERANCE * margin.half_width
     within = int(_count_inside(lower, upper, limits(margin, 1.0), 0.0, slack))
     far = n - int(_count_inside(lower, upper, limits(margin, rule.far_margins), 0.0, slack))
 
-    p_within, p_far = map(float, share_p_values(lower, upper, margin, fit, allowance=allowance, rule=rule))
+    p_within, p_far = map(
+        float, share_p_values(lower, upper, margin, fit, allowance=allowance, rule=rule, noise=noise)
+    )
     if n < MIN_PEOPLE:
         return ShareTest(rule, n, within, far, p_within, p_far, nan, nan)
-    bounds = _share_bounds(lower, upper, margin, fit, allowance, rule)
-    return ShareTest(rule, n, within, far, p_within, p_far, *bounds)
+    bounds = _share_bounds(lower, upper, margin, fit, allowance, rule, noise)
+    spread = _variance(lower, fit) if np.isfinite(lower).all() else nan
+    share = min(1.0, noise.variance / spread) if noise is not None and spread > 0.0 else 0.0
+    return ShareTest(rule, n, within, far, p_within, p_far, *bounds, share)
 
 
 def _share_bounds(
-    lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, allowance: float, rule: ShareRule
-) -> tuple[float, float]:
+    lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, allowance: float, rule: ShareRule,
+    noise: MovementNoise | None,
+) -> tuple[float, float]:  # fmt: skip
     """Return the bounds of both shares of one study: the shares whose p values are the level (`share_p_values`)."""
     n, slack = len(lower), TIE_TOLERANCE * margin.half_width
     near, far = (limits(margin, count) for count in (1.0, rule.far_margins))
@@ -193,11 +232,15 @@ def _share_bounds(
     seen_far = n - int(_count_inside(lower, upper, far, allowance, slack))
     least = float(stats.beta.ppf(rule.alpha, within, n - within + 1)) if within else 0.0
     most = float(stats.beta.isf(rule.alpha, seen_far + 1, n - seen_far)) if seen_far < n else 1.0
-    if n >= MODEL_PEOPLE or not (np.isfinite(lower).all() and (lower == upper).all()):
+    if (n >= MODEL_PEOPLE and noise is None) or not (np.isfinite(lower).all() and (lower == upper).all()):
         return least, most
     shape = float(shape_p(lower))
-    if shape > SHAPE_LEVEL:
+    if shape > SHAPE_LEVEL and noise is not None:
+        least = 1.0 - float(np.quantile(_pivots(lower, near, allowance, fit, noise), 1.0 - rule.alpha))
+    elif shape > SHAPE_LEVEL:
         least = 1.0 - _normal_bound(lower, near, allowance, fit, rule.alpha)
+    if n >= MODEL_PEOPLE:
+        return least, most
     gap = float(_distance(lower, far, allowance, fit))
     if seen_far == 0 and (shape > refused_share(n) or gap > HIDDEN_GAP_SD):
         if shape > SHAPE_LEVEL:
@@ -237,7 +280,7 @@ def shape_p(differences: np.ndarray) -> np.ndarray:
     """Return the p value of Shapiro and Francia's test of differences (..., n), shape (...); 1 if all are equal."""
     n = differences.shape[-1]
     seen = _francia(differences)
-    reference = _francia_reference(min(n, MODEL_PEOPLE))
+    reference = _francia_reference(min(n, MAX_SHAPE_PEOPLE))
     return (1.0 + np.searchsorted(reference, seen, side="right")) / (len(reference) + 1.0)
 
 
@@ -254,7 +297,8 @@ def _francia(differences: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=64)
 def _francia_reference(people: int) -> np.ndarray:
     rng = np.random.default_rng([SHAPE_SEED, people])
-    return np.sort(_francia(rng.standard_normal((SHAPE_STUDY_COUNT, people))))
+    count = SHAPE_STUDY_COUNT if people < MODEL_PEOPLE else SHAPE_STUDY_COUNT // 5
+    return np.sort(_francia(rng.standard_normal((count, people))))
 
 
 def _count_inside(
@@ -264,13 +308,41 @@ def _count_inside(
     return np.sum((lower >= low) & (upper <= high), axis=-1)
 
 
+def _variance(d: np.ndarray, fit: Adjustment) -> np.ndarray:
+    """Return the variance of people's adjusted differences (..., n), shape (...)."""
+    return np.var(d, axis=-1, ddof=1) * (d.shape[-1] - 1.0) / fit.degrees
+
+
+def _pivots(
+    d: np.ndarray, ends: tuple[float, float], allowance: float, fit: Adjustment, noise: MovementNoise
+) -> np.ndarray:
+    """Return draws of the share of people beyond both ends, without the noise of movements; shape (..., draws)."""
+    mean, variance = d.mean(axis=-1)[..., None], _variance(d, fit)[..., None]
+    z, chance, another = _pivot_draws(PIVOT_COUNT if d.ndim == 1 else MANY_PIVOT_COUNT)
+    drawn = variance * fit.degrees / stats.chi2.ppf(chance, fit.degrees)
+    middle = mean + z * np.sqrt(drawn / fit.people)
+    subtracted = np.asarray(noise.variance)[..., None] * noise.degrees / stats.chi2.ppf(another, noise.degrees)
+    of_people = np.sqrt(np.maximum(drawn - subtracted, 0.0))
+    below, above = ends[0] + allowance - middle, middle - (ends[1] - allowance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tails = special.ndtr(below / of_people) + special.ndtr(above / of_people)
+    return np.where(of_people > 0.0, tails, (np.maximum(below, above) > 0.0).astype(float))
+
+
+@lru_cache(maxsize=2)
+def _pivot_draws(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return normal scores and two sets of chances, each evenly spaced and in an order of its own."""
+    rng = np.random.default_rng([SHAPE_SEED, 2])
+    even = (np.arange(count) + 0.5) / count
+    return stats.norm.ppf(rng.permutation(even)), rng.permutation(even), rng.permutation(even)
+
+
 def _standardised_gaps(
     d: np.ndarray, ends: tuple[float, float], allowance: float, fit: Adjustment
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances of the mean from both ends, in standard deviations of people; each (...)."""
-    n = d.shape[-1]
     mean = d.mean(axis=-1)
-    spread = np.std(d, axis=-1, ddof=1) * np.sqrt((n - 1.0) / fit.degrees)
+    spread = np.sqrt(_variance(d, fit))
     gaps = []
     for gap in (mean - ends[0] - allowance, ends[1] - allowance - mean):
         with np.errstate(divide="ignore", invalid="ignore"):

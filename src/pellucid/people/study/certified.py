@@ -19,10 +19,11 @@ from ..analysis import Analysis, EndPoint
 from ..certificate import LEARNING_DOUBT, Certificate, LostCounts, PeoplesChanges, decide, tested_changes
 from ..design_columns import DIRECTION_UP, MeasuredMovement
 from ..equivalence import Equivalence, Margin
-from ..indices import CutOff
+from ..indices import CutOff, Index
 from ..learning import OrderedMovements, learning
 from ..mixed_model import MIN_MOVEMENTS, MixedModel, failed_model, mixed_model
-from ..movement_indices import IndexTable
+from ..movement_indices import IndexTable, index_table
+from ..movement_noise import MovementNoise, movement_noise
 from ..power import Active, find_equivalence_participants, lasting_bounds
 from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
 from .assessment_result import Certified
@@ -218,8 +219,38 @@ def study_changes(
         made[name] = PeoplesChanges(
             point.margin, seen, _bounds(whole, point, seen, conditions, condition, people), sessions,
             None if trend is None else trend[0], at_end, failed, lost[name], losers[name],
+            noise=_noise(whole, point, condition, base, people, order),
         )  # fmt: skip
     return made
+
+
+def _noise(
+    whole: MeasuredStudy, point: EndPoint, condition: str, base: str | None, people: list[str], order: SessionOrder
+) -> MovementNoise | None:
+    """Return the noise of people's changes by single movements; `base` is the control, None if there is none."""
+    index, compared = point.index, [condition] if base is None else [base, condition]
+    if index.lasting:
+        own: Sequence = [each for each in whole.lasted if each.condition in compared]
+    else:
+        own = [m for m in whole.movements if m.condition in compared and _is_of(m, index)]
+        own = sorted(own, key=lambda m: (order.within[m.recording], m.movement.start))
+
+    def change_of(rows: np.ndarray) -> dict[str, float]:
+        part = [own[i] for i in rows]
+        lasted = part if index.lasting else ()
+        table = index_table([] if index.lasting else part, index, people, compared, compared[0], lasted)
+        if table is None or condition not in table.conditions:
+            return {}
+        there = list(table.participants)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return dict(zip(there, _differences(table, point, condition, compared[0], there), strict=True))
+
+    return movement_noise([(m.participant, m.condition, m.cell) for m in own], people, compared, change_of)
+
+
+def _is_of(movement: MeasuredMovement, index: Index) -> bool:
+    """Return whether a movement has a value of an index, in its direction."""
+    return bool(np.isfinite(movement.values.get(index.of, np.nan))) and index.direction in ("", movement.cell[1])
 
 
 def _ordered(own: Sequence[tuple[MeasuredMovement, float]], order: SessionOrder) -> OrderedMovements:
@@ -386,6 +417,7 @@ def _people_needed(
     # The effects of periods are none of how much people differ.
     seen = {name: seen[name] if tests[name].bounded else tests[name].differences for name in wanted}
     covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
+    active = replace(active, noise=tuple(tests[name].share_test().noise_share for name in wanted))
     # An index without control, such as a torque, is planned about its own mean.
     change = [float(d.mean()) if point.margin.low == -inf else 0.0
               for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip

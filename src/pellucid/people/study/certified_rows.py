@@ -335,9 +335,9 @@ def _people_sentence(each: Certified) -> str:
     least = min(tests, key=lambda own: own.least_within)
     far, rule = max(own.most_far for own in tests), least.rule
     return (
-        f"{least.within} of {least.people} people lie within: at least {100.0 * least.least_within:.0f} % of people "
-        f"do, and at most {100.0 * far:.1f} % lie beyond {rule.far_margins:g} margins, each with "
-        f"{100.0 * (1.0 - rule.alpha):g} % confidence."
+        f"{least.within} of {least.people} people lie within{least.noise_note}: at least "
+        f"{100.0 * least.least_within:.0f} % of people do, and at most {100.0 * far:.1f} % lie beyond "
+        f"{rule.far_margins:g} margins, each with {100.0 * (1.0 - rule.alpha):g} % confidence."
     )
 
 
@@ -479,6 +479,7 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             add(f"{name}.people_within", shares.within, "1", f"of {shares.people}: {shares.answer}")
             bound = f"bound at {100.0 * (1.0 - own.rule.alpha):.4g} % confidence"
             add(f"{name}.share_within", 100.0 * shares.least_within, "%", f"lower {bound}")
+            add(f"{name}.noise_share", 100.0 * shares.noise_share, "%", "of the variance of changes: single movements")
             add(f"{name}.share_far", 100.0 * shares.most_far, "%", f"upper {bound}")
             if part.sessions is not None:
                 add(f"{name}.largest_carry_over", part.largest_carry_over, "1", "assumed, in margins")

@@ -50,6 +50,7 @@ def plan(
     power: float = 0.9,
     participants: int | None = None,
     pilot: Mapping[str, np.ndarray] | None = None,
+    noise_shares: Mapping[str, float] | None = None,
     studies: int = 2000,
     executor: Any = None,
 ) -> Plan:
@@ -57,6 +58,7 @@ def plan(
 
     `participants` is a number that has been decided on: it is refused if no data of so many could certify. `pilot`
     holds people's changes by end point, (n,), as a pilot study's certificate has them: people are then drawn from it.
+    `noise_shares` are the shares of the variance of these changes that are noise of single movements.
     """
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
@@ -73,7 +75,8 @@ def plan(
         )
     analysis = spec.analysis
     ordered = analysis.design != "parallel sessions"
-    active = Active.of(analysis, order=ordered, learning=True)
+    noise = () if noise_shares is None else tuple(noise_shares.get(name, 0.0) for name in points)
+    active = Active.of(analysis, order=ordered, learning=True, noise=noise)
     options = {"alpha": spec.false_transparent, "active": active, "studies": studies, "executor": executor}
     if pilot is not None:
         return _of_pilot(points, pilot, margins, power, participants, options)
@@ -113,13 +116,18 @@ def plan(
     )
 
 
-def pilot_changes(pilot: Study) -> dict[str, np.ndarray]:
-    """Return people's changes by end point of an assessed pilot, (n,), in its condition in which they differ most."""
+def pilot_changes(pilot: Study) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Return people's changes of an assessed pilot by end point, (n,), and the shares of noise in their variances.
+
+    They are those of the condition in which people differ most.
+    """
     found = kept_certificates(pilot, "those of the plan")
     widest = max(found.certified, key=lambda each: sum(
         float(np.var(test.differences)) / test.margin.high**2 for test in each.certificate.end_points.values()
     ))  # fmt: skip
-    return {name: test.differences for name, test in widest.certificate.end_points.items()}
+    tests = widest.certificate.end_points
+    shares = {name: test.share_test().noise_share for name, test in tests.items()}
+    return {name: test.differences for name, test in tests.items()}, shares
 
 
 def _active_words(ordered: bool) -> str:
@@ -127,6 +135,15 @@ def _active_words(ordered: bool) -> str:
     return (
         f"Each study has two conditions {orders}, a test for learning, and the tests of the shares of people within "
         "and far beyond."
+    )
+
+
+def _noise_words(active: Active) -> str:
+    if not any(active.noise):
+        return ""
+    return (
+        f"Up to {100.0 * max(active.noise):.0f} % of the variance of its changes is noise of single movements, and no "
+        "difference between people. "
     )
 
 
@@ -169,7 +186,7 @@ def _of_pilot(
         f"{_tested(active.estimand, active.people, options['alpha'])}, people drawn from the pilot's {len(people)}, "
         f"moved to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
         "number of people. "
-        "What so few people show of a distribution is itself uncertain.",
+        f"{_noise_words(active)}What so few people show of a distribution is itself uncertain.",
     )
 
 
