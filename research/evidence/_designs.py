@@ -14,9 +14,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import stats
 
 from pellucid.people.equivalence import DEFAULT_CARRY_OVER, Margin
 from pellucid.people.movement_indices import SimulatedStudies, are_transparent
+from pellucid.people.movement_noise import MovementNoise
 from pellucid.people.session_periods import SessionPeriods
 from pellucid.study.results import ResultRow
 
@@ -28,6 +30,9 @@ MARGIN = Margin.of_ratio(0.10)
 
 PERIOD_SHARES = (-2.0, -1.0, 0.0, 1.0, 2.0)
 """Effects of one more period, as shares of the margin."""
+
+NOISE_STUDY_COUNT = 4000
+"""Largest number of studies of a cell with noise of movements, each of which draws pivots."""
 
 SHARED_PEOPLE = (12, 13, 14, 16, 18, 20, 24, 30, 40, 58, 59, 60, 80, 120, 250, 400)
 """Numbers of participants of the simulated studies of shares."""
@@ -96,6 +101,7 @@ def rows(studies: int) -> Iterator[ResultRow]:
     shared = [(transparent_share(n, studies, at=0.0, spread=1.0), f"{n} people") for n in SHARED_PEOPLE]
     note = f"a third of people beyond the margin, the worst of {len(shared)} numbers of people: {max(shared)[1]}"
     yield row("share.false_transparent", max(shared)[0], "%", note)
+    yield from (row(*each) for each in _noise_rows(min(studies, NOISE_STUDY_COUNT)))
     for words, spread in (("power", 1.0 / 3.0), ("power.half", 0.5)):
         for n in (12, 20, 60, 400):
             value = transparent_share(n, studies, at=0.0, spread=spread)
@@ -116,6 +122,38 @@ def rows(studies: int) -> Iterator[ResultRow]:
         steps += [(abs(found[n + 2] - found[n]), f"{n} to {n + 2} people, sd {spread:.2g}")
                   for n in found if n + 2 in found]  # fmt: skip
     yield row("power.largest_step", max(steps)[0], "%", f"of {len(steps)} steps of two people: {max(steps)[1]}")
+
+
+def _noisy_share(people: int, studies: int, of_people: float, noise: float, *, group: float = 0.0, told: bool = True):
+    """Return the share of studies that are certified, in %, where movements add noise to people's changes.
+
+    `of_people` and `noise` are standard deviations over the margin. A share `group` of the people is slowed by a little
+    more than the margin, and the others by nothing. The noise is estimated in each study from its movements, if `told`.
+    """
+    rng = np.random.default_rng([SEED, people, *(round(1e3 * x) for x in (of_people, noise, group))])
+    size, degrees = MARGIN.high, 2.0 * people
+    changes = of_people * rng.standard_normal((studies, people)) + 1.1 * (rng.uniform(size=(studies, people)) < group)
+    seen = size * (changes + noise * rng.standard_normal((studies, people)))
+    estimate = (size * noise) ** 2 * rng.chisquare(degrees, studies) / degrees
+    known = (MovementNoise(estimate, degrees),) if told else ()
+    return 100.0 * float(np.mean(are_transparent(SimulatedStudies(seen[:, :, None], noise=known), [MARGIN])))
+
+
+def _noise_rows(studies: int) -> Iterator[tuple[str, float, str, str]]:
+    """Return what happens where people's changes are known by few movements only."""
+    limit = float(1.0 / stats.norm.isf(0.125))
+    sizes = [(n, noise) for n in (12, 16, 24) for noise in (0.3, 0.5, 0.7)]
+    for name, of_people, group, words in (
+        ("share.noise.false_transparent", limit, 0.0, "a quarter of normal people lie beyond"),
+        ("share.noise.far_from_normal", 0.05, 0.3, "30 % of people lie at 1.1 margins and 70 % at 0, the worst for it"),
+    ):
+        value, n, noise = max((_noisy_share(n, studies, of_people, s, group=group), n, s) for n, s in sizes)
+        plain = max(_noisy_share(n, studies, of_people, s, group=group, told=False) for n, s in sizes)
+        where = f"the worst of {len(sizes)} cells: {n} people, noise {noise:g} of the margin"
+        yield name, value, "%", f"{words}; {where}; noise counted as people: {plain:.1f} %"
+    for n in (16, 24):
+        plain, own = (_noisy_share(n, studies, 1.0 / 3.0, 0.5, told=told) for told in (False, True))
+        yield f"power.noise.n{n}", own, "%", f"sd 0.33, noise 0.5 of the margin; noise counted as people: {plain:.1f} %"
 
 
 def _false_cells(studies: int) -> dict[str, list[tuple[float, str]]]:
