@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from pellucid._errors import RecordingError
-from pellucid.people.indices import log_dimensionless_jerk, spectral_arc_length
+from pellucid.people.indices import log_dimensionless_jerk, normalised_jerk, spectral_arc_length
 
 
 def speed(duration, fs=1000.0, parts=((0.0, 1.0, 1.0),)):
@@ -38,7 +38,21 @@ def test_ldlj_of_minimum_jerk_is_that_of_its_polynomial():
     assert log_dimensionless_jerk(speed(0.9, 5000.0), 5000.0) == pytest.approx(-np.log(1024.0 / 5.0), abs=2e-3)
 
 
-@pytest.mark.parametrize("index", [spectral_arc_length, log_dimensionless_jerk])
+@pytest.mark.parametrize("duration", [0.4, 2.0])
+@pytest.mark.parametrize("size", [0.1, 3.0])
+def test_normalised_jerk_of_minimum_jerk_is_that_of_its_polynomial(duration, size):
+    """The integral of jerk squared is 720 A^2 / T^5: sqrt(360)."""
+    fs = 5000.0 / duration
+    assert normalised_jerk(size * speed(duration, fs), fs) == pytest.approx(np.sqrt(360.0), rel=2e-3)
+
+
+def test_normalised_jerk_of_a_point_does_not_depend_on_its_direction():
+    along = speed(1.0, 2000.0)
+    turned = along[:, None] * np.array([0.6, 0.8])
+    assert normalised_jerk(turned, 2000.0) == pytest.approx(normalised_jerk(along, 2000.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("index", [spectral_arc_length, log_dimensionless_jerk, lambda v, fs: -normalised_jerk(v, fs)])
 def test_submovements_are_less_smooth_and_size_does_not_matter(index):
     one = index(speed(1.0), 1000.0)
     two = index(speed(1.0, parts=((0.0, 0.6, 0.6), (0.4, 0.6, 0.4))), 1000.0)

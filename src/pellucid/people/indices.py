@@ -223,6 +223,10 @@ UNSETTLED_SHARE = Index(
     of_curve=lambda curve: curve.cut, cut_off=CutOff.COUNTED_SETTLED, needs_unsettled=True,
     paragraph_place=2, panel_place=2, has_table=True,
 )  # fmt: skip
+NORMALISED_JERK = Index(
+    name="normalised_jerk", words="Normalised jerk", short="Normalised jerk", unit="1",
+    worse=Worse.EITHER_WAY, percent_of=PercentOf.THE_CONTROL, of="normalised_jerk",
+)  # fmt: skip
 
 # A new index comes last: an index's place here is its random stream, so that a place in between would move intervals.
 INDICES: Mapping[str, Index] = {
@@ -232,6 +236,7 @@ INDICES: Mapping[str, Index] = {
         SIGNED_END_ERROR, ABSOLUTE_END_ERROR, VARIABLE_END_ERROR, SPECTRAL_ARC_LENGTH, LOG_DIMENSIONLESS_JERK,
         EMG_LEVEL, EMG_PER_ACCELERATION, RMS_INTERACTION_TORQUE, PEAK_INTERACTION_TORQUE, WORK_AGAINST_ROBOT,
         MEDIAN_DURATION, UNSETTLED_SHARE, TIME_AFTER_ARRIVAL, CORRECTION_COUNT,
+        NORMALISED_JERK,
     )
 }  # fmt: skip
 """All indices of an angle by name."""
@@ -281,11 +286,12 @@ MIN_SPEED_VARIATION = 1e-9
 
 
 def smoothness(motion: Kinematics, movement: Movement) -> dict[str, float]:
-    """Return SPARC and LDLJ of a movement, as ``sparc`` and ``ldlj``."""
+    """Return SPARC, LDLJ and the normalised jerk of a movement: ``sparc``, ``ldlj`` and ``normalised_jerk``."""
     velocity = motion.velocity[movement.first : movement.last + 1]
     return {
         "sparc": spectral_arc_length(velocity, motion.fs),
         "ldlj": log_dimensionless_jerk(velocity, motion.fs),
+        "normalised_jerk": normalised_jerk(velocity, motion.fs),
     }
 
 
@@ -308,12 +314,31 @@ def log_dimensionless_jerk(velocity: np.ndarray, fs: float) -> float:
     """Return the LDLJ of one movement. `velocity` (n,), or (n, d) of a point; `fs` [Hz]."""
     velocity, speed = _checked(velocity)
     duration = (len(speed) - 1) / fs
+    return -float(np.log(duration**3 / np.max(speed) ** 2 * _squared_jerk(velocity, fs)))
+
+
+def normalised_jerk(velocity: np.ndarray, fs: float) -> float:
+    r"""Return the normalised jerk of one movement.
+
+    Squared jerk over the movement, without units: :math:`\sqrt{\tfrac12 \int j^2\,dt\; T^5 / L^2}` with duration T and
+    length of path L (H.-L. Teulings et al., "Parkinsonism reduces coordination of fingers, wrist, and arm in fine motor
+    control", Exp. Neurol. 146, 1997). A whole movement of minimum jerk has 19.0.
+
+    `velocity` (n,), or (n, d) of a point; `fs` [Hz].
+    """
+    velocity, speed = _checked(velocity)
+    duration, length = (len(speed) - 1) / fs, 0.5 * float(np.sum(speed[1:] + speed[:-1])) / fs
+    return float(np.sqrt(0.5 * _squared_jerk(velocity, fs) * duration**5) / length)
+
+
+def _squared_jerk(velocity: np.ndarray, fs: float) -> float:
+    """Return the integral of the squared jerk of `velocity` (n, d) over one movement."""
     jerk = np.diff(velocity, 2, axis=0) * fs**2
     # The integral covers the samples that have a second difference: one sample at either end is missing.
     power = float(np.sum(jerk**2)) / fs
     if power == 0.0:
         raise RecordingError("smoothness: found a velocity without jerk, expected a movement")
-    return -float(np.log(duration**3 / np.max(speed) ** 2 * power))
+    return power
 
 
 def _checked(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

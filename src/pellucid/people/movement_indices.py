@@ -33,6 +33,7 @@ UNITS = {
     "start": "s", "duration": "s", "first_arrival": "s", "after_arrival": "s", "corrections": "1", "direction": "1",
     "travel": "rad", "peak_velocity": "rad/s",
     "mean_velocity": "rad/s", "peak_acceleration": "rad/s^2", "peak_time": "1", "sparc": "1", "ldlj": "1",
+    "normalised_jerk": "1",
 }  # fmt: skip
 """Unit of every index that needs the angle alone."""
 
@@ -47,7 +48,7 @@ class MovementIndices(Mapping[str, np.ndarray]):
         start, duration (time to rest), first_arrival (time until the speed first falls below the threshold),
         after_arrival (the rest of the duration) [s], corrections (their number), direction (1 along the angle, -1
         against it), travel [rad], peak_velocity (largest speed), mean_velocity [rad/s], peak_acceleration [rad/s^2],
-        peak_time (of the largest speed, as a share of the duration), sparc, ldlj.
+        peak_time (of the largest speed, as a share of the duration), sparc, ldlj, normalised_jerk.
     left_out : Mapping of str to int
         Number of stretches of the record without a movement, by reason.
     """
