@@ -303,6 +303,13 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
         table = {n: replace(c, samples=c.samples[kept]) for n, c in table.items()}
         channels |= table
         longest = kept.stop - kept.start
+    zeroed = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
+    if zeroed.any():
+        text = f"{int(zeroed.sum())} of {longest} rows in which every channel is 0: packets without data"
+        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL))
+        table = {n: replace(c, samples=c.samples[~zeroed]) for n, c in table.items()}
+        channels |= table
+        longest = int(np.sum(~zeroed))
     found += _time_findings(log, channels)
     moving = {n: c for n, c in channels.items() if c.quantity.kind != "time" and n != log.time}
     repeats = _repeated_rows([c.samples for c in moving.values() if len(c.samples) == longest])

@@ -179,7 +179,7 @@ def read_name(name: str) -> NameEvidence:
     _, _, last = bare.rpartition(".")
     own = last if words_of(last) and not words_of(last)[-1].isdigit() and len(last) > 1 else bare
     words = words_of(own)
-    if _COMPUTER_WORDS & set(words):
+    if _COMPUTER_WORDS & set(words) or _VALVE_WORDS & set(words):
         words = ["state"]
     joined = re.sub(r"[\W_]+", "", own.casefold())
     is_command = bool(COMMAND_WORDS & {*words, joined})
@@ -362,6 +362,10 @@ def _joint(bare: str) -> str | None:
 
 _NAMED_AXIS = re.compile(r"(a|g|m|acc|gyr|gyro|mag|q|quat|accel)[xyzw]")
 """A letter or a word of an inertial quantity with its axis, as in imu_ax."""
+
+_VALVE_WORDS = frozenset({"valve", "valves", "solenoid", "regulator", "heater", "pressure", "druck", "pression",
+                          "presión", "presion", "pressione"})  # fmt: skip
+"""Words of what a voltage or a current may drive in place of a joint's motor, and of pressures, which are no torque."""
 
 _COMPUTER_WORDS = frozenset({"cpu", "gpu", "ram", "memory", "disk", "network", "thread"})
 """Words of a computer, whose load is no force."""

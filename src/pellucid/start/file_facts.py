@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..files.name_evidence import words_of
+from ..files.name_evidence import read_name, words_of
 from ..files.stated_units import split_unit, unit_from_text
 from ..units import to_si_factor
 
@@ -143,6 +143,31 @@ def find_encoder_counts(facts: Mapping[str, str]) -> FileFact | None:
         if joined in _COUNTS_OF_TURN and value is not None and value[0] >= 64 and value[1] in (None, "counts"):
             return FileFact(value[0], "counts", label)
     return None
+
+
+_UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "unite", "unites", "unité", "unités", "unidad",
+                          "unidades", "unita", "unità"})  # fmt: skip
+"""Words of a setting that states a unit."""
+
+
+def stated_units(facts: Mapping[str, str], columns: Iterable[str]) -> dict[str, str]:
+    """Return the units that settings state of a quantity, by the columns of this quantity, as in "Torque units: in-lb".
+
+    >>> stated_units({"Torque units": "in-lb", "Angle units": "deg"}, ["Sample", "Angle", "Torque"])
+    {'Torque': 'in-lb', 'Angle': 'deg'}
+    """
+    names = {name: read_name(name) for name in columns}
+    found: dict[str, str] = {}
+    for label, text in facts.items():
+        words = words_of(label)
+        about = [word for word in words if word not in _UNIT_LABELS and word not in ("of", "the")]
+        if len(about) == len(words) or not about or unit_from_text(text) is None:
+            continue
+        quantity = read_name(" ".join(about)).quantity
+        for name, evidence in names.items():
+            if quantity is not None and evidence.quantity == quantity and evidence.unit is None:
+                found.setdefault(name, text.strip())
+    return found
 
 
 def _add(

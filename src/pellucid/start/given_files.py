@@ -12,10 +12,12 @@ import numpy as np
 
 from .._errors import PellucidError, RecordingError, StudyError
 from ..arm.urdf import read_urdf
+from ..files.defects.garbage import zeroed_rows
 from ..files.name_evidence import read_name, words_of
 from ..files.personal_fields import PersonalField
 from ..files.readers import Columns, read_columns
 from ..files.readers._comma import TWO_READINGS
+from .file_facts import stated_units
 from .inference.emg_spectrum import FlatShape, common_rows, find_flat_shape
 
 MODEL_ENDINGS = (".urdf", ".osim", ".xml", ".osimx")
@@ -164,7 +166,7 @@ def tables_of_columns(columns: Columns) -> list[GivenTable]:
     empty = GivenTable(
         path,
         {},
-        units={str(name): unit for name, unit in columns.units.items()},
+        units=stated_units(facts, long) | {str(name): unit for name, unit in columns.units.items()},
         # The header of a file of moments states the unit of angles that it does not hold.
         angle_unit=None if quantity_of_file(path) in ("torque", "force", "emg") else columns.angle_unit,
         facts=facts,
@@ -181,7 +183,13 @@ def tables_of_columns(columns: Columns) -> list[GivenTable]:
             if len(part) > 1 or len(keys) == 1
         ]
     parts = _parts(long, has_sheets=path.suffix.lower() in SHEET_ENDINGS)
-    return [replace(empty, columns=part, key=key) for key, part in parts]
+    return [replace(empty, columns=_without_zeroed_rows(part), key=key) for key, part in parts]
+
+
+def _without_zeroed_rows(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return a table's columns without packets that were filled with zeros, as a study reads them."""
+    zeroed = zeroed_rows(columns)
+    return {name: x[~zeroed] for name, x in columns.items()} if zeroed.any() else columns
 
 
 def _below(values: Mapping[str, np.ndarray], key: str) -> dict[str, np.ndarray]:
@@ -262,8 +270,8 @@ def quantity_of_file(path: Path) -> str | None:
     """Return the quantity that a file's name, or its folder's, says of all its columns; None if it says none or
     several."""
     for text in (path.stem, path.parent.name):
-        # "ID 7" is a person, and a folder's long name tells a study.
-        words = words_of(re.sub(r"\bID[ _-]*\d+", "", text))
+        # "ID 7" is a person or a device, and a folder's long name tells a study.
+        words = words_of(re.sub(r"(?<![A-Za-z])ID[ _-]*\d+", "", text, flags=re.IGNORECASE))
         if text == path.parent.name and len(words) > 2:
             continue
         joined = "".join(words)

@@ -33,6 +33,7 @@ from .propose_study import (
     require_agreeing_units,
     require_known_units,
     require_lever_arm,
+    require_signed_effort,
     require_turns_of_motors,
     shared_folders,
 )
@@ -234,6 +235,7 @@ def make_study(
         require_agreeing_units(proposal)
         require_turns_of_motors(proposal)
         require_lever_arm(proposal)
+        require_signed_effort(proposal)
         with _draft_of(folder) as draft:
             text = _write(draft, proposal, put)
             faults = _require_accepted(draft, named or folder, proposal, check_folder)

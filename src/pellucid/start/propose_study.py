@@ -17,7 +17,7 @@ from .._errors import StudyError
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL
-from ..files.stated_units import unit_from_text
+from ..files.stated_units import scaled_unit_from_text, unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
 from ..study.study_file import channel_unit, rig_units
 from ..units import parse_quantity, to_si_factor
@@ -40,9 +40,11 @@ from .inference.motion_efforts import (
     DERIVATIVE_LIMITS,
     FULL_TURNS,
     UNIT_RATIOS,
+    MotionSamples,
     RepeatedMotion,
     find_repeated_motion,
     find_resting_limit,
+    is_magnitude,
     is_reversed,
     motion_samples,
     weigh_turns,
@@ -55,7 +57,7 @@ MAX_QUESTION_COUNT = 5
 
 QUESTION_ORDER = (
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "lever_arm", "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
+    "lever_arm", "command_followed", "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
 """Questions by how much hangs on their answer."""
 
@@ -85,6 +87,10 @@ class ProposalLimits:
     default_rate_hz: float = 100.0
     # Roles are found in at most so many recordings of a layout: what is constant in one may move in another.
     max_representatives: int = 3
+    # A joint moves where it is at least this share as fast as it mostly is.
+    min_moving_share: float = 0.1
+    # Two parts of a recording move both ways alike unless the shares of forward motion differ by more than this.
+    max_direction_difference: float = 0.6
     # Cells of one file are looked at together if there are at least so many.
     min_pooled_tables: int = 20
     # At most so many cells are looked at together.
@@ -255,8 +261,9 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         possible.add("counts_per_turn")
     unknown = set(answers) - possible
     if unknown:
-        known = ", ".join(question.key for question in questions) or "none"
-        raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, expected one of {known}")
+        known = ", ".join(question.key for question in questions)
+        expected = f"expected answers to {known} alone" if known else "expected none: these files leave nothing open"
+        raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, {expected}")
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
         gravity = _gravity(main, drive, turns)
@@ -525,16 +532,23 @@ PERSON_WORDS = frozenset({
 })  # fmt: skip
 """Words of names that only people's joints have."""
 
+MOMENT_WORDS = frozenset({"moment", "moments"})
+"""Of these, the words that may stand for the torque of a machine."""
+
 
 def _shows_people(tables: Sequence[GivenTable]) -> bool:
     """Whether the files hold EMG, markers or a person: robots have hips, knees and arms, too."""
     for table in tables:
-        if table.path.suffix.lower() in PERSON_ENDINGS or table.personal or table.quantity in ("emg", "moment_arm"):
+        # A file's or a project's name is told under "Name", too.
+        personal = any(field.label.casefold() != "name" for field in table.personal)
+        if table.path.suffix.lower() in PERSON_ENDINGS or personal or table.quantity in ("emg", "moment_arm"):
             return True
         found = [read_name(name) for name in table.columns]
         if any(e.muscle is not None or e.quantity == "emg" for e in found):
             return True
-        if any(PERSON_WORDS & set(words_of(e.bare)) for e in found):
+        words = set().union(*(PERSON_WORDS & set(words_of(e.bare)) for e in found))
+        # Labs call the torque of one joint's bench a moment. Inverse dynamics gives those of several joints.
+        if words - MOMENT_WORDS or (words and len({e.joint for e in found if e.joint is not None}) > 1):
             return True
     return False
 
@@ -849,17 +863,22 @@ PIECE_EDGES = (0, 1, 2, 4, 5, 7, 8)
 
 
 def _moves_alike(columns: Mapping[str, np.ndarray], roles: TableRoles, rate: float, share: float) -> bool:
-    """Whether each joint moves as fast in the first `share` of a recording as in the rest; `rate` [Hz]."""
+    """Whether each joint moves as fast, and as much both ways, in the first `share` of a recording as in the rest."""
     for role in (*roles.of("position"), *roles.of("motor_position")):
         if role.column not in columns:
             continue
         values = decode_counts(columns[role.column], role.keys)[roles.clock.first_sound :]
         if len(values) < 200 or not np.isfinite(values).any():
             continue
-        speed = np.abs(motion_samples(values, np.arange(len(values)) / rate).velocity)
-        parts = np.split(speed, [round(share * len(speed))])
-        slow, fast = sorted(float(np.quantile(part, PROPOSAL_LIMITS.speed_quantile)) for part in parts)
+        velocity = motion_samples(values, np.arange(len(values)) / rate).velocity
+        parts = np.split(velocity, [round(share * len(velocity))])
+        slow, fast = sorted(float(np.quantile(np.abs(part), PROPOSAL_LIMITS.speed_quantile)) for part in parts)
         if fast > PROPOSAL_LIMITS.max_speed_ratio * slow:
+            return False
+        moving = PROPOSAL_LIMITS.min_moving_share * fast
+        forwards = [float(np.mean(part[np.abs(part) > moving] > 0.0)) if np.any(np.abs(part) > moving) else 0.5
+                    for part in parts]  # fmt: skip
+        if max(forwards) - min(forwards) > PROPOSAL_LIMITS.max_direction_difference:
             return False
     return True
 
@@ -885,6 +904,15 @@ def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, 
     names = DRIVE_CHANNELS.get(drive or "", ())
     found = ((layout, r) for layout in layouts for r in layout.channels if r.quantity in names and not r.is_command)
     return next(found, None)
+
+
+def _commanded_effort(layouts: Sequence[Layout], drive: str | None) -> ColumnRole | None:
+    """Return the command that stands for an effort that was not measured; None if one was.
+
+    A voltage or a duty cycle is what a drive sets; its current, force and torque may be others than the commanded ones.
+    """
+    found = _main_effort(layouts, drive) if drive in ("torque", "force", "current") else None
+    return found[1] if found is not None and read_name(found[1].column).is_command else None
 
 
 def duty_without_supply(
@@ -1101,35 +1129,51 @@ def _steady_supply(layout: Layout) -> FileFact | None:
     return None
 
 
+def _moved_efforts(main: Layout, drive: str | None) -> list[tuple[ColumnRole, ColumnRole, np.ndarray, MotionSamples]]:
+    """Return the drive's efforts with the positions of their joints: both roles, the effort's numbers, the motion."""
+    names, rate = DRIVE_CHANNELS.get(drive or "", ()), main.roles.rate
+    if rate is None:
+        return []
+    table, first = main.tables[0], main.roles.clock.first_sound
+    rows = slice(first, first + ROLE_LIMITS.max_analysed_rows)
+    positions = {r.label: r for r in main.channels if r.quantity in ("position", "motor_position")}
+    found = []
+    for role in main.channels:
+        position = positions.get(role.label)
+        if role.quantity not in names or role.is_command or position is None:
+            continue
+        values, effort = _in_unit(table, position)[rows], _decoded(table, role)[rows]
+        if len(values) >= 200 and np.isfinite(values).any() and np.isfinite(effort).any():
+            found.append((role, position, effort, motion_samples(values, np.arange(len(values)) / rate)))
+    return found
+
+
 def _with_effort_signs(main: Layout, drive: str | None, remarks: list[str]) -> Layout:
     """Return a layout in which an effort that counts against its joint's motion has the opposite sign.
 
     Inertia and friction are positive: an effort that shows both of them as negative was wired the other way round.
     """
-    names, rate = DRIVE_CHANNELS.get(drive or "", ()), main.roles.rate
-    if rate is None:
-        return main
-    table = main.tables[0]
-    first = main.roles.clock.first_sound
-    rows = slice(first, first + ROLE_LIMITS.max_analysed_rows)
-    positions = {r.label: r for r in main.channels if r.quantity in ("position", "motor_position")}
-
-    def turned(role: ColumnRole) -> ColumnRole:
-        position = positions.get(role.label)
-        if role.quantity not in names or role.is_command or position is None or "sign" in role.keys:
-            return role
-        values = _in_unit(table, position)[rows]
-        effort = _decoded(table, role)[rows]
-        if len(values) < 200 or not np.isfinite(values).any() or not np.isfinite(effort).any():
-            return role
-        motion = motion_samples(values, np.arange(len(values)) / rate)
-        if not is_reversed(effort, motion):
-            return role
+    turned = {}
+    for role, position, effort, motion in _moved_efforts(main, drive):
+        if "sign" in role.keys or not is_reversed(effort, motion):
+            continue
         why = f'it counts against "{position.column}": inertia and friction would be negative'
         remarks.append(f'"{role.column}" {why[3:]}; its sign is reversed')
-        return replace(role, keys={**role.keys, "sign": -1}, why=f"{role.why}; {why}")
+        turned[role.column] = replace(role, keys={**role.keys, "sign": -1}, why=f"{role.why}; {why}")
+    return main.with_each(lambda role: turned.get(role.column, role))
 
-    return main.with_each(turned)
+
+def require_signed_effort(proposal: Proposal) -> None:
+    """Raise a StudyError if an effort is the size of one, without its sign."""
+    for role, position, effort, motion in _moved_efforts(proposal.main, proposal.drive):
+        # A position slides, or its unit is another one: then gravity is constant, or part of what is left.
+        turn = FULL_TURNS.get(position.unit)
+        if is_magnitude(effort, motion, None if turn is None else 2.0 * np.pi / turn):
+            raise StudyError(
+                f'{proposal.main.tables[0].path.name}: column "{role.column}": found no negative number, although the '
+                f'motion "{position.column}" asks for both signs of the effort; expected the effort with its sign, not '
+                "its size: record it so, or leave the column out"
+            )
 
 
 def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | None]:
@@ -1240,9 +1284,19 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
                 f"whether results are torques at all ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
+        asked_for = _commanded_effort(layouts, drive)
+        if asked_for is not None:
+            yield Question(
+                "command_followed",
+                f'Only a command of the effort was recorded, "{asked_for.column}". Does the drive deliver it?',
+                "not certain",
+                "every parameter: gain, limits and delay of the drive are taken for the joint's",
+                ("yes", "no", "not certain"),
+            )
     positions = [
-        r for layout in layouts for r in layout.channels if r.quantity in ("position", "angle") and not r.is_command
-    ]
+        r for layout in layouts for r in layout.channels
+        if r.quantity in ("position", "angle", "motor_position") and not r.is_command
+    ]  # fmt: skip
     unsure = [r for r in positions if not r.unit_is_certain]
     counted = [r for r in positions if has_open_counts(r)]
     if counted:
@@ -1314,7 +1368,9 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     if drive in ("current", "voltage") and not has_constant and not is_share_of_torque:
         yield Question(
             "drive_constant",
-            f"What is the drive's constant at the {'motor' if 'gear_ratio' in facts else 'joint'}, such as 0.06 N*m/A?",
+            "What is the drive's constant at the "
+            f"{'motor' if 'gear_ratio' in facts else 'joint, behind a gear'}, such as 0.06 N*m/A"
+            + (", or one for each joint, such as 9, 7, 3 N*m/A?" if len(main.roles.joints) > 1 else "?"),
             "unknown",
             "whether results are in N*m or stay per ampere or per volt, which they then say",
         )
@@ -1385,9 +1441,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         main, *streams = (_with_rated_answer(layout, answers["rated"]) for layout in (main, *streams))
         drive = _drive_kind(main, streams)
     if "effort" in answers:
-        quantity, _, unit = answers["effort"].partition(" in ")
-        if quantity not in DRIVE_QUANTITIES or not unit:
-            raise StudyError(f'effort: found "{answers["effort"]}", expected such as "current in mA"')
+        quantity, unit, scaled = _effort_answer(answers["effort"])
         found = _main_effort([main, *streams], drive)
         if found is not None:
             old = found[1].quantity
@@ -1396,7 +1450,11 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
                 return role.quantity == old and (role is found[1] or role.is_guess)
 
             said = {"quantity": quantity, "is_certain": True, **_said_unit(unit)}
-            main, *streams = (layout.with_changes(is_meant, **said) for layout in (main, *streams))
+
+            def answered(role: ColumnRole) -> ColumnRole:
+                return replace(role, keys={**role.keys, **scaled}, **said) if is_meant(role) else role
+
+            main, *streams = (layout.with_each(answered) for layout in (main, *streams))
             drive = _drive_of(quantity)
     if answers.get("lever_arm", "unknown") != "unknown":
         main = _with_lever_arm(main, parse_quantity(answers["lever_arm"], "m", "lever_arm"))
@@ -1405,7 +1463,7 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
         unit = _position_answer(answers["position_unit"])
         motion = "prismatic" if unit in ("m", "mm", "cm") else "rotary"
         gravity = None if motion == "prismatic" else gravity or "sine+cosine"
-        places = ("position", "reference", "angle")
+        places = ("position", "reference", "angle", "motor_position")
         main = main.with_changes(lambda r: r.quantity in places and not r.unit_is_certain, **_said_unit(unit))
         main = _with_speeds_of(main, unit)
     if "full_duty" in answers:
@@ -1423,7 +1481,9 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
 
         said = _said_unit(answers["emg_unit"])
         main, *streams = (layout.with_changes(is_open, **said) for layout in (main, *streams))
-    if answers.get("drive_constant", "unknown") != "unknown":
+    if re.search(r"[,;]\s*\d", answers.get("drive_constant", "")):
+        main, drive = _with_drive_constants(main, answers["drive_constant"], drive, motion), "torque"
+    elif answers.get("drive_constant", "unknown") != "unknown":
         expected = {"rotary": ("N*m/A", "N*m/V"), "prismatic": ("N/A", "N/V")}[motion]
         key = "torque_constant" if motion == "rotary" else "force_constant"
         si = expected[0] if drive == "current" else expected[1]
@@ -1431,6 +1491,47 @@ def _apply(answers, main, streams, drive, motion, gravity, facts):
     if answers.get("angle_zero") == "yes" and gravity == "sine+cosine":
         gravity = "sine"
     return main, streams, drive, motion, gravity, facts
+
+
+def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: str) -> Layout:
+    """Return a layout in which each joint's current or voltage is a torque, by a drive constant for each joint."""
+    si = f"{'N*m' if motion == 'rotary' else 'N'}/{'A' if drive == 'current' else 'V'}"
+    names = DRIVE_CHANNELS.get(drive or "", ())
+    efforts = [r for r in main.channels if r.quantity in names and not r.is_command]
+    parts = [part.strip() for part in re.split(r"[,;]", answer)]
+    unit = re.sub(r"^[-+.\de]+\s*", "", parts[-1])
+    if len(parts) != len(efforts):
+        raise StudyError(
+            f'drive_constant: found {len(parts)} numbers in "{answer}", expected one, or {len(efforts)}: '
+            f"{', '.join(role.column for role in efforts)}"
+        )
+    sizes = {
+        role.column: parse_quantity(part if part.endswith(unit) else f"{part} {unit}", si, "drive_constant")
+        for role, part in zip(efforts, parts, strict=True)
+    }
+
+    def turned(role: ColumnRole) -> ColumnRole:
+        if role.column not in sizes:
+            return role
+        size = sizes[role.column] * to_si_factor(role.unit, si[-1])[0] * float(str(role.keys.get("scale", 1.0)))
+        said = {**_said_unit("N*m" if motion == "rotary" else "N"), "keys": {**role.keys, "scale": size}}
+        return replace(role, quantity="torque" if motion == "rotary" else "force", is_certain=True, **said)
+
+    return main.with_each(turned)
+
+
+def _effort_answer(answer: str) -> tuple[str, str, dict[str, float]]:
+    """Return the quantity, its unit and the scale of stored numbers, of an answer such as "current in 2.69 mA"."""
+    quantity, _, text = answer.partition(" in ")
+    scale, unit = scaled_unit_from_text(text) or (1.0, unit_from_text(text))
+    units = {"torque": "N*m", "force": "N", "current": "A", "voltage": "V", "duty": "1"}
+    expected = units.get(quantity.strip())
+    if expected is None or unit is None or not is_known_unit(unit, expected):
+        raise StudyError(
+            f'effort: found "{answer}", expected a quantity ({", ".join(units)}) in a unit of it, such as "torque in '
+            'lbf*in", "current in mA", or with the size of one stored number, "current in 2.69 mA"'
+        )
+    return quantity.strip(), unit, {} if scale == 1.0 else {"scale": scale}
 
 
 def _with_rated_answer(layout: Layout, answer: str) -> Layout:

@@ -17,6 +17,7 @@ USE_QUESTION = "May these figures be used?"
 
 SCALE_QUESTIONS = frozenset({
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+    "command_followed",
 })  # fmt: skip
 """Questions on whose answers every figure depends: with another unit it would be another number."""
 

@@ -41,6 +41,9 @@ MAX_DRAWN_JOINTS = 8
 FIRST_PARAMETERS = ("inertia", "gravity", "viscous", "coulomb")
 """Parameters of which a table of several joints has a column each."""
 
+FURTHER_FRICTION_TERMS = frozenset({"load", "square_root", "stribeck", "directional"})
+"""Friction terms that take a part of viscous and Coulomb friction where a joint has one."""
+
 MAX_PARAMETER_COLUMNS = 3
 """Number of the most frequent parameters in such a table where no joint has one of the first ones."""
 
@@ -119,7 +122,12 @@ def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ..
     units = (f" ({unit_text(unit)})" if unit_text(unit) else "" for _, unit in shown)
     parameters = (f"{parameter_label(name, si)}{unit}" for (name, si), unit in zip(shown, units, strict=True))
     heads = ("Joint", "Held-out error (%)", "Constant effort (%)", *parameters)
-    return heads, [_joint_row(joint, shown, level) for joint in joints]
+    rows = [_joint_row(joint, shown, level) for joint in joints]
+    # Viscous and Coulomb friction mean little where a further term takes a part of them.
+    further = [_further_friction(joint, level) for joint in joints]
+    if any(further):
+        heads, rows = (*heads, "Further friction"), [(*row, more) for row, more in zip(rows, further, strict=True)]
+    return heads, rows
 
 
 def _row(p: Parameter, level: float) -> tuple[str, ...]:
@@ -134,6 +142,12 @@ def _joint_row(joint: TriedJoint, shown: Sequence[tuple[str, str]], level: float
     held = joint.held_out
     errors = ("–", "–") if held is None else (percent(held.error), percent(held.constant_error))
     return joint.name, *errors, *cells
+
+
+def _further_friction(joint: TriedJoint, level: float) -> str:
+    """Return the friction terms of a joint beside viscous and Coulomb friction, each with its value."""
+    terms = [p for p in joint.parameters if p.name in FURTHER_FRICTION_TERMS]
+    return "; ".join(f"{parameter_label(p.name, p.unit)}: {_cell(p, level)} {unit_text(p.unit)}".strip() for p in terms)
 
 
 def _cell(p: Parameter, level: float) -> str:

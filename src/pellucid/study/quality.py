@@ -158,7 +158,7 @@ def _repeat_fault(recording: Recording) -> Fault | None:
     return fault_of(recording, "warn", "repeated_packets", "time", found=found, expected=wanted, end=end)
 
 
-MAX_HARMLESS_SHIFT = 0.05
+MAX_HARMLESS_SHIFT = 0.1
 """Stamps that smoothing moved by less than this share of a sampling period (RMS) are no reason for doubt."""
 
 

@@ -20,7 +20,7 @@ from .._errors import RecordingError
 from ..files.clock import first_deliveries
 from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
-from ..files.defects.garbage import find_garbage
+from ..files.defects.garbage import find_garbage, zeroed_rows
 from ..files.delay import initial_offset, join_stream, shift_channels, undo_lags
 from ..files.kept_columns import kept_columns
 from ..files.optical import AXES, OpticalRecording
@@ -177,6 +177,17 @@ def remove_garbage(recording: Recording, file: RecordedFile) -> Recording:
     start = float(sane.time[0 if found.head else -1])
     first = 0 if found.head else len(sane)
     return replace(sane, cuts=(Cut(GARBAGE_KIND, "time", start, start, first, first - 1, text),))
+
+
+def remove_zeroed_rows(recording: Recording, file: RecordedFile) -> Recording:
+    """Return a recording without the rows of packets that were filled with zeros, and with a cut that says so."""
+    zeroed = zeroed_rows(_samples_beside_time(recording))
+    if not zeroed.any():
+        return recording
+    rest = _with_rows(recording, ~zeroed)
+    n, end = len(rest), float(rest.time[-1])
+    text = f"{int(zeroed.sum())} of {len(zeroed)} rows in which every channel is 0: packets without data"
+    return replace(rest, cuts=(*rest.cuts, Cut(GARBAGE_KIND, "time", end, end, n, n - 1, text)))
 
 
 def remove_repeated_rows(recording: Recording, file: RecordedFile) -> Recording:
@@ -342,6 +353,7 @@ Step = Callable[[Recording, RecordedFile], Recording]
 
 OWN_FILE_STEPS: tuple[Step, ...] = (
     remove_garbage,
+    remove_zeroed_rows,
     remove_repeated_rows,
     integrate_velocities,
     add_optical,

@@ -77,6 +77,58 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
     return GarbageRows(head, tail, " and ".join(parts))
 
 
+MIN_ZEROED_RUNS = 3
+"""Fewest packets of zeros that are told from chance."""
+
+MAX_ZEROED_SHARE = 0.2
+"""Largest share of packets of zeros; with more, zeros are a state of the machine."""
+
+MAX_ZEROED_ROWS = 5
+"""Most rows in a row that such packets fill."""
+
+MIN_ZEROED_LEAP = 8.0
+"""A channel leaps to 0 and back by this many times its usual step, the 95th percentile, in most of these packets."""
+
+
+def zeroed_rows(channels: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the rows of packets that were filled with zeros, (n,) booleans: every changing channel is 0 at once.
+
+    In at least one channel the value leaps to 0 and back, as no motion does. `channels`, (n,) each, are all columns.
+    """
+    n = max((len(x) for x in channels.values()), default=0)
+    none = np.zeros(n, bool)
+    changing = [x for x in channels.values() if len(x) == n and not _is_count(x) and _changes(x)]
+    if n < 50 or len(changing) < 2:
+        return none
+    zero = np.all([x == 0.0 for x in changing], axis=0)
+    if not 0.0 < np.mean(zero) <= MAX_ZEROED_SHARE or zero[0] or zero[-1]:
+        return none
+    edges = np.flatnonzero(np.diff(zero.astype(int)))
+    runs = [(a, b + 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a <= MAX_ZEROED_ROWS]
+    if len(runs) < MIN_ZEROED_RUNS:
+        return none
+    before, after = np.array(runs).T
+    for x in changing:
+        steps = np.abs(np.diff(x))[~(zero[1:] | zero[:-1])]
+        usual = float(np.quantile(steps[np.isfinite(steps)], 0.95)) if np.isfinite(steps).any() else 0.0
+        leaps = np.minimum(np.abs(x[before]), np.abs(x[after])) > MIN_ZEROED_LEAP * usual
+        if usual > 0.0 and np.mean(leaps) >= 0.8:
+            for a, b in runs:
+                none[a + 1 : b] = True
+            return none
+    return none
+
+
+def _changes(x: np.ndarray) -> bool:
+    known = x[np.isfinite(x)]
+    return len(known) > 0 and float(np.ptp(known)) > 0.0
+
+
+def _is_count(x: np.ndarray) -> bool:
+    """Return whether a column advances in nearly all rows, as times and counters do."""
+    return len(x) > 1 and float(np.mean(np.diff(x) > 0.0)) > 0.9
+
+
 def _largest(x: np.ndarray) -> float:
     return float(np.max(np.abs(x), where=np.isfinite(x), initial=0.0))
 

@@ -61,7 +61,8 @@ class Worn:
         if self.late:
             way = "followed" if self.late > 0.0 else "led"
             share = 100 * self.explained_late
-            made.append(f"{share:.2g} % if it {way} the motion by {1e3 * abs(self.late):.3g} ms, as people do")
+            cause = "as people do" if self.late > 0.0 else "as people do, or where the motion's sensor lags"
+            made.append(f"{share:.2g} % if it {way} the motion by {1e3 * abs(self.late):.3g} ms, {cause}")
         return tuple(made)
 
 

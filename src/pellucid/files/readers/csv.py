@@ -32,6 +32,7 @@ from ._comma import (
     read_number,
     two_readings,
 )
+from ._labelled_rows import plain_table
 from ._last_row import cut_row
 from ._lost_rows import LostRows, RowWidths
 from ._number_blocks import (
@@ -60,6 +61,12 @@ MIN_ROW_SHARE = 0.2
 
 MAX_SAMPLED_ROWS = 200
 """The first rows of a table, at most so many, tell its decimal mark."""
+
+LABELLED_SAMPLE_BYTES = 65_536
+"""So much of a file tells whether its rows repeat labels."""
+
+MAX_REPEATED_TABLES = 1000
+"""Most tables that one file holds below each other."""
 
 _CLOCK_UNITS = {
     "min": "min", "minutes": "min", "sec": "s", "seconds": "s", "s": "s", "msec": "ms", "ms": "ms", "us": "us",
@@ -115,10 +122,62 @@ def read(path: Path) -> Columns:
         start = file.read(4096)
         if (encoding := _wide_encoding(start)) is not None:
             text = path.read_bytes().decode(encoding, errors="replace")
-            return read_table(path, io.BytesIO(text.encode()))
+            return _whole_or_parts(path, io.BytesIO(text.encode()), None, arrow=False)
         if start.count(b"\0") > MAX_NUL_SHARE * len(start):
             raise RecordingError(f"{path.name}: found binary content, expected text")
-        return read_table(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
+        return _whole_or_parts(path, file, end, arrow=path.stat().st_size >= MIN_ARROW_FILE_BYTES)
+
+
+def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool) -> Columns:
+    """Return the columns of one table, or of the recordings that a file holds below each other under one header."""
+    start = file.read(LABELLED_SAMPLE_BYTES)
+    file.seek(0)
+    if plain_table(start) is not None:
+        plain = plain_table(file.read() if end is None else file.read(end))
+        return read_table(path, io.BytesIO(start if plain is None else plain))
+    found = read_table(path, file, end, arrow=arrow)
+    if not found.values or any(isinstance(x, np.ndarray) for x in found.values.values()):
+        return found
+    file.seek(0)
+    parts = _repeated_tables(file.read() if end is None else file.read(end))
+    if not parts:
+        return found
+    made: dict[str, np.ndarray | str] = {}
+    units: dict[str | int, str] = {}
+    for key, text in parts.items():
+        part = read_table(path, io.BytesIO(text))
+        made |= {f"{key}.{name}": x for name, x in part.values.items()}
+        units |= {f"{key}.{name}": unit for name, unit in part.units.items()}
+    return replace(found, values=made, units=units, recordings=tuple(parts))
+
+
+def _repeated_tables(content: bytes) -> dict[str, bytes]:
+    """Return the text of each table of a file in which one header stands again above each, by a name; {} without any.
+
+    A line above a header that is none of numbers names the table; without one it is a part with its number.
+    """
+    lines = content.splitlines()
+    heads: list[int] = []
+    for i, line in enumerate(lines[:MAX_SAMPLED_ROWS]):
+        if line.strip() and _first_row([_split(line.decode(errors="replace"), None)]) is None:
+            again = [k for k, other in enumerate(lines) if other == line]
+            if len(again) > 1 and again[0] == i:
+                heads = again
+                break
+    if not heads or len(heads) > MAX_REPEATED_TABLES:
+        return {}
+    parts: dict[str, bytes] = {}
+    for number, (head, after) in enumerate(zip(heads, [*heads[1:], len(lines)], strict=True), 1):
+        rows = lines[head:after]
+        title = lines[head - 1].decode(errors="replace").strip(" #%;,\t\"") if head else ""
+        is_title = bool(re.fullmatch(r"[^\W\d][\w .-]{0,40}", title))
+        name = re.sub(r"\W+", "_", title).casefold() if is_title else f"part_{number}"
+        if after < len(lines):
+            # The next table's title and blank lines stand at the end.
+            while rows and not re.match(rb"[\s\"]*[-+.\d]", rows[-1]):
+                rows.pop()
+        parts[name if name not in parts else f"{name}_{number}"] = b"\n".join(rows) + b"\n"
+    return parts
 
 
 def read_table(

@@ -100,6 +100,8 @@ class FindingThresholds:
     min_independent_samples: float = 20.0
     # Coverage is too low if it is below its level by more than this share of samples.
     max_coverage_shortfall: float = 0.05
+    # A held-out error up to this many times the fitted one is no sign of another machine.
+    max_held_out_ratio: float = 1.5
     # The joint's model fails if it leaves at least this share of the effort's variance.
     min_joint_unexplained_share: float = 0.5
     # A spring that is taken for a weight leaves at most this share of the effort's variance; over wide angles it leaves
@@ -782,12 +784,18 @@ def report_prediction_interval(case: JointCase) -> Iterator[Verdict]:
     if not held:
         return
     share = np.average([p.coverage for p in held], weights=[len(p.time) for p in held])
-    if share < case.level - FINDING_THRESHOLDS.max_coverage_shortfall:
-        yield Verdict(
-            "warning",
-            f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples: "
-            "those recordings ask for something that the fitted ones do not show.",
-        )
+    # Few independent samples lie outside by chance.
+    count = count_independent_samples([p.residual for p in held])
+    chance = 2.0 * np.sqrt(case.level * (1.0 - case.level) / max(count, 1.0))
+    if share < case.level - max(FINDING_THRESHOLDS.max_coverage_shortfall, chance):
+        fit = case.fit.headline
+        larger = fit.heldout_effort_error > FINDING_THRESHOLDS.max_held_out_ratio * fit.fitted_effort_error
+        where = f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples"
+        if larger:
+            said = f"{where}: those recordings ask for something that the fitted ones do not show."
+        else:
+            said = f"{where}, whose error is hardly larger than that of the fitted ones: the interval is too narrow."
+        yield Verdict("warning" if larger else "note", said)
         return
     band = case.fit.headline.band
     conditions = band.conditions if band is not None else ()

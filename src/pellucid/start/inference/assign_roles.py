@@ -84,6 +84,9 @@ _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torq
 _MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
 """Words of a position before a gear."""
 
+_OUTPUT_WORDS = frozenset({"joint", "output", "link", "load"})
+"""Words behind a gear: beside them, a motor's position is none of the joint's."""
+
 
 @dataclass(frozen=True)
 class RoleLimits:
@@ -255,7 +258,8 @@ class _Assignment:
         turning = {_stem(name) for name, role in self.roles.items() if role.quantity == "motor_position"}
         for name, role in self.roles.items():
             is_measured = role.quantity == "position" and not role.is_command
-            is_motor = is_measured and self._stated(name) is not None and self._is_motor_side(name)
+            is_told = self._stated(name) is not None or self._documented(name) is not None
+            is_motor = is_measured and is_told and self._is_motor_side(name)
             if is_motor or (role.quantity == "position" and _stem(name) in turning):
                 self.roles[name] = replace(role, quantity="motor_position")
         is_inertial = any((role.quantity or "").endswith(".acceleration") for role in self.roles.values())
@@ -327,7 +331,7 @@ class _Assignment:
                     self.steady.append(self._with_unit(name, role, None))
                 self._leave_out(name, f"constant at {known[0]:.6g}: nobody's measurement")
             elif self.names[name].quantity in ("counter", "state"):
-                self._leave_out(name, "its name says a counter or a state")
+                self._leave_out(name, "its name says a counter, a state, or what moves no joint")
             elif np.all(np.diff(known) == 1.0):
                 self._leave_out(name, "it counts rows")
 
@@ -500,14 +504,20 @@ class _Assignment:
             self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
 
     def _is_motor_side(self, name: str) -> bool:
-        """Whether a position is a motor's: by its name, with a stated unit and no joint's position beside it, or by how
-        often it turns in radians that its encoder's quanta show."""
+        """Whether a position is a motor's: by its name, with a stated unit and no joint's position beside it, or with
+        another column named after the joint; or by how often it turns in radians that its encoder's quanta show."""
         known = self.values[name][np.isfinite(self.values[name])]
+        documented = self._documented(name)
+        if documented is not None and documented.side == "motor" and documented.unit not in (None, "counts"):
+            return True
         stated, spread = self._stated(name), float(np.ptp(known))
         if stated is not None:
             measured = [n for n, each in self.names.items() if each.quantity == "position" and not each.is_command]
             is_angle = is_known_unit(stated, "rad")
             return is_angle and all(_MOTOR_WORDS & set(words_of(each)) for each in (name, *measured))
+        others = {word for each in self.names for word in words_of(each)}
+        if _MOTOR_WORDS & set(words_of(name)) and _OUTPUT_WORDS & others:
+            return True
         found = self._angle(name)
         is_wound = "wrap" in self.keys.get(name, {})
         return found.is_certain and not is_wound and found.unit == "rad" and spread > MAX_RADIAN_RANGE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -100,7 +101,7 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
             values[known] = np.unwrap(values[known], period=period)
             periods[evidence.name] = period
         score = _clock_score(values)
-        by_name = evidence.quantity == "time"
+        by_name = evidence.quantity == "time" or (score is not None and _ends_in_time(evidence))
         if score is None and by_name and _advances_overall(values):
             score = TIME_LIMITS.named_score
         if score is None or (evidence.quantity not in (None, "time", "counter") and not by_name):
@@ -123,6 +124,11 @@ def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence])
     if period is None:
         return found
     return replace(found, period=period, why=f"{found.why}; it starts again at 0 after {period:.12g}")
+
+
+def _ends_in_time(evidence: NameEvidence) -> bool:
+    """Whether a name ends in the symbol of time, as in ``encoder.t``: of a column that advances, it means no torque."""
+    return re.split(r"[./\\:]", evidence.bare)[-1].casefold() in ("t", "ts")
 
 
 CLOCK_PERIODS = (

@@ -1,7 +1,8 @@
 """Find a spring on the bench: its output is locked, its motor is pushed against it, and the effort is recorded.
 
-Two angles show it where one of them hardly moves and the effort follows their difference. One angle shows it where the
-effort follows it and no weight can be the cause: its inertia would be larger, or it would be too heavy.
+Two angles show it where one of them hardly moves and the effort follows their difference, better than one of them. One
+angle shows it where the effort follows it and no weight can be the cause: its inertia would be larger, or it would be
+too heavy.
 
 Find recordings that hold postures: they weigh the joint by gravity alone, without friction's sign or inertia.
 """
@@ -28,6 +29,8 @@ class SpringLimits:
 
     # The output is locked if its range is at most this share of the motor's; the lock gives a little.
     max_locked_share: float = 0.1
+    # The locked end gives if its angle lowers the unexplained share of the effort to this share of it.
+    max_share_of_one_angle: float = 0.9
     # A weight of so many N*m at 90 deg is more than a wearable robot or its wearer has at one joint [N*m/rad].
     min_stiffness_nm_per_rad: float = 500.0
     # Shorter recordings are not examined.
@@ -162,7 +165,10 @@ def find_locked_spring(
                 continue
             for sign in (1, -1):
                 found = _evidence(sign * (moved - still), effort[rows], rate)
-                if found is not None and found.follows:
+                if found is None or not found.follows:
+                    continue
+                alone = _evidence(sign * moved, effort[rows], rate)
+                if found.is_no_weight or _is_stiff(found, radians_per_unit, is_torque) or _gives(found, alone):
                     against = "" if sign > 0 else ", with the other sign"
                     why = f'"{locked}" is locked, and the effort follows "{driven}" minus "{locked}"{against}'
                     return LockedSpring(driven, locked, f"{why}: {_said(found)}", sign)
@@ -175,12 +181,27 @@ def find_locked_spring(
     if slides or found.is_no_weight:
         why = f'the effort follows "{driven}", without the inertia of a weight: {_said(found)}'
         return LockedSpring(driven, None, why)
-    if radians_per_unit is None or not is_torque or found.travel * radians_per_unit > MAX_DEFLECTION_RAD:
-        return None
-    if found.stiffness / radians_per_unit < SPRING_LIMITS.min_stiffness_nm_per_rad:
+    if not _is_stiff(found, radians_per_unit, is_torque):
         return None
     why = f'the effort follows "{driven}", which hardly moves, and no joint weighs as much: {_said(found)}'
     return LockedSpring(driven, None, why)
+
+
+def _is_stiff(found: SpringEvidence, radians_per_unit: float | None, is_torque: bool) -> bool:
+    """Return whether no joint weighs as much as the slope says."""
+    if radians_per_unit is None or not is_torque or found.travel * radians_per_unit > MAX_DEFLECTION_RAD:
+        return False
+    return found.stiffness / radians_per_unit >= SPRING_LIMITS.min_stiffness_nm_per_rad
+
+
+def _gives(found: SpringEvidence, alone: SpringEvidence | None) -> bool:
+    """Return whether the locked end gives: the difference of both angles explains the effort better than one alone.
+
+    The noise of an angle that has nothing to do with the joint only adds to what is unexplained.
+    """
+    if alone is None:
+        return False
+    return found.unexplained_share <= SPRING_LIMITS.max_share_of_one_angle * alone.unexplained_share
 
 
 def _said(found: SpringEvidence) -> str:

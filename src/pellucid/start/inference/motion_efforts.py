@@ -57,6 +57,14 @@ class EffortLimits:
     min_level_rows: int = 20
     # A program set a column that rests on levels other than 0 for at least this share of its rows.
     min_level_share: float = 0.15
+    # Signs that an effort has lost are found again in at most so many rounds.
+    sign_rounds: int = 20
+    # Either sign holds at least in this share of the samples.
+    min_each_sign_share: float = 0.1
+    # With its signs, the motion leaves at most this share of the effort's variance.
+    max_signed_left: float = 0.15
+    # Without them it leaves at least this many times as much.
+    min_unsigned_ratio: float = 3.0
 
 
 EFFORT_LIMITS = EffortLimits()
@@ -134,8 +142,47 @@ def is_reversed(effort: np.ndarray, motion: MotionSamples) -> bool:
     return bool(np.mean(np.all(signs, axis=1)) >= limits.min_reversed_share)
 
 
+def is_magnitude(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> bool:
+    """Whether an effort, shape (n,), is the size of one without its sign.
+
+    It is never negative, and the motion explains it far better with the signs that the motion itself gives it.
+    """
+    known = effort[np.isfinite(effort)]
+    if not len(known) or known.min() < 0.0 or known.max() <= 0.0:
+        return False
+    matrix, target = _regression(effort, motion, radians_per_unit)
+    left = _left(matrix, target)
+    unsigned = float(left @ left) / max(float(np.sum((target - target.mean()) ** 2)), 1e-300)
+    best = 1.0
+    for k in range(matrix.shape[1]):
+        signed = target * np.where(matrix[:, k] < 0.0, -1.0, 1.0)
+        for _ in range(EFFORT_LIMITS.sign_rounds):
+            guessed = signed - _left(matrix, signed)
+            again = target * np.where(guessed < 0.0, -1.0, 1.0)
+            if np.array_equal(again, signed):
+                break
+            signed = again
+        left = _left(matrix, signed)
+        # A sign that hardly changes is none that was lost.
+        if EFFORT_LIMITS.min_each_sign_share < np.mean(signed < 0.0) < 1.0 - EFFORT_LIMITS.min_each_sign_share:
+            best = min(best, float(left @ left) / max(float(np.sum((signed - signed.mean()) ** 2)), 1e-300))
+    return best < EFFORT_LIMITS.max_signed_left and unsigned > EFFORT_LIMITS.min_unsigned_ratio * best
+
+
 def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> tuple[float, np.ndarray]:
     """Return the power of an effort, and what the joint's motion leaves of it in some rows, shape (k,)."""
+    matrix, target = _regression(effort, motion, radians_per_unit)
+    return float(np.sum((target - target.mean()) ** 2)), _left(matrix, target)
+
+
+def _left(matrix: np.ndarray, target: np.ndarray) -> np.ndarray:
+    return target - matrix @ np.linalg.lstsq(matrix, target, rcond=None)[0]
+
+
+def _regression(
+    effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns by which a motion explains an effort, scaled, (k, p), and the effort, (k,), in some rows."""
     target = running_mean(effort, motion.width)
     speed = motion.velocity / _usual(motion.velocity)
     friction = [running_mean(np.tanh(speed * edge), motion.width) for edge in EFFORT_LIMITS.friction_sharpness]
@@ -149,9 +196,7 @@ def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: floa
     rows = slice(end, len(target) - end, max(1, len(target) // EFFORT_LIMITS.max_rows))
     matrix = np.column_stack(columns)[rows]
     scales = np.linalg.norm(matrix, axis=0)
-    matrix, target = matrix / np.where(scales > 0.0, scales, 1.0), target[rows]
-    answer = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    return float(np.sum((target - target.mean()) ** 2)), target - matrix @ answer
+    return matrix / np.where(scales > 0.0, scales, 1.0), target[rows]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,65 @@
+"""Rows that repeat a label before each number, as serial monitors and plotters show them: ``t: 10, angle: 1.5``."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+MIN_LABELLED_SHARE = 0.9
+"""Smallest share of the first rows that have the same labels."""
+
+MIN_LABELLED_ROWS = 10
+"""Fewest rows of which this is told."""
+
+SAMPLED_LINES = 200
+"""So many lines are looked at."""
+
+_PAIR = re.compile(
+    r"\s*[,;|\t]?\s*\"?([^\W\d][\w ./%°\[\]()^*-]{0,40}?)\"?\s*[:=]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan)"
+    r"[ ]?([°%µA-Za-z/*·^²]{0,12})(?=\s*[,;|\t]|\s+[^\W\d]|\s*$)",
+    re.IGNORECASE,
+)
+"""A label, its number, and perhaps a unit behind it."""
+
+
+def plain_table(content: bytes) -> bytes | None:
+    """Return the content of a file of labelled rows as a table with one header; None of any other file.
+
+    Lines that are no such rows become comments.
+
+    >>> plain_table(b"Ready\\n" + 20 * b"t_ms: 10 angle: 1.5 deg\\n").splitlines()[:3]
+    [b'# Ready', b't_ms,angle [deg]', b'10,1.5']
+    """
+    sample = content[: 200 * SAMPLED_LINES].decode("utf-8", errors="replace").splitlines()[:SAMPLED_LINES]
+    found = [pairs for line in sample if (pairs := _pairs(line)) is not None]
+    if len(found) < MIN_LABELLED_ROWS:
+        return None
+    labels, count = Counter(tuple(label for label, _, _ in pairs) for pairs in found).most_common(1)[0]
+    if len(labels) < 2 or len(set(labels)) < len(labels) or count < MIN_LABELLED_SHARE * len(found):
+        return None
+    units = [Counter(pairs[i][2] for pairs in found if len(pairs) == len(labels)).most_common(1)[0][0]
+             for i in range(len(labels))]  # fmt: skip
+    header = [f"{label} [{unit}]" if unit else label for label, unit in zip(labels, units, strict=True)]
+    above: list[str] = []
+    rows: list[str] = []
+    for line in content.decode("utf-8", errors="replace").splitlines():
+        pairs = _pairs(line)
+        if pairs is not None and tuple(label for label, _, _ in pairs) == labels:
+            rows.append(",".join(number for _, number, _ in pairs))
+        elif not rows and line.strip():
+            above.append(f"# {line.strip()}")
+    return "\n".join([*above, ",".join(header), *rows, ""]).encode()
+
+
+def _pairs(line: str) -> list[tuple[str, str, str]] | None:
+    """Return the labels, numbers and units of a row; None if it holds anything else."""
+    if not 3 <= len(line) <= 2000:
+        return None
+    place, pairs = 0, []
+    while place < len(line.rstrip(" ,;\t")):
+        match = _PAIR.match(line, place)
+        if match is None:
+            return None
+        pairs.append((match[1].strip(), match[2], match[3]))
+        place = match.end()
+    return pairs if len(pairs) >= 2 else None
