@@ -107,14 +107,16 @@ def _assessed(case: str, i: int) -> tuple[float, float]:
 
 
 def door_rows() -> Iterator[tuple[str, float, str, str]]:
-    """Name, value, unit and note: do the command, a study, a table and arrays certify the same of the same data?
+    """Name, value, unit and note: do all doors certify the same of the same data?
 
-    The command's figures are read from its results.json; the table has the study's movements, the arrays its people's
-    values.
+    Of movements: the command, a study, and a table in `pl.assess` and in `pl.certify`. Of people's means, which do not
+    tell the noise of movements: a table in `pl.assess`, and arrays in `pl.certify`. The command's figures are read from
+    its results.json.
     """
     apart = [not each for each in ordered_results([(_doors_agree, i) for i in range(DOOR_STUDY_COUNT)])]
     yield "doors.studies", len(apart), "1", "studies made of files, a half of them with ordered sessions"
-    yield "doors.differences", sum(apart), "1", "studies in which estimate, interval, p, shares or verdict differ"
+    note = "studies in which estimate, interval, p, shares or verdict differ between doors"
+    yield "doors.differences", sum(apart), "1", note
 
 
 def _doors_agree(i: int) -> bool:
@@ -138,13 +140,26 @@ def _doors_agree(i: int) -> bool:
     if ordered:
         place_of = {f"P{k}": {"free": 1 if first[k] else 2, "robot": 2 if first[k] else 1} for k in range(people)}
         rows["period"] = [place_of[p][c] for p, c in zip(rows["participant"], rows["condition"], strict=True)]
+    stated = {"control": "free", "factors": ["direction"], "margins": {"vmax": "10 %"}}
+    if ordered:
+        stated |= {"design": "AB/BA", "period": "period"}
     by_table = pl.assess(rows, control="free", factors=["direction"], margins={"vmax": 0.10})
+    of_movements = [whole.certified[0].certificate, by_table.certificates["robot"], pl.certify(rows, analysis=stated)]
+    numbers = [by_command[1:], *map(_numbers_of, of_movements)]
     own = later[[int(person[1:]) for person in table.participants]] if ordered else None
     by_arrays = pl.certify({"vmax": (table.column("free"), table.column("robot"))}, {"vmax": 0.10}, later=own)
-    found = [whole.certified[0].certificate, by_table.certificates["robot"], by_arrays]
-    numbers = [by_command[1:], *(_numbers_of(each) for each in found)]
-    return all(np.allclose(each, numbers[1], rtol=1e-9) for each in numbers) and (
-        {each.verdict for each in found} == {by_command[0]}
+    means = {
+        "participant": [*table.participants] * 2, "condition": ["free"] * people + ["robot"] * people,
+        "vmax": [*table.column("free"), *table.column("robot")],
+    }  # fmt: skip
+    if ordered:
+        means["period"] = [place_of[p][c] for p, c in zip(means["participant"], means["condition"], strict=True)]
+    of_people = [by_arrays, pl.assess(means, control="free", margins={"vmax": 0.10}).certificates["robot"]]
+    return (
+        all(np.allclose(each, numbers[0], rtol=1e-9) for each in numbers)
+        and {each.verdict for each in of_movements} == {by_command[0]}
+        and np.allclose(*map(_numbers_of, of_people), rtol=1e-9)
+        and of_people[0].verdict == of_people[1].verdict
     )
 
 

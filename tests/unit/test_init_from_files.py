@@ -137,7 +137,7 @@ def test_an_answer_replaces_the_default_and_its_mark(tmp_path):
     )
     answered = made.study_file.read_text()
     assert 'torque_constant = "2 N*m/A"' in answered
-    with pytest.raises(pl.PellucidError, match="found an answer to colour, expected one of"):
+    with pytest.raises(pl.PellucidError, match="found an answer to colour, expected answers to effort, worn"):
         pl.init(tmp_path / "other", files=layout.files, answers={"colour": "red"})
 
 

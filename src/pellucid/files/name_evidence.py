@@ -168,6 +168,8 @@ def read_name(name: str) -> NameEvidence:
     ('current', 'mA', False)
     """
     bare, unit = split_unit(name)
+    if unit is None and len(name.strip()) > 1 and name.strip() in _UNIT_NAMES:
+        unit = unit_from_text(name.strip())
     multiple = ends_in_multiple(name)
     if multiple is not None:
         unit = None
@@ -362,6 +364,9 @@ def _joint(bare: str) -> str | None:
 
 _NAMED_AXIS = re.compile(r"(a|g|m|acc|gyr|gyro|mag|q|quat|accel)[xyzw]")
 """A letter or a word of an inertial quantity with its axis, as in imu_ax."""
+
+_UNIT_NAMES = frozenset({"Nm", "N*m", "N·m", "N.m", "mNm", "Ncm", "deg", "rad", "rpm", "mA", "deg/s", "rad/s"})
+"""Units that a column may have for a name."""
 
 _VALVE_WORDS = frozenset({"valve", "valves", "solenoid", "regulator", "heater", "pressure", "druck", "pression",
                           "presión", "presion", "pressione"})  # fmt: skip

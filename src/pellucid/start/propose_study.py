@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import StudyError
+from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL
@@ -1601,7 +1602,8 @@ def _processing(main: Layout, drive: str | None) -> ProcessingChoice | None:
         return None
     first = main.roles.clock.first_sound
     lost = [_lost_periods(table, main, positions[0], 0 if i else first) for i, table in enumerate(main.tables)]
-    choices = [choose_processing(_decoded(main.tables[0], role)[first:], rate, lost[0]) for role in positions]
+    once = slice(None) if lost[0] is None else _delivered_once(main.tables[0], main, first)
+    choices = [choose_processing(_decoded(main.tables[0], role)[first:][once], rate, lost[0]) for role in positions]
     choice = max(choices, key=lambda choice: choice.lowpass)
     periods = [periods for periods in lost if periods is not None]
     return bridge_losses(choice, periods, rate) if periods else choice
@@ -1613,8 +1615,17 @@ def _lost_periods(table: GivenTable, main: Layout, position: ColumnRole, first: 
     unknown = clock.column is None or main.roles.rate is None
     if unknown or any(name not in table.columns for name in (clock.column, position.column)):
         return None
+    once = _delivered_once(table, main, first)
     time = clock.seconds(table.columns[clock.column])[first:]
-    return find_lost_periods(time, _decoded(table, position)[first:], main.roles.rate)
+    return find_lost_periods(time[once], _decoded(table, position)[first:][once], main.roles.rate)
+
+
+def _delivered_once(table: GivenTable, main: Layout, first: int) -> np.ndarray:
+    """Return which rows, from the `first` on, do not repeat the packet before them, as a study leaves them out."""
+    clock = main.roles.clock
+    time = clock.seconds(table.columns[clock.column or ""])[first:]
+    clocks = (clock.column, *clock.others)
+    return first_deliveries(time, {name: x[first:] for name, x in table.columns.items() if name not in clocks})
 
 
 def _remarks(given: GivenFiles, main: Layout) -> list[str]:

@@ -155,8 +155,12 @@ def _repeat_fault(recording: Recording) -> Fault | None:
     found = f"{recording.repeats} of {rows} rows that repeat the samples of the row before, at its time or just after"
     wanted = "each packet once"
     end = f"expected {wanted}; the repeated rows are left out"
-    return fault_of(recording, "warn", "repeated_packets", "time", found=found, expected=wanted, end=end)
+    severity = "warn" if recording.repeats > MAX_HARMLESS_REPEATS * rows else "note"
+    return fault_of(recording, severity, "repeated_packets", "time", found=found, expected=wanted, end=end)
 
+
+MAX_HARMLESS_REPEATS = 0.05
+"""A share of repeated rows up to this, which are left out, is no reason for doubt."""
 
 MAX_HARMLESS_SHIFT = 0.1
 """Stamps that smoothing moved by less than this share of a sampling period (RMS) are no reason for doubt."""

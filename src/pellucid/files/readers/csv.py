@@ -48,7 +48,7 @@ from ._row_streams import MAX_LABELS, ListCell, Words, parse_list, split_streams
 from ._table_header import TableHeader, find_header, stated_rate
 from ._wall_clock import is_stamp, stamp_seconds
 
-ENDINGS = (".csv", ".tsv", ".txt", ".dat")
+ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
 
 MAX_HEADER_LINES = 200
 """The first row of numbers is searched among this many lines that are neither empty nor comments."""
