@@ -8,6 +8,7 @@ from pellucid.files.defects.garbage import zeroed_rows
 from pellucid.files.log import inspect_log, log_of
 from pellucid.files.readers import read_columns
 from pellucid.files.recording import LOCKED_SPRING_PROTOCOL
+from pellucid.joint.fit.recording_agreement import RecordingRows, _compare, estimate_step
 from pellucid.start.given_files import read_given
 from pellucid.start.init_from_files import missing_part
 from pellucid.start.propose_study import propose_study, require_signed_effort
@@ -254,3 +255,26 @@ def test_speeds_of_one_sign_first_and_the_other_later_are_split_by_turns(tmp_pat
     path = written(tmp_path / "friction.csv", "time_s,angle_rad,speed_rad_s,torque_Nm", columns)
     uses = [recording.use for recording in proposed(path).recordings]
     assert uses.count("validate") >= 2
+
+
+def rows_of(name, frequencies, inertia, gravity, seed):
+    """Return regression rows about (0.05, 2.0) of a recording along sines, whose body is another one."""
+    t = np.arange(0.0, 20.0, 0.01)
+    w = 2.0 * np.pi * np.array(frequencies)[:, None]
+    q, a = np.sum(0.3 * np.sin(w * t), axis=0), np.sum(-0.3 * w**2 * np.sin(w * t), axis=0)
+    columns = np.column_stack([a, np.sin(q), np.gradient(q, t)])
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(len(t))
+    effort = columns @ np.array([inertia, gravity, 0.06]) + noise
+    return RecordingRows(name, "fitted", columns, effort - columns @ np.array([0.05, 2.0, 0.06]), effort, [len(t)])
+
+
+def test_a_recording_that_cannot_tell_inertia_from_weight_may_contradict_the_others():
+    """Along one sine the acceleration follows the angle: what they make together is known, and is enough."""
+    names, values = ("inertia", "gravity", "viscous"), np.array([0.05, 2.0, 0.06])
+    others = [rows_of(f"rich_{k}", (0.2, 0.7, 1.3), 0.05, 2.0, k) for k in (1, 2)]
+    loaded = rows_of("loaded", (0.5,), 0.09, 3.4, 3)
+    assert estimate_step([loaded]) is None
+    found = _compare(loaded, others, names, values)
+    assert found is not None
+    assert set(found[1].own) & {"inertia", "gravity"}
+    assert _compare(rows_of("alike", (0.5,), 0.05, 2.0, 4), others, names, values) is None

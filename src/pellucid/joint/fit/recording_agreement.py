@@ -363,12 +363,35 @@ def estimate_step(parts: Sequence[RecordingRows]) -> tuple[np.ndarray, np.ndarra
     return (step, sandwich_covariance(w, residual, lengths), residual) if max(lengths) > 20 else None
 
 
+def _step_from(part: RecordingRows, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return what `estimate_step` does of a recording that determines some combinations of parameters only.
+
+    The others stay at `start`, (p,), so that a recording that moves little cannot contradict what it does not show.
+    """
+    norms = np.linalg.norm(part.w, axis=0)
+    if len(part.w) <= part.w.shape[1] or not norms.all() or max(part.lengths) <= 20:
+        return None
+    _, sizes, ways = np.linalg.svd(part.w / norms, full_matrices=False)
+    ways = ways[sizes > sizes[0] / AGREEMENT_THRESHOLDS.max_condition_number] / norms
+    turned = part.w @ ways.T
+    e = part.e - part.w @ start
+    found = np.linalg.lstsq(turned, e, rcond=None)[0]
+    residual = e - turned @ found
+    if len(residual) / correlation_length(residual) < AGREEMENT_THRESHOLDS.min_independent_samples * len(ways):
+        return None
+    covariance = sandwich_covariance(turned, residual, part.lengths)
+    return start + ways.T @ found, ways.T @ covariance @ ways, residual
+
+
 def _compare(
     part: RecordingRows, others: Sequence[RecordingRows], names: Sequence[str], values: np.ndarray
 ) -> tuple[float, Disagreement] | None:
     """Compare a recording with the others; return the significance and the disagreement, or None if they agree."""
-    one, rest = estimate_step([part]), estimate_step(others)
-    if one is None or rest is None:
+    rest = estimate_step(others)
+    if rest is None:
+        return None
+    one = estimate_step([part]) or _step_from(part, rest[0])
+    if one is None:
         return None
     own, other = values + one[0], values + rest[0]
     own_sd, other_sd = (np.sqrt(np.maximum(np.diag(x[1]), 0.0)) for x in (one, rest))
