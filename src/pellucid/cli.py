@@ -35,6 +35,7 @@ from .study.terminal import (
     example,
     is_verbose,
     make_console,
+    print_answer,
     print_items,
     print_json,
     print_line,
@@ -48,6 +49,7 @@ from .study.terminal import (
 
 if TYPE_CHECKING:
     from .files.fault import Fault
+    from .study.answer import Answer
     from .study.procedures.result import Result
     from .study.study import Study
 
@@ -226,9 +228,8 @@ def try_files(
         worst = [(v.kind, v.said.replace("`", "")) for v in told]
         print_items(console, worst, MAX_TRIED_WARNING_LINES)
         print_line(console, f"Page: {tried.page}")
-        print_line(console, f"Next: {tried.next_command}")
-    if tried.flaw:
-        _exit_with_message(f"the parameters do not describe the machine: {tried.flaw}", 1)
+        print_line(console, f"Next: {tried.answer.next_command}")
+    _exit_unless_answered([tried.answer])
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
@@ -461,12 +462,17 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
 
     The page lists protocol, margins, assumptions, exclusions and checksums.
     """
-    from .people.study.assessment_page import write_certificate as run
+    from .people.study.assessment_page import write_certificate_of
+    from .people.study.assessment_result import kept_certificates
 
     study = _opened(folder, out, allow_outside)
     with show_progress() as tell:
-        page = run(study, on_progress=tell)
-    print_line(make_console(), f"Certificate: {page}")
+        found = kept_certificates(study, "margins to certify", tell)
+        page = write_certificate_of(study, found)
+    console = make_console()
+    print_answer(console, found.answer, with_steps=True)
+    print_line(console, f"Certificate: {page}")
+    _exit_unless_answered([found.answer])
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid live my-session"))
@@ -707,7 +713,7 @@ def audit(
         _echo_json(found.table())
     else:
         console = make_console()
-        print_line(console, found.headline)
+        print_answer(console, found.answer)
         rows = [(v.channel, v.holds, v.verdict) for v in found.verdicts]
         print_short_table(console, ("channel", "holds", "verdict"), rows)
         marks = {"alarm": "warning", "note": "note"}
@@ -716,6 +722,7 @@ def audit(
         ]
         unread = [("wrong", file.unread) for file in found.unread]
         print_items(console, [*unread, *sorted(said, key=lambda item: item[0] == "note")], 18)
+        print_lines(console, [text.replace("`", "") for text in found.answer.following], 8, "further step")
         print_line(console, f"Page: {page}")
     if not found.is_sound:
         raise typer.Exit(1)
@@ -934,6 +941,15 @@ def _exit_with_message(text: str, status: int = 2) -> None:
     raise SystemExit(status)
 
 
+def _exit_unless_answered(answers: Sequence[Answer]) -> None:
+    """Exit with status 1, and say why, if a question could not be answered."""
+    from .study.answer import unanswered_message
+
+    why = unanswered_message(answers)
+    if why:
+        _exit_with_message(why, 1)
+
+
 def _echo_json(table: dict[str, Any]) -> None:
     from json import dumps
 
@@ -949,7 +965,6 @@ def _opened(folder: Path, out: Path | None, allow_outside: bool, accept_stale: b
 def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
     """Run a command on a study, then save and print its result."""
     from .study.procedures.print_result import print_result
-    from .study.procedures.registry import asked
 
     with show_progress() as tell:
         result = run(study, tell)
@@ -965,16 +980,11 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         out = make_console()
         print_result(out, result, brief=not is_verbose())
         print_line(out, f"{result.written(study)}, every figure in {study.results_path}.")
+        print_line(out, f"Next: {result.answers[0].next_command}")
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.
         _exit_with_message(elsewhere, 1)
-    if result.flaw:
-        _exit_with_message(f"the figures do not describe what was recorded: {result.flaw}", 1)
-    if json:
-        return
-    later = [p.command for p in asked(study)]
-    following = [c for c in later[later.index(command) + 1 :] if c != command]
-    print_line(out, f"Next: {printed_command(typed_command(following[0]) if following else 'report', study.folder)}")
+    _exit_unless_answered(result.answers)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pellucid.emg.estimators.emg_worth import EmgWorth
-from pellucid.emg.study.emg_torque.calibrate import INVALID_BANDS_FINDING, CalibrationResult
-from pellucid.emg.study.emg_torque.calibration_page import _answer, _worth_tile, torque_trace
+from pellucid.emg.study.emg_torque.calibrate import CalibrationResult
+from pellucid.emg.study.emg_torque.calibration_page import _worth_tile, torque_trace
 from pellucid.emg.study.emg_torque.torque_findings import RecordingWorth
 from pellucid.models.estimates import Verdict
 
@@ -18,16 +18,13 @@ def result(*verdicts, recordings=("squat",)):
     return CalibrationResult(study="lifting", headline="", worth=worth, verdicts=verdicts, **parts)
 
 
-@pytest.mark.parametrize(
-    ("verdict", "answer"),
-    [
-        (Verdict("note", "of envelopes"), "yes"),
-        (Verdict("warning", "Bands are not known to hold.", finding=INVALID_BANDS_FINDING), "yes"),
-        (Verdict("wrong", "The scale is not one."), "unsure"),
-    ],
-)
-def test_a_band_that_may_not_hold_says_nothing_against_the_worth_of_emg(verdict, answer):
-    assert _answer(result(verdict), ()).verdict == answer
+def test_a_band_that_may_not_hold_says_nothing_against_the_worth_of_emg():
+    """The gain is that of predictions; the warning on a band leaves it as it is."""
+    plain, doubted = (result(*verdicts).answer for verdicts in ((), (Verdict("warning", "", finding="bands"),)))
+    assert plain == doubted
+    (adds,) = plain.parts
+    assert (adds.name, adds.verdict) == ("EMG over angles alone, trunk, squat", "yes")
+    assert "gain in R² +0.25, 95 % interval +0.08 to +0.43" in adds.reason
 
 
 def test_one_answer_is_not_counted():

@@ -84,7 +84,7 @@ def test_held_out_recordings_are_not_fitted_and_test_each_joint(robot, recorded,
     assert held.heldout.errors == pytest.approx(fit.score(other).errors)
     assert held.heldout_effort_error == pytest.approx(fit.score(other).mean_error)
     assert held.heldout_r2 > 0.98
-    assert [each.answer for each in held.answers] == ["yes", "yes"]
+    assert [each.verdict for each in held.answers] == ["yes", "yes"]
     assert "% on held-out recordings" in held.answers[0].reason
     by_name = pl.fit_robot(robot, {"a": recorded, "b": other}, held_out="b", **OPTIONS)
     further = pl.fit_robot(robot, recorded, held_out=other, **OPTIONS)

@@ -10,15 +10,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from pellucid.arm.study.joint_answers import answer_joints
-from pellucid.arm.study.tree_page import _verdict as robot_verdict
 from pellucid.joint.fit.headline_choice import HeadlineChoice
-from pellucid.joint.study import joint_page as module
+from pellucid.joint.study import joint_answer as module
 from pellucid.joint.study.joint_page import page as joint_page
 from pellucid.joint.study.joint_result import complete_result, rows_of
 from pellucid.models.estimates import Verdict
+from pellucid.study.answer import Answer, Step, answer_of_findings, verdict_of_parts
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, Row, Table, forest
-from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Answer, Page, Section, without_drawing, write_page
+from pellucid.study.pages.page import MAX_LEAD_CHARACTERS, Page, Section, without_drawing, write_page
 from pellucid.study.pages.quantities import percent, typeset_sentence, value_and_half_interval
 from pellucid.study.pages.values import Value, marked_up, plain_text
 from pellucid.study.procedures.run import _one_page
@@ -34,13 +34,14 @@ def drawing(name="one", height=3.0):
 
 
 def answered(tmp_path, **changes):
-    made = Page("t", "k", "It errs by 3 %.", answer=Answer("Does it hold?", "yes", drawing(), ("Call `a b`.",)))
+    answer = Answer("Does it hold?", "yes", "It errs by 3 %.", next=(Step("Call", line="a b"),))
+    made = Page("t", "k", answer=answer, figure=drawing())
     return write_page(tmp_path, replace(made, **changes)).read_text(encoding="utf-8")
 
 
 def test_badge_sentence_and_figure_come_before_everything_else(tmp_path):
     text = answered(tmp_path, sections=(Section("a", "Evidence", ("More.",)),), verdicts=(("warning", "Mind this."),))
-    order = ["Does it hold?", ">Yes</span>", "It errs by 3 %.", 'id="fig-one"', "Mind this.", "<code>a b</code>"]
+    order = ["Does it hold?", ">Yes</span>", "It errs by 3\N{NO-BREAK SPACE}%.", 'id="fig-one"', "Mind this.", "<code>a b</code>"]
     order.append("More.")
     places = [text.index(part) for part in order]
     assert places == sorted(places)
@@ -107,44 +108,60 @@ def test_tile_sentence_and_table_tell_the_chosen_estimators_error(joint):
 
 def test_a_joint_says_whether_it_predicts(joint, tmp_path):
     wrong = any(v.kind == "wrong" for v in joint.fit.verdicts)
-    assert joint.page.answer.verdict == ("no" if wrong else joint.page.answer.verdict)
-    assert "<animate" in joint.page.answer.figure.svg
+    best = joint.fit.headlined
+    good = best.heldout_effort_error <= 20.0 and best.heldout_r2 >= 0.8
+    assert wrong or joint.page.answer.verdict == ("yes" if good else "no")
+    assert "<animate" in joint.page.figure.svg
     fit = fabricate.fit(heldout=0, samples=400)
-    answer = joint_page(fabricate.study(tmp_path / "bench", fit), fit).answer
-    assert answer.verdict == "unsure"
-    assert "<animate" in answer.figure.svg
+    page = joint_page(fabricate.study(tmp_path / "bench", fit), fit)
+    assert (page.answer.verdict, page.answer.reason) == ("cannot say", "nothing was held out")
+    assert "<animate" in page.figure.svg
+
+
+def test_a_joint_without_a_held_out_recording_is_judged_on_stretches_left_out_in_turn():
+    """They were not fitted either, so that the question is answered; the next step is to hold a recording out."""
+    fit = replace(fabricate.fit(heldout=0, samples=400), crossed_error=(7.5, 0.97))
+    answer = fit.answer
+    assert (answer.verdict, answer.is_answered) == ("yes", True)
+    assert "of stretches of the fitted recordings, each left out in turn with an error of 7.50 %" in answer.sentence
+    assert "use = " in answer.next[0].sentence
+    assert replace(fit, crossed_error=(27.5, 0.97)).answer.verdict == "no"
 
 
 def test_a_joint_says_how_many_recordings_are_beyond_the_bound():
     held = [SimpleNamespace(split="heldout", recording=f"r{i}", error=error) for i, error in enumerate((8.0, 29.3))]
     fit = SimpleNamespace(
-        headlined=SimpleNamespace(predictions=held), best="load", effort_unit="N*m", verdicts=(), study="s"
-    )
-    study = SimpleNamespace(rig=SimpleNamespace(joint="servo"))
+        headlined=SimpleNamespace(predictions=held, heldout_effort_error=11.4, heldout_r2=0.98), best="load",
+        effort_unit="N*m", verdicts=(), study="s", joint="servo", held_out=(), checksums={"r0": "", "r1": ""},
+    )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "headline_error", lambda fit: "11.4")
         patch.setattr(module, "by_recording", lambda held: [[each] for each in held])
         patch.setattr(module, "pooled_error", lambda group: group[0].error)
-        said = module._headline(study, fit)
+        said = module.joint_answer(fit).sentence
     assert said.endswith("an error of 11.4 % (8.00 to 29.3 % by recording; 1 of 2 within 20 %).")
 
 
-@pytest.mark.parametrize(("kind", "verdict"), [("wrong", "no"), ("warning", "unsure"), ("note", "yes")])
-def test_verdicts_answer_where_a_procedure_does_not(kind, verdict):
+@pytest.mark.parametrize(("kind", "verdict"), [("wrong", "cannot say"), ("warning", "cannot say"), ("note", "yes")])
+def test_findings_answer_where_a_procedure_does_not(kind, verdict):
     section = Section("a", "A", drawings=(drawing("first"), drawing("second")))
-    made = study_page("s: x", "It is so.", (), (section,), (Verdict(kind, "This was found."),))
+    answer = answer_of_findings("It is so.", [(kind, "This was found.")])
+    made = study_page("s: x", answer, (), (section,), (Verdict(kind, "This was found."),))
     assert made.answer.verdict == verdict
-    assert made.answer.figure.name == "first"
+    assert made.answer.reason == ("" if verdict == "yes" else "This was found.")
+    assert made.figure.name == "first"
     assert [d.name for d in made.sections[0].drawings] == ["second"]
 
 
 def test_several_procedures_give_one_answer_and_a_section_for_each_other_one():
     pages = [
-        study_page(f"s: {what}", f"{what} is so.", (), (Section(what, what, ("x",), drawings=(drawing(),)),))
+        study_page(
+            f"s: {what}", answer_of_findings(f"{what} is so.", ()), (),
+            (Section(what, what, ("x",), drawings=(drawing(),)),),
+        )
         for what in ("one", "two")
     ]
     made = _one_page(pages)
-    assert made.headline == "One is so."
+    assert made.said == "One is so."
     assert "Two is so." in made.sections[0].paragraphs[0]
     names = [d.name for d in made.drawings]
     assert len(names) == len(set(names)) == 2
@@ -174,14 +191,14 @@ def test_a_forest_writes_the_numbers_under_their_ids():
     [
         ("heldout", (5.0, 12.0), ("note",), "yes"),
         ("heldout", (5.0, 25.0), (), "no"),
-        ("heldout", (5.0, 12.0), ("wrong",), "no"),
-        ("fitted", (5.0, 12.0), (), "unsure"),
+        ("heldout", (5.0, 12.0), ("wrong",), "cannot say"),
+        ("fitted", (5.0, 12.0), (), "cannot say"),
     ],
 )
 def test_a_robot_is_judged_by_its_worst_joint_where_it_was_not_fitted(judged, errors, kinds, verdict):
     wrong = [kind for kind in kinds if kind == "wrong"]
     answers = answer_joints(("a", "b"), errors if judged == "heldout" else None, "held-out data", (1.0, 1.0), wrong)
-    assert robot_verdict(SimpleNamespace(answers=answers)) == verdict
+    assert verdict_of_parts(answers) == verdict
 
 
 @pytest.mark.parametrize(

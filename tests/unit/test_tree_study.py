@@ -135,7 +135,7 @@ def test_a_terminal_and_a_notebook_show_it(found):
 
 
 def test_each_joint_has_an_answer_in_every_output(study, found):
-    assert [(each.joint, each.answer) for each in found.answers] == [("shoulder", "yes"), ("elbow", "yes")]
+    assert [(each.name, each.verdict) for each in found.joint_answers] == [("shoulder", "yes"), ("elbow", "yes")]
     rows = {row.id: row for row in found.rows}
     row = rows[f"{found.study}.best.predicts.joint_2"]
     assert row.value == 1.0
@@ -145,8 +145,8 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     assert table.rows[0][:2] == ("shoulder", "yes")
     assert "effort error" in table.rows[0][2]
     resting = replace(found, traces=tuple(replace(t, moving=t.moving * [1, 0]) for t in found.traces))
-    assert resting.answers[1].answer == "cannot say"
-    assert "of the fitted rows alone" in resting.answers[1].reason
+    assert resting.joint_answers[1].verdict == "cannot say"
+    assert "of the fitted rows alone" in resting.joint_answers[1].reason
     page = tree_page.page(study, found)
     assert any(section.id == "joints" and section.tables for section in page.sections)
     assert "The model predicts 2 of 2 joints" in page.headline

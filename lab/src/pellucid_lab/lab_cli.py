@@ -18,6 +18,7 @@ from pellucid.study.terminal import (
     example,
     is_verbose,
     make_console,
+    print_answer,
     print_items,
     print_json,
     print_line,
@@ -137,6 +138,7 @@ def reproduce(
     with show_progress() as tell:
         made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
     console = make_console()
+    print_answer(console, made.answer)
     print_lines(console, made.lines, 40, "further figure")
     print_line(console, f"Page: {made.page}")
 

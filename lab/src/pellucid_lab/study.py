@@ -92,7 +92,7 @@ def _record_and_write(folder, rig, name, seed, trials, threads, on_progress) -> 
             truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
             truth["trials"] = {one.trial.name: one.truth for one in taken}
             write_text_atomically(made_in / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
-            text = study_text({**rig.study(taken), "name": name}, rig.comments)
+            text = study_text({**rig.study(taken), "name": name, "simulated": True}, rig.comments)
             write_text_atomically(made_in / STUDY_FILE, text)
             digest = hashlib.sha256(text.encode("utf-8")).hexdigest()
             write_text_atomically(made_in / WRITTEN_FILE, json.dumps({STUDY_FILE: digest}) + "\n")

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-TABLE_ORDER = ("name", "rig", "participants", "channels", "streams", "optical", "processing", "model")
+TABLE_ORDER = ("name", "simulated", "rig", "participants", "channels", "streams", "optical", "processing", "model")
 """Tables that study.toml begins with, in order; other tables follow, and the recordings are last."""
 
 COMMENT_COLUMN = 32

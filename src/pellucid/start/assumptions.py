@@ -8,11 +8,10 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from ..study.pages.quantities import capitalised
+from ..study.answer import Assumption
 from .propose_study import Proposal
-from .study_text import MARK_GUESS, channel_mark, channel_name, is_turned_effort
+from .study_text import MARK_GUESS, channel_mark, channel_name, defaults_of, is_turned_effort
 
 _GUESS_BEHIND_LINE = re.compile(rf"(?P<line>[^#\s].*?)  # {MARK_GUESS}(?:: (?P<why>.*))?")
 _GUESS_ABOVE_LINE = re.compile(rf"# {MARK_GUESS}: (?P<why>.*)")
@@ -21,30 +20,10 @@ _PROPOSAL_FIGURE = " (the page shows the spectrum)"
 """Remark that only holds beside the page of the proposal."""
 
 
-@dataclass(frozen=True)
-class Assumption:
-    """Something that a study takes for true although no file states it."""
-
-    subject: str  # key of the question, or what the line of study.toml states
-    taken: str  # value that is taken
-    why: str  # the question, or the reason of the guess
-    is_question: bool  # whether an answer to a question replaces it
-
-    @property
-    def sentence(self) -> str:
-        """The assumption with its reason."""
-        return f"{self.subject}: {self.taken}" + (f". {capitalised(self.why)}" if self.why else "")
-
-
 def assumptions_of(proposal: Proposal, text: str) -> tuple[Assumption, ...]:
     """Return the defaults that a proposal took, then the guessed lines of its study.toml, whose `text` is given."""
-    defaults = (
-        Assumption(question.key, question.default, question.text, True)
-        for question in (*proposal.asked, *proposal.marked)
-        if question.key not in proposal.answers
-    )
     # Several joints and recordings have the same guess in a line of each.
-    return tuple(dict.fromkeys((*defaults, *_turned_efforts(proposal), *_guessed_lines(text))))
+    return tuple(dict.fromkeys((*defaults_of(proposal), *_turned_efforts(proposal), *_guessed_lines(text))))
 
 
 def _turned_efforts(proposal: Proposal) -> Iterator[Assumption]:

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._printed_command import printed_command
+from ..study.answer import Answer, AnswerVerdict, Step
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, one_panel, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
-from ..study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from ..study.pages.page import Page, Section, Tile, without_drawing
 from .given_files import GivenFiles, GivenTable
 from .inference.assign_roles import ColumnRole
 from .inference.processing_choice import ProcessingChoice
@@ -123,11 +123,10 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
     return _with_answer(
         page,
         "Do the files say all that a study needs?",
-        "unsure" if open_questions or _guess_count(proposal) else "yes",
+        "no" if open_questions or _guess_count(proposal) else "yes",
         (
-            *(f"Answer: {q.text}" for q in open_questions[:3]),
-            "Read each comment in study.toml that marks a guess. "
-            f"Then check the study: `{printed_command('check', folder)}`.",
+            *(Step(f"Answer: {q.text}") for q in open_questions[:3]),
+            Step("Read each comment in study.toml that marks a guess, then check the study", "check", (), str(folder)),
         ),
     )
 
@@ -140,7 +139,7 @@ def unmade_page(proposal: Proposal, reason: str) -> Page:
         replace(page, headline=_sentence(reason)),
         "Can a study be made of these files?",
         "no",
-        tuple(f"{q.text} Answer with `--answer {q.key}=...`." for q in open_questions[:3]),
+        tuple(Step(f"{q.text} Answer with `--answer {q.key}=...`") for q in open_questions[:3]),
     )
 
 
@@ -160,11 +159,11 @@ def files_page(given: GivenFiles, name: str, reason: str) -> Page:
     return Page(
         f"Files: {name}",
         "Pellucid init",
-        _sentence(reason),
+        "",
         (),
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. No study was written.",
-        answer=Answer("Can a study be made of these files?", "no"),
+        answer=Answer("Can a study be made of these files?", "no", _sentence(reason), reason),
     )
 
 
@@ -197,11 +196,12 @@ def _guess_count(proposal: Proposal) -> int:
     return sum(bool(channel_mark(role, proposal)) for layout in layouts for role in layout.channels)
 
 
-def _with_answer(page: Page, question: str, verdict: AnswerVerdict, following: tuple[str, ...]) -> Page:
-    """Return a page with its first figure in the answer to a question, and not in its section."""
+def _with_answer(page: Page, question: str, verdict: AnswerVerdict, following: tuple[Step, ...]) -> Page:
+    """Return a page whose headline answers a question, with its first figure beside it and not in its section."""
     figure = next((drawing for section in page.sections for drawing in section.drawings), None)
     sections = page.sections if figure is None else without_drawing(page.sections, figure.name)
-    return replace(page, sections=sections, answer=Answer(question, verdict, figure, following))
+    answer = Answer(question, verdict, page.headline, "" if verdict == "yes" else page.headline, next=following)
+    return replace(page, sections=sections, answer=answer, figure=figure)
 
 
 def _headline(proposal: Proposal, count: int, guesses: int) -> str:

@@ -62,6 +62,12 @@ QUESTION_ORDER = (
 )  # fmt: skip
 """Questions by how much hangs on their answer."""
 
+SCALE_QUESTIONS = frozenset({
+    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
+    "command_followed",
+})  # fmt: skip
+"""Questions on whose answers every figure depends: with another unit it would be another number."""
+
 
 @dataclass(frozen=True)
 class Question:

@@ -13,6 +13,7 @@ import numpy as np
 
 from .._given import visible_text
 from ..files.name_evidence import read_name
+from ..study.answer import Assumption
 from ..units import to_si_factor
 from .file_facts import FileFact
 from .given_files import GivenTable
@@ -21,7 +22,15 @@ from .inference.assign_roles import DRIVE_QUANTITIES, ColumnRole
 from .inference.clocks import find_clock
 from .inference.encodings import decode_counts
 from .inference.processing_choice import choose_processing
-from .propose_study import SAID_BY_LAB, UNKNOWN_SUPPLY, Layout, Proposal, ProposedRecording, has_open_counts
+from .propose_study import (
+    SAID_BY_LAB,
+    SCALE_QUESTIONS,
+    UNKNOWN_SUPPLY,
+    Layout,
+    Proposal,
+    ProposedRecording,
+    has_open_counts,
+)
 
 MARK_GUESS = "GUESS"
 """Word that begins the comment of a line that evidence does not decide."""
@@ -50,6 +59,7 @@ def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
         *_notes(proposal),
         "",
         *_questions(proposal),
+        *_assumed(proposal),
         *_tree(proposal),
         *_rig(proposal),
         *_participants(proposal),
@@ -68,9 +78,18 @@ def channel_name(role: ColumnRole) -> str:
     return f"{role.quantity}.{role.label}" if role.label else str(role.quantity)
 
 
+def defaults_of(proposal: Proposal) -> tuple[Assumption, ...]:
+    """Return the defaults of questions that nobody answered."""
+    return tuple(
+        Assumption(question.key, question.default, question.text, True, question.key in SCALE_QUESTIONS)
+        for question in (*proposal.asked, *proposal.marked)
+        if question.key not in proposal.answers
+    )
+
+
 def unsaid_defaults(proposal: Proposal) -> set[str]:
     """Return the keys of questions whose defaults were taken."""
-    return {question.key for question in (*proposal.asked, *proposal.marked)} - set(proposal.answers)
+    return {assumption.subject for assumption in defaults_of(proposal)}
 
 
 def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
@@ -118,6 +137,15 @@ def _questions(proposal: Proposal) -> list[str]:
     for question in proposal.marked:
         lines += _wrapped(f"{question.key}: {MARK_GUESS}, not asked: {question.text} Taken: {question.default}.")
     return [*lines, ""] if lines else []
+
+
+def _assumed(proposal: Proposal) -> list[str]:
+    """Return a table for each default that was taken; every answer of the study repeats it."""
+    lines = ["# Remove a table below, and correct what depends on it, once you know its answer."]
+    for each in defaults_of(proposal):
+        lines += ["[[assumed]]", f"key = {_text(each.subject)}", f"taken = {_text(each.taken)}"]
+        lines += [f"question = {_text(each.why)}", *(["scale = true"] if each.is_scale else []), ""]
+    return lines if len(lines) > 1 else []
 
 
 def _wrapped(text: str) -> list[str]:

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..models.estimates import Parameter, Verdict, rank_verdicts
-from ..study.pages.page import BADGE_WORDS, AnswerVerdict, verdict_of_kinds
+from ..study.answer import Answer, Assumption, Step
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
-from .assumptions import Assumption
 from .propose_study import Proposal
-
-USE_QUESTION = "May these figures be used?"
-"""What the page and the terminal answer."""
-
-SCALE_QUESTIONS = frozenset({
-    "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
-    "command_followed",
-})  # fmt: skip
-"""Questions on whose answers every figure depends: with another unit it would be another number."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +70,7 @@ class TriedLog:
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdicts on the result, the worst first, with one on the defaults that its figures scale with."""
-        taken = [a for a in self.assumptions if a.is_question and a.subject in SCALE_QUESTIONS]
+        taken = [a for a in self.assumptions if a.is_scale]
         if not taken:
             return rank_verdicts(self.result.verdicts)
         listed = ", ".join(f"`{a.subject}` {a.taken}" for a in taken)
@@ -96,16 +86,9 @@ class TriedLog:
         return rank_verdicts((*self.result.verdicts, doubt))
 
     @property
-    def verdict(self) -> AnswerVerdict:
-        """Answer to whether the figures may be used."""
-        return verdict_of_kinds(verdict.kind for verdict in self.verdicts)
-
-    @property
-    def answer(self) -> str:
-        """The question whether the figures may be used, and its answer, in words."""
-        return f"{USE_QUESTION} {BADGE_WORDS[self.verdict]}."
-
-    @property
-    def flaw(self) -> str:
-        """Sentence that says why the parameters do not describe the machine; "" if nothing says so."""
-        return self.result.flaw
+    def answer(self) -> Answer:
+        """The result's answer, whose next step is a study of these files."""
+        steps = [Step("Make a study of these files", line=self.next_command)]
+        if self.robot_command:
+            steps.append(Step("Or identify one model of all joints, with the robot's URDF", line=self.robot_command))
+        return replace(self.result.answer, next=tuple(steps))

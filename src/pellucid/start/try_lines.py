@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..study.answer import answer_lines
 from ..study.results import finite_row, row_table
 from .inference.assign_roles import ColumnRole
 from .propose_study import Layout
 from .study_text import channel_name
 from .tried_log import TriedLog
-from .try_page import parameter_rows, try_headline
+from .try_page import parameter_rows
 
 MAX_LISTED_COLUMNS = 12
 """At most so many columns are listed; the page has all."""
@@ -23,9 +24,8 @@ def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list
     before = [
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
-        try_headline(tried),
+        *answer_lines(tried.answer),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
-        tried.answer,
     ]
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]
     return before, parameter_rows(tried), assumed
@@ -70,8 +70,9 @@ def try_table(tried: TriedLog) -> dict[str, Any]:
             for joint in tried.joints
             if (held := joint.held_out) is not None
         ],
-        "answer": tried.verdict,
-        "flaw": tried.flaw,
+        "answer": tried.answer.verdict,
+        "reason": tried.answer.reason,
+        "answers": [{"command": tried.result.command, **tried.answer.table()}],
         "figures": [row_table(finite_row(row)) for row in tried.result.rows],
         "page": str(tried.page),
         "folder": str(tried.study.folder),

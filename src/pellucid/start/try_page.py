@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -15,9 +14,8 @@ from ..models.estimates import Parameter
 from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
-from ..study.pages.page import Page, Section, answer_from_verdicts
+from ..study.pages.page import Page, Section
 from ..study.pages.quantities import (
-    EFFORT_NAMES,
     number,
     parameter_interval,
     parameter_label,
@@ -30,7 +28,6 @@ from ..study.pages.quantities import (
 )
 from ..study.procedures.study_page import figure_tables, parameter_tables
 from .proposal_page import layout_tables
-from .tried_log import USE_QUESTION
 
 if TYPE_CHECKING:
     from .tried_log import TriedJoint, TriedLog
@@ -61,11 +58,9 @@ def try_page(tried: TriedLog) -> Page:
     """Return the page of a tried log."""
     result = tried.result
     verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in tried.verdicts)
-    answer, _ = answer_from_verdicts(USE_QUESTION, verdicts, ())
-    answer = replace(answer, next=(f"Make a study of these files: `{tried.next_command}`.",))
     sections = [*_held_out(tried), _assumed(tried)]
     tables = (*parameter_tables(result), *figure_tables(result))
-    sections.append(Section("result", "Parameters and comparisons", (f"{result.headline}.",), tables))
+    sections.append(Section("result", "Parameters and comparisons", (), tables))
     for layout in (tried.proposal.main, *tried.proposal.streams):
         name = layout.stream or "main"
         clock, table = layout_tables(layout, tried.proposal)
@@ -76,37 +71,14 @@ def try_page(tried: TriedLog) -> Page:
     return Page(
         f"{result.study}: {', '.join(joint.name for joint in tried.joints) or result.command}",
         "Pellucid try",
-        try_headline(tried),
+        "",
         (),
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
         verdicts,
-        answer,
+        tried.answer,
         summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
     )
-
-
-def try_headline(tried: TriedLog) -> str:
-    """Return the joints and their error on held-out data beside that of a constant effort, in a sentence or two."""
-    joints = tried.joints
-    if not joints:
-        return f"{typeset_sentence(tried.result.headline)}."
-    named = f'Joint "{joints[0].name}"' if len(joints) == 1 else f"{len(joints)} joints"
-    held = [joint.held_out for joint in joints if joint.held_out is not None]
-    if not held:
-        return f"{named}: {typeset_quantities(tried.result.headline)}. No error on held-out data is known."
-    errors, constant = _spread([h.error for h in held]), _spread([h.constant_error for h in held])
-    effort = EFFORT_NAMES.get(held[0].unit, "Effort").lower()
-    return (
-        f"{named}: the model's error on held-out data is {errors} % of the {effort}. "
-        f"The best constant {effort} has an error of {constant} %."
-    )
-
-
-def _spread(errors: Sequence[float]) -> str:
-    """Return the smallest and the largest of several errors, or the only one."""
-    low, high = percent(min(errors)), percent(max(errors))
-    return low if low == high else f"{low} to {high}"
 
 
 def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

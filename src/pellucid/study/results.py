@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from hashlib import sha256
 from pathlib import Path
@@ -64,8 +64,13 @@ def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow])
         return replace_rows(Path(path), command, rows)
 
 
-def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
-    """Do what `write_rows` does, for a caller that holds the lock of `path`."""
+def replace_rows(
+    path: Path, command: str, rows: Iterable[ResultRow], answers: Sequence[dict[str, Any]] | None = None
+) -> tuple[ResultRow, ...]:
+    """Do what `write_rows` does, for a caller that holds the lock of `path`.
+
+    `answers` of the command replace its earlier ones; without them these stay.
+    """
     rows = tuple(finite_row(row) for row in rows)
     for row in rows:
         if row.command != command:
@@ -79,9 +84,20 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
                 f"{path}: the id {row.id} occurs twice, in rows of {seen[row.id]} and of {row.command}"
             )
         seen[row.id] = row.command
-    text = json.dumps({"figures": [row_table(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
-    write_text_atomically(path, text + "\n")
+    said = read_answers(path) if path.exists() else []
+    if answers is not None:
+        said = [each for each in said if each.get("command") != command]
+        said += [{"command": command, **each} for each in answers]
+    content = {"figures": [row_table(row) for row in both], **({"answers": said} if said else {})}
+    write_text_atomically(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     return both
+
+
+def read_answers(path: str | os.PathLike) -> list[dict[str, Any]]:
+    """Return the answers of a results.json, a table of each with its command; empty if it has none."""
+    content = _read_content(Path(path))
+    found = content.get("answers") if isinstance(content, dict) else None
+    return [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
 
 
 def require_own_page(folder: Path, command: str) -> None:
@@ -105,14 +121,7 @@ def row_table(row: ResultRow) -> dict[str, Any]:
 def read_rows(path: str | os.PathLike) -> list[ResultRow]:
     """Return the rows of a results.json, in its order."""
     path = Path(path)
-    try:
-        content: Any = json.loads(read_given(path).decode("utf-8"))
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file; the commands write it") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise RecordingError(
-            f"{path}: not readable as JSON, truncated or damaged: {error}; remove it and run the commands again"
-        ) from error
+    content = _read_content(path)
     figures = content.get("figures") if isinstance(content, dict) else None
     if not isinstance(figures, list):
         raise RecordingError(f'{path}: found no list "figures", expected one row for each figure')
@@ -124,6 +133,18 @@ def read_rows(path: str | os.PathLike) -> list[ResultRow]:
             raise RecordingError(f"{path}: figure {number} lacks {', '.join(sorted(missing))}")
         rows.append(ResultRow(**{key: figure[key] for key in known & set(figure)}))
     return rows
+
+
+def _read_content(path: Path) -> Any:
+    """Return what a results.json holds, as JSON."""
+    try:
+        return json.loads(read_given(path).decode("utf-8"))
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; the commands write it") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecordingError(
+            f"{path}: not readable as JSON, truncated or damaged: {error}; remove it and run the commands again"
+        ) from error
 
 
 def finite_row(row: ResultRow) -> ResultRow:

@@ -979,6 +979,27 @@ class RecordingEntry(StudyTable):
         return self
 
 
+class AssumedDefault(StudyTable):
+    """One ``[[assumed]]``: a default that was taken because no file states it. Removing it confirms the default.
+
+    Attributes
+    ----------
+    key : str
+        Key of the question, as ``init --answer`` takes it.
+    taken : str
+        Default that was taken.
+    question : str
+        The question.
+    scale : bool
+        Whether every number of the result depends on it.
+    """
+
+    key: Word
+    taken: ShownText
+    question: str = ""
+    scale: bool = False
+
+
 class StudyFile(StudyTable):
     """The whole of study.toml, in SI.
 
@@ -990,6 +1011,10 @@ class StudyFile(StudyTable):
         Source to cite for the recordings; the report prints it.
     notes : tuple of str
         Remarks that the report repeats.
+    assumed : tuple of AssumedDefault
+        Defaults that nobody confirmed; every answer repeats them.
+    simulated : bool
+        Whether the recordings were simulated.
     rig, participants, channels, optical, streams, processing, model, recordings, session
         Tables of the file; `optical` is None without a motion capture, `session` where none is planned.
 
@@ -999,6 +1024,8 @@ class StudyFile(StudyTable):
     name: str = Field(pattern=NAME_PATTERN)
     citation: str = ""
     notes: tuple[str, ...] = ()
+    assumed: tuple[AssumedDefault, ...] = ()
+    simulated: bool = False
     rig: RigTable
     participants: dict[Word, Participant] = Field({})
     channels: dict[Word, ChannelSpec]

@@ -23,6 +23,7 @@ from .procedures.command import HELP_GROUPS, LEARN_GROUP
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from .answer import Answer
     from .procedures.result import Result
 
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
@@ -43,6 +44,9 @@ MAX_ITEM_LINES_UNLESS_VERBOSE = 34
 """Largest number of lines that warnings and notes together take without ``-v``.
 
 The command's own lines fill the screen."""
+
+MAX_STEP_LINES = 10
+"""Largest number of lines on what to do next without ``-v``."""
 
 MAX_TABLE_LINES_UNLESS_VERBOSE = 20
 """Largest number of lines of a table that stands beside sentences without ``-v``."""
@@ -212,12 +216,23 @@ def _print_progress(text: str, share: float, told: float, elapsed: float) -> Non
 
 
 def print_json(result: Result) -> None:
-    """Print every row of a result as JSON."""
+    """Print the answers and every row of a result as JSON."""
     from json import dumps
 
     from .results import finite_row, row_table
 
-    typer.echo(dumps({"figures": [row_table(finite_row(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
+    answers = [{"command": part.command, "procedure": part.procedure, **part.answer.table()} for part in result.each]
+    table = {"answers": answers, "figures": [row_table(finite_row(row)) for row in result.rows]}
+    typer.echo(dumps(table, indent=1, ensure_ascii=False))
+
+
+def print_answer(out: Console, answer: Answer, *, with_steps: bool = False) -> None:
+    """Print an answer: question, verdict with its sentence, what it is based on; `with_steps` what to do next, too."""
+    from .answer import answer_lines
+
+    steps = answer.following if with_steps else ()
+    print_line(out, "\n".join(answer_lines(answer)))
+    print_lines(out, [text.replace("`", "") for text in steps], MAX_STEP_LINES, "further step")
 
 
 def print_items(out: Console, items: Sequence[tuple[str, str]], max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE) -> None:

@@ -13,15 +13,17 @@ from pellucid._printed_command import printed_command
 from pellucid.controllers.elbow_controllers import BEST_CONTROLLER, BEST_SENSED_CONTROLLER, ELBOW_CONTROLLERS
 from pellucid.joint.slider.study import direction_figures
 from pellucid.joint.slider.study.slider_page import COLOUR_ROLES, COMPARED_METHODS, PROTOCOL_WORDS, SHORT_METHOD_NAMES
-from pellucid.joint.study.joint_page import error_range_text, headline_error, joint_answer, parameter_value
+from pellucid.joint.study.joint_answer import error_range_text, headline_error
+from pellucid.joint.study.joint_page import answer_figure, parameter_value
 from pellucid.people.indices import EMG_LEVEL, MEDIAN_DURATION, RMS_INTERACTION_TORQUE, Index
 from pellucid.people.study import assessment_figures
-from pellucid.people.study.assessment_page import change_value, known_changes
+from pellucid.people.study.assessment_answer import change_value, known_changes
 from pellucid.people.study.assessment_result import AssessmentResult
+from pellucid.study.answer import Answer, Step
 from pellucid.study.datasets.registry import info
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table
-from pellucid.study.pages.page import Answer, Page, Section, Tile, write_page
+from pellucid.study.pages.page import Page, Section, Tile, write_page
 from pellucid.study.pages.quantities import (
     number,
     parameter_interval,
@@ -58,8 +60,8 @@ def write_story(out: Path, made: Demonstration) -> Path:
     page = Page(
         title="Pellucid, from a recording to a transparent robot",
         kicker="pellucid demo",
-        headline=_headline(made),
         answer=_answer(made),
+        figure=answer_figure(made.real_fit),
         tiles=_tiles(made),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}; every random draw is seeded. Each chapter is a folder "
@@ -80,10 +82,9 @@ def _headline(made: Demonstration) -> str:
 
 
 def _answer(made: Demonstration) -> Answer:
-    """Return the answer of the real machine's report, with its moving figure."""
-    answer = joint_answer(made.real, made.real_fit)
-    following = ("Try your own recordings: `pellucid init my-joint --from recordings`.",)
-    return Answer(answer.question, answer.verdict, answer.figure, following)
+    """Return the answer of the real machine's report, with what the robot leaves people."""
+    step = Step("Try your own recordings", line="pellucid init my-joint --from recordings")
+    return replace(made.real_fit.answer, said=_headline(made), next=(step,))
 
 
 def _real_error(made: Demonstration) -> Value:

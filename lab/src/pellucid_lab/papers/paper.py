@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from pellucid._errors import PellucidError
-from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from pellucid.study.answer import Answer, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from pellucid.study.pages.page import Page, Section, Tile, without_drawing
 
 from .figure import Figures, Reproduced
 from .printed import PrintedPaper, papers, printed
@@ -110,23 +111,41 @@ class Paper(ABC):
         drawings = [drawing for section in sections for drawing in section.drawings]
         named = (drawing for drawing in drawings if drawing.name == self.answer_figure)
         drawn = next(named, drawings[0] if drawings else None)
-        compared = [row.verdict for row in figures.values() if row.verdict in ("agrees", "differs")]
-        agreed = compared.count("agrees")
-        verdict: AnswerVerdict = "unsure" if not compared else "yes" if agreed == len(compared) else "no"
-        counted = f"{agreed} of the {len(compared)} printed figures that are compared agree. " if compared else ""
         return Page(
             title,
             f"{self.kicker}, re-enacted on a virtual rig: {self.printed.citation}",
-            counted + self.headline(figures),
+            "",
             self.tiles(figures),
             sections if drawn is None else without_drawing(sections, drawn.name),
             self.footer(),
-            answer=Answer(
-                "Does every printed figure agree with what a virtual rig gives?",
-                verdict,
-                drawn,
-                ("Read what cannot be so in print, with a test for each: docs/errata.md.",),
-            ),
+            answer=self.answer(figures),
+            figure=drawn,
+        )
+
+    def claims(self, figures: Figures) -> tuple[AnswerPart, ...]:
+        """Return whether each claim of the paper holds here; without any, whether the printed figures agree."""
+        return ()
+
+    def answer(self, figures: Figures) -> Answer:
+        """Return whether the paper's claims hold on simulated data, claim by claim."""
+        claims = self.claims(figures)
+        compared = [row.verdict for row in figures.values() if row.verdict in ("agrees", "differs")]
+        agreed = compared.count("agrees")
+        counted = f"{agreed} of the {len(compared)} printed figures that are compared agree."
+        parts = claims or (
+            (AnswerPart("printed figures", "yes" if agreed == len(compared) else "no", counted),) if compared else ()
+        )
+        listed = "; ".join(f"{claim.name}: {claim}" for claim in claims)
+        said = f"{listed}. " if claims else f"{counted} " if compared else ""
+        about = self.printed
+        return Answer(
+            "Do the claims of the paper hold on simulated data?",
+            verdict_of_parts(parts),
+            f"{said}{self.headline(figures)}",
+            reason_of_parts(parts) or ("" if parts else "nothing of it is compared"),
+            tuple(parts),
+            basis=Basis(len(figures), len(figures), "figure", "simulated rigs and people", is_simulated=True),
+            next=(Step(f"Read what {about.authors} cannot have meant in print, with a test for each: docs/errata.md"),),
         )
 
     def write_more(self, out: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pellucid._given import require_folder
+from pellucid.study.answer import Answer
 from pellucid.study.pages.page import write_page
 from pellucid.study.results import require_own_page
 
@@ -22,6 +23,7 @@ class Reproduction:
     page: Path
     lines: tuple[str, ...]  # The main figures, a sentence each
     figures: Figures = field(repr=False)  # All of them
+    answer: Answer  # Whether the paper's claims hold here
 
 
 def reproduce(
@@ -60,7 +62,8 @@ def reproduce(
     write_figures(out, command, tuple(figures.values()), made.split)
     made.write_more(out)
     page = write_page(out, made.page(figures))
-    return Reproduction(page, tuple(_sentence(row) for row in figures.values() if made.is_main(row.id)), figures)
+    lines = tuple(_sentence(row) for row in figures.values() if made.is_main(row.id))
+    return Reproduction(page, lines, figures, made.answer(figures))
 
 
 def _sentence(row: Reproduced) -> str:

@@ -6,9 +6,10 @@ from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
 
+from pellucid.study.answer import Answer, AnswerNumber, AnswerPart, Step
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, Row, Table, forest
-from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, write_page
+from pellucid.study.pages.page import Page, Section, write_page
 from pellucid.study.pages.quantities import cell_text, number
 from pellucid.study.pages.values import Value
 from pellucid.study.procedures.result_tables import FigureTable
@@ -30,13 +31,8 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
     page = Page(
         title=f"{found.study}: predicted effects",
         kicker="pellucid predict",
-        headline=_headline(found, leading, share),
-        answer=Answer(
-            f"Do these controllers change how people move ({leading.words}), against no robot?",
-            _verdict(found, leading),
-            _figure(found, leading, share),
-            ("Record people of your own: `pellucid init my-session --session elbow`.",),
-        ),
+        answer=prediction_answer(found),
+        figure=_figure(found, leading, share),
         sections=(
             Section(
                 "indices", "Other indices", drawings=tuple(_figure(found, index, share) for index in others[:3]),
@@ -46,7 +42,7 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
                 "method",
                 "What was drawn",
                 (
-                    f"{found.headline.replace(' x ', ' × ')}.",
+                    f"{found.headline.replace(' x ', ' × ').rstrip('.')}.",
                     "Every drawn robot is identified, makes controllers of its identification, and is worn by every "
                     "drawn person. Studies are drawn from these pairs as a lab would run them. All of it is simulated: "
                     "a prediction is no measurement of people.",
@@ -69,10 +65,26 @@ def _carried_paragraph(found: Predicted) -> tuple[str, ...]:
     )
 
 
-def _verdict(found: Predicted, index: PredictedIndex) -> AnswerVerdict:
-    """Return yes if the interval of any controller leaves out zero; otherwise the studies are too few to say."""
-    ends = [found.studies.interval(index.name, law) for law in found.prediction.laws]
-    return "yes" if any(low > 0.0 or high < 0.0 for low, _, high in ends) else "unsure"
+def prediction_answer(found: Predicted) -> Answer:
+    """Return whether controllers change the leading index: each whose interval leaves out zero does."""
+    index = PREDICTED_INDICES[0]
+    parts, numbers = [], []
+    for law in found.prediction.laws:
+        low, middle, high = found.studies.interval(index.name, law)
+        told = low > 0.0 or high < 0.0
+        words = condition_words(law)
+        parts.append(AnswerPart(words, "yes" if told else "cannot say", f"{middle:+.3g} % ({low:+.3g} to {high:+.3g})"))
+        numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), _row_id(found, index, law)))
+    told = any(part.verdict == "yes" for part in parts)
+    return Answer(
+        f"Do these controllers change how people move ({index.words}), against no robot?",
+        "yes" if told else "cannot say",
+        _headline(found, index, f"{100.0 * found.confidence:.0f} % of drawn studies"),
+        "" if told else "every interval contains 0",
+        tuple(parts),
+        tuple(numbers),
+        next=(Step("Record people of your own", line="pellucid init my-session --session elbow"),),
+    )
 
 
 def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.people.share_of_people import MIN_PEOPLE
+from pellucid.study.answer import Answer, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table, number_table
-from pellucid.study.pages.page import Answer, AnswerVerdict, Page, Section, without_drawing, write_page
+from pellucid.study.pages.page import Page, Section, without_drawing, write_page
 
 from .board import BoardEntry, share_over_before
 from .foreign_law import stopped_words
@@ -50,36 +51,43 @@ def write_ranking(
     page = Page(
         title="Which controller?",
         kicker="pellucid rank",
-        headline=_headline(tasks, pairs),
         sections=sections if figure is None else without_drawing(sections, figure.name),
         footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
-        answer=Answer(
-            "Does any controller leave less torque than every simple rival, by a test?",
-            _verdict(tasks),
-            figure,
-            (
-                "Try the first on your own study: `pellucid export --help` says how.",
-                *(
-                    ("Few pairs separate few controllers: `pellucid rank --pairs 12`.",)
-                    if pairs < MIN_TOLD_PAIRS
-                    else ()
-                ),
-            ),
-        ),
+        answer=ranking_answer(tasks, pairs),
+        figure=figure,
     )
     return write_page(out, page)
+
+
+def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
+    """Return whether a controller leaves less torque than every simple rival in each task."""
+    parts = []
+    for task in tasks:
+        first = option_name(task.controllers[0])
+        if task.controllers[0] in SIMPLE_RIVALS[task.task]:
+            parts.append(AnswerPart(task.task, "no", f"{first}, a simple rival, leaves least"))
+        elif task.test is not None and _is_told_from_rivals(task):
+            parts.append(AnswerPart(task.task, "yes", f"{first} leaves less, by a test"))
+        else:
+            parts.append(AnswerPart(task.task, "cannot say", f"no test tells {first} from each rival"))
+    steps = [Step("Try the first on your own study; how", line="pellucid export --help")]
+    if pairs < MIN_TOLD_PAIRS:
+        steps.append(Step("Few pairs separate few controllers", line=f"pellucid rank --pairs {MIN_TOLD_PAIRS}"))
+    return Answer(
+        "Does any controller leave less torque than every simple rival, by a test?",
+        verdict_of_parts(parts),
+        _headline(tasks, pairs),
+        reason_of_parts(parts),
+        tuple(parts),
+        basis=Basis(pairs, pairs, "pair", is_simulated=True),
+        next=tuple(steps),
+    )
 
 
 def _is_told_from_rivals(task: TaskRanking) -> bool:
     """Return whether the first controller is told from each of the simplest rivals."""
     first, rivals = task.controllers[0], SIMPLE_RIVALS[task.task]
     return first not in rivals and not any(task.like_first[task.controllers.index(rival)] for rival in rivals)
-
-
-def _verdict(tasks: Sequence[TaskRanking]) -> AnswerVerdict:
-    if any(task.controllers[0] in SIMPLE_RIVALS[task.task] for task in tasks):
-        return "no"
-    return "yes" if all(task.test is not None and _is_told_from_rivals(task) for task in tasks) else "unsure"
 
 
 def _headline(tasks: Sequence[TaskRanking], pairs: int) -> str:

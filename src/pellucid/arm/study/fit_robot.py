@@ -30,6 +30,7 @@ from ...numerics.arguments import (
 )
 from ...numerics.motion import Filtering, shortest
 from ...numerics.sampled import sampled
+from ...study.answer import AnswerPart
 from ...units import to_si_factor
 from ..fit.fit_tree import heldout_errors, identify_tree
 from ..fit.inertia_prior import fit_consistent
@@ -38,7 +39,7 @@ from ..fit.tree_families import FURTHER_MOTOR_TERMS, FURTHER_TERMS
 from ..fit.tree_regression import TreeModel
 from ..tree_motion import TreeMotion, tree_motion_of
 from ..urdf import read_robot
-from .joint_answers import JointAnswer, answer_joints
+from .joint_answers import answer_joints
 from .recorded_tree import SIGN_THRESHOLDS, friction_power_shares
 
 SETTLING_PERIODS = 2.0
@@ -106,7 +107,7 @@ class RobotFit(TreeEstimate):
         there are none, with the reason among the notes. `simulate` takes these bodies.
     heldout : RobotScore, optional
         Errors on the held-out recordings; None without one.
-    answers : tuple of JointAnswer
+    answers : tuple of AnswerPart
         Whether the model predicts each joint: "yes", "no" or "cannot say", with the reason.
 
     The other attributes are those of `TreeEstimate`.
@@ -118,7 +119,7 @@ class RobotFit(TreeEstimate):
     effort_lowpass: float | None = None
     consistent: TreeEstimate | None = None
     heldout: RobotScore | None = None
-    answers: tuple[JointAnswer, ...] = ()
+    answers: tuple[AnswerPart, ...] = ()
 
     @property
     def heldout_effort_error(self) -> float:

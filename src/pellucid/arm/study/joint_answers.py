@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from ...study.answer import AnswerPart
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 
@@ -15,31 +14,9 @@ MIN_MOVING_SHARE = 0.2
 """Smallest share of the fitted rows in which a joint should move."""
 
 
-@dataclass(frozen=True)
-class JointAnswer:
-    """The verdict on one joint of a robot.
-
-    Attributes
-    ----------
-    joint : str
-        Name of the joint.
-    answer : str
-        "yes", "no" or "cannot say".
-    reason : str
-        Reason, with the error it rests on.
-    """
-
-    joint: str
-    answer: Literal["yes", "no", "cannot say"]
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.answer}: {self.reason}"
-
-
 def answer_joints(
     names: Sequence[str], errors: Sequence[float] | None, where: str, moving: Sequence[float], wrong: Sequence[str] = ()
-) -> tuple[JointAnswer, ...]:
+) -> tuple[AnswerPart, ...]:
     """Return the verdict on each joint.
 
     `errors`, (m,), are those on data that were not fitted [%], with NaN where a joint rests; None if nothing was left
@@ -51,24 +28,24 @@ def answer_joints(
         error = float("nan") if errors is None else float(errors[k])
         text = f"effort error {percent(error)} % on {where}"
         if wrong:
-            made.append(JointAnswer(name, "no", f"first correct: {', '.join(wrong)}"))
+            made.append(AnswerPart(name, "cannot say", f"first correct: {', '.join(wrong)}"))
         elif errors is None:
-            made.append(JointAnswer(name, "cannot say", "nothing was held out"))
+            made.append(AnswerPart(name, "cannot say", "nothing was held out"))
         elif not np.isfinite(error):
-            made.append(JointAnswer(name, "cannot say", f"it rests on {where}"))
+            made.append(AnswerPart(name, "cannot say", f"it rests on {where}"))
         elif error > MAX_GOOD_ERROR:
-            made.append(JointAnswer(name, "no", f"{text}, more than {MAX_GOOD_ERROR:g} %"))
+            made.append(AnswerPart(name, "no", f"{text}, more than {MAX_GOOD_ERROR:g} %"))
         elif moving[k] < MIN_MOVING_SHARE:
             share = f"it moves in {percent(100.0 * moving[k])} % of the fitted rows alone"
-            made.append(JointAnswer(name, "cannot say", share))
+            made.append(AnswerPart(name, "cannot say", share))
         else:
-            made.append(JointAnswer(name, "yes", text))
+            made.append(AnswerPart(name, "yes", text))
     return tuple(made)
 
 
-def answers_in_words(answers: Sequence[JointAnswer]) -> str:
+def answers_in_words(answers: Sequence[AnswerPart]) -> str:
     """Return the verdicts in a sentence; joints that are not predicted have their reason."""
-    good = [each.joint for each in answers if each.answer == "yes"]
+    good = [each.name for each in answers if each.verdict == "yes"]
     text = f"The model predicts {len(good)} of {len(answers)} joints within {MAX_GOOD_ERROR:g} % of their effort"
-    others = [f"{each.joint}: {each}" for each in answers if each.answer != "yes"]
+    others = [f"{each.name}: {each}" for each in answers if each.verdict != "yes"]
     return f"{text}; {'; '.join(others)}" if others else text

@@ -6,26 +6,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..._printed_command import printed_command
 from ...study.drawing.drawing import draw
 from ...study.pages.forest import Row, Table, number_table
-from ...study.pages.page import AnswerVerdict, Page, Section, Tile
+from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import (
     number,
     parameter_interval,
     parameter_label,
     percent,
     relative_sd,
-    typeset_sentence,
     unit_text,
 )
-from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.friction_terms import sum_friction
 from ..fit.tree_estimate import parameter_verdict
 from . import tree_figures as figures
-from .joint_answers import answers_in_words
 from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
 from .tree_result import MODEL_DESCRIPTIONS, ROW_KIND_DESCRIPTIONS, TreeResult, errors_along, terms_of
 
@@ -92,39 +88,11 @@ def page(study: Study, result: TreeResult) -> Page:
     ]
     return study_page(
         title=f"{result.study}: identified robot",
-        headline=typeset_sentence(_headline(result)),
+        answer=result.answer,
         tiles=_tiles(result),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
-        question=f"Does the model predict every joint's effort within {MAX_GOOD_ERROR:g} % where it was not fitted?",
-        following=(f"Make a controller of it: `{printed_command('export', study.folder)}`.",),
-        badge=_verdict(result),
     )
-
-
-def _verdict(found: TreeResult) -> AnswerVerdict:
-    """Return whether every joint's effort is predicted within the bound on what was not fitted."""
-    answers = {each.answer for each in found.answers}
-    return "no" if "no" in answers else "unsure" if "cannot say" in answers else "yes"
-
-
-def _headline(found: TreeResult) -> str:
-    best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
-    stated = found.errors_of("stated", found.judged)
-    wrong = any(v.kind == "wrong" for v in found.verdicts)
-    text = "These figures are not the machine's before what stands first below is mended. " if wrong else ""
-    names = dict.fromkeys(t.recording for t in found.traces if t.use == "fit")
-    count = "one recording" if len(names) == 1 else f"{len(names)} recordings"
-    text += f"A robot of {len(found.names)} joints, identified from {count}. "
-    assert best is not None  # both are judged wherever anything is
-    assert base is not None
-    text += (
-        f"On {ROW_KIND_DESCRIPTIONS[found.judged]} its model misses {percent(best.mean)} % of the effort, "
-        f"mean over joints ({percent(min(best.each))} to {percent(max(best.each))} % by joint); with "
-        f"plain friction {percent(base.mean)} %"
-    )
-    text += f", with bodies as stated {percent(stated.mean)} %." if stated else "."
-    return f"{text} {answers_in_words(found.answers)}."
 
 
 def _tiles(found: TreeResult) -> list[Tile]:

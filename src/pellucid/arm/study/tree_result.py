@@ -18,6 +18,9 @@ from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...numerics.motion import Filtering
+from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from ...study.pages.quantities import percent
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
 from ...study.results import ResultRow, combined_checksum
 from ...study.study import Study
@@ -28,7 +31,7 @@ from ..fit.tree_families import SpectralLine
 from ..fit.tree_regression import TreeModel
 from ..tree_motion import TreeMotion, fitted_without_payload
 from .fit_robot import RobotFit, RobotScore, RobotTrace
-from .joint_answers import JointAnswer, answer_joints
+from .joint_answers import answer_joints, answers_in_words
 from .tree_table import TreeTable
 
 COMMAND_NAME = "identify"
@@ -147,6 +150,9 @@ class TreeResult(Result):
     effort_lowpass: float | None = None  # cut-off of the low-pass on effort, where it is another [Hz]
     dead_band: tuple[float, ...] = ()  # speed of each joint below which samples are excluded [rad/s; m/s]
 
+    def make_answer(self) -> Answer:
+        return tree_answer(self)
+
     @property
     def best(self) -> TreeEstimate:
         """Estimate whose figures are drawn."""
@@ -158,7 +164,7 @@ class TreeResult(Result):
         own = {each.name: getattr(self.best, each.name) for each in fields(self.best)}
         return RobotFit(
             **own, filtering=self.filtering, dead_band=self.dead_band, effort_lowpass=self.effort_lowpass,
-            consistent=self.models.get("consistent"), answers=self.answers,
+            consistent=self.models.get("consistent"), answers=self.joint_answers,
         )  # fmt: skip
 
     def predict(self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike | None = None) -> np.ndarray:
@@ -176,7 +182,7 @@ class TreeResult(Result):
         return self.fit.score(recordings)
 
     @property
-    def answers(self) -> tuple[JointAnswer, ...]:
+    def joint_answers(self) -> tuple[AnswerPart, ...]:
         """Whether the best model predicts each joint: "yes", "no" or "cannot say", with the reason."""
         judged = self.judged
         errors = None if judged == "fitted" else self.errors_of("best", judged).each
@@ -273,31 +279,48 @@ def complete_result(study: Study, found: TreeResult) -> TreeResult:
     """Add the headline, tables, rows and cards to a result."""
     return replace(
         found,
-        headline=_headline(found),
+        headline=tree_answer(found).sentence,
         tables=tuple(_tables(found)),
         rows=tuple(tree_rows_of(found)),
         cards={f"tree.{name}": tree_card(study, found, model) for name, model in found.models.items()},
     )
 
 
-def _headline(found: TreeResult) -> str:
+def tree_answer(found: TreeResult) -> Answer:
+    """Return whether the model predicts the effort of each joint where it was not fitted."""
+    parts, judged = found.joint_answers, ROW_KIND_DESCRIPTIONS[found.judged]
     best, base = (found.errors_of(name, found.judged) for name in HEADLINE_MODELS)
-    wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in found.verdicts if v.kind == "wrong"))
-    text = (
-        f"{len(found.names)} joints; mean effort error {best.mean:.3g} % on {ROW_KIND_DESCRIPTIONS[found.judged]} "
-        "with friction "
-        f"chosen for each joint, {base.mean:.3g} % with plain friction"
+    stated = found.errors_of("stated", found.judged)
+    said = f"{answers_in_words(parts)}. On {judged} the error of the effort is {percent(best.mean)} %, mean over "
+    said += f"joints ({percent(np.nanmin(best.each))} to {percent(np.nanmax(best.each))} % by joint); with plain "
+    said += f"friction {percent(base.mean)} %" + (f", with bodies as stated {percent(stated.mean)} %" if stated else "")
+    verdict = verdict_of_parts(parts)
+    numbers = [
+        AnswerNumber(f"error of the effort of {name} on {judged}", error, "%")
+        for name, error in zip(found.names, best.each, strict=True)
+    ]
+    recordings = len(found.checksums)
+    return Answer(
+        f"Does the model predict each joint's effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
+        verdict,
+        f"{said}.",
+        reason_of_parts(parts),
+        parts,
+        tuple(numbers),
+        Basis(recordings, recordings, judged=judged),
+        next=(
+            Step("Make a controller of it", "export")
+            if verdict == "yes"
+            else Step("Record more motion of the joints that are named, and hold a recording out; then", "check"),
+        ),
     )
-    text += f"; not to be used before this is corrected: {', '.join(wrong)}" if wrong else ""
-    counts = Counter(each.answer for each in found.answers)
-    return f"{text}; predicted well enough: " + ", ".join(f"{answer} for {n}" for answer, n in counts.items())
 
 
 def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
-    answers = found.answers
+    answers = found.joint_answers
     # Joints that are not predicted are told first, and on a short terminal too.
-    chosen = tuple(k for k, each in enumerate(answers) if each.answer != "yes")
-    rows = tuple((each.joint, each.answer, each.reason) for each in answers)
+    chosen = tuple(k for k, each in enumerate(answers) if each.verdict != "yes")
+    rows = tuple((each.name, each.verdict, each.reason) for each in answers)
     heads = ("joint", "answer", "reason")
     yield FigureTable("Joints, whether the model predicts each", heads, rows, chosen_rows=chosen)
     names = [name.replace("_", " ") for name in found.names]
@@ -469,8 +492,8 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         for k, (name, value) in enumerate(zip(found.names, e.each, strict=True), 1):
             yield replace(of, id=f"{head}.joint_{k}", value=value, unit="%", note=f"{name}: {note}")
         yield replace(of, id=f"{head}.mean", value=e.mean, unit="%", note=f"mean over joints; {note}")
-    for k, answer in enumerate(found.answers, 1):
-        value = {"yes": 1.0, "no": 0.0}.get(answer.answer)
+    for k, answer in enumerate(found.joint_answers, 1):
+        value = {"yes": 1.0, "no": 0.0}.get(answer.verdict)
         note = f"{answer.joint}: {answer}"
         yield replace(kept, id=f"{found.study}.best.predicts.joint_{k}", value=value, note=note)
     for recording, (use, each) in errors_by_recording(found).items():

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...study.answer import Answer, AnswerVerdict
 from ...study.drawing.drawing import Drawing, draw
 from ...study.drawing.style import colour
 from ...study.pages.forest import Row, Table, number_table
 from ...study.pages.moving import Traces, over_time
-from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, write_page
+from ...study.pages.page import Page, Section, Tile, write_page
 from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
 
@@ -26,11 +27,11 @@ def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
     """Write index.html and its figure into a folder, and return the page's path."""
     (_, first), *others = account.sentences
     figure = draw(incident_figure, account) if len(account.time) else None
-    acted: AnswerVerdict = "yes" if account.acting is not None and account.acting.share >= 1.0 else "unsure"
+    acted: AnswerVerdict = "yes" if account.acting is not None and account.acting.share >= 1.0 else "cannot say"
+    answer = Answer("Did a watch pass its threshold?", "no" if account.record.stop is None else acted, first)
     page = Page(
         title="After an incident",
         kicker="pellucid incident",
-        headline=first,
         tiles=_tiles(account),
         verdicts=tuple(others),
         sections=(
@@ -39,7 +40,8 @@ def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
             _log_section(account),
         ),
         footer=f"Written by pellucid {version('pellucid')} from the record of the law {account.record.law}.",
-        answer=Answer("Did a watch pass its threshold?", "no" if account.record.stop is None else acted, figure),
+        answer=answer,
+        figure=figure,
     )
     return write_page(folder, page)
 

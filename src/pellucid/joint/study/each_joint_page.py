@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...study.pages.forest import Row, Table
-from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile
+from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import typeset_sentence
-from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import Result
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from . import procedure
 from .each_joint_result import EachJointResult
-from .joint_coupling import ROBOT_ADVICE
-from .joint_page import answer_verdict, headline_error, joint_section
+from .joint_answer import headline_error, judged_words
+from .joint_page import joint_section
 from .joint_result import JointResult
 from .joint_views import joint_views
 from .spring_result import SpringResult
@@ -33,16 +32,10 @@ def page(study: Study, result: EachJointResult) -> Page:
     sections = [section for joint, found in result.joints.items() for section in _sections(views[joint], joint, found)]
     return study_page(
         title=f"{result.study}: identified joints",
-        headline=typeset_sentence(f"{result.headline}."),
+        answer=result.answer,
         tiles=_tiles(result),
         sections=(overview, *sections, _provenance(study, result)),
         verdicts=result.verdicts,
-        answer=Answer(
-            "Does each joint's model predict recordings that it has not seen, within "
-            f"{MAX_GOOD_ERROR:g} % over all of them?",
-            _verdict(result),
-            next=(ROBOT_ADVICE,),
-        ),
     )
 
 
@@ -50,17 +43,9 @@ def _tiles(result: EachJointResult) -> list[Tile]:
     found = {joint: each for joint, each in result.joints.items() if isinstance(each, JointResult)}
     tiles = []
     for joint, each in list(found.items())[:MAX_TILES]:
-        held = "held out" if any(p.split == "heldout" for p in each.headlined.predictions) else "fitted"
-        tiles.append(Tile(f"Error of {joint}", str(headline_error(each)), "%", f"on what was {held}"))
+        where = judged_words(each) or "what was fitted"
+        tiles.append(Tile(f"Error of {joint}", str(headline_error(each)), "%", f"on {where}"))
     return tiles
-
-
-def _verdict(result: EachJointResult) -> AnswerVerdict:
-    """Return the worst of the joints' answers; where a joint is left out, nobody can say yes of each."""
-    said = {answer_verdict(each) for each in result.joints.values() if isinstance(each, JointResult)}
-    if "no" in said:
-        return "no"
-    return "unsure" if "unsure" in said or not said or result.left_out else "yes"
 
 
 def _sections(view: Study, joint: str, found: Result) -> list[Section]:

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from ...models.estimates import Parameter, Verdict
+from ...study.answer import Answer, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
 from ...study.study import Study
+from .joint_coupling import ROBOT_STEP
 from .joint_result import JointResult
 from .joint_views import joint_views
 
@@ -42,6 +43,9 @@ class EachJointResult(Result):
         """Sentences of all joints for a paper."""
         return "\n\n".join(found.prose for found in self.joints.values() if found.prose)
 
+    def make_answer(self) -> Answer:
+        return each_joint_answer(self)
+
     def for_page(self) -> EachJointResult:
         return replace(self, joints={joint: found.for_page() for joint, found in self.joints.items()})
 
@@ -54,9 +58,9 @@ def complete_each_joint(
     verdicts: tuple[Verdict, ...],
 ) -> EachJointResult:
     """Return the result of a study whose `joints` were identified."""
-    return EachJointResult(
+    found = EachJointResult(
         study=study.name,
-        headline=_headline(joints, resting, left_out),
+        headline="",
         tables=(
             joint_table(study, joints, resting, left_out),
             *(replace(t, title=f"{joint}: {t.title}") for joint, found in joints.items() for t in found.tables),
@@ -70,6 +74,7 @@ def complete_each_joint(
         resting=resting,
         left_out=left_out,
     )
+    return replace(found, headline=found.answer.sentence)
 
 
 def _card_name(name: str, joint: str) -> str:
@@ -79,14 +84,10 @@ def _card_name(name: str, joint: str) -> str:
 
 
 def heldout_text(found: Result) -> str:
-    """Return the error on held-out recordings in words, or that on fitted ones where none is held out; "" if neither
-    was found."""
-    if not isinstance(found, JointResult):
-        return ""
-    one = found.headlined
-    if np.isfinite(one.heldout_effort_error):
-        return f"{percent(one.heldout_effort_error)} %"
-    return f"{percent(one.fitted_effort_error)} % (fitted)"
+    """Return the error where a joint was not fitted in words; "" if none was found."""
+    answer = found.make_answer()
+    shown = next((percent(number.value) for number in answer.numbers if number.unit == "%"), "")
+    return f"{shown} %" if shown else ""
 
 
 def headline_parameters(found: Result) -> dict[str, Parameter]:
@@ -122,10 +123,32 @@ def _cell(parameter: Parameter | None, level: float) -> str:
     return f"{value_and_half_interval(parameter, level)} {unit_text(parameter.unit)}".rstrip()
 
 
-def _headline(joints: Mapping[str, Result], resting: Mapping[str, str], left_out: Mapping[str, str]) -> str:
-    count = len(joints) + len(resting) + len(left_out)
-    held = all(isinstance(r, JointResult) and np.isfinite(r.headlined.heldout_effort_error) for r in joints.values())
-    errors = ", ".join(f"{joint} {heldout_text(found) or 'without'}" for joint, found in joints.items())
-    text = f"{len(joints)} of {count} joints identified, each on its own; {'held-out ' * held}effort error: {errors}"
-    text += f"; not moved: {', '.join(resting)}" if resting else ""
-    return text + (f"; left out, for the reasons below: {', '.join(left_out)}" if left_out else "")
+def each_joint_answer(found: EachJointResult) -> Answer:
+    """Return whether each joint's own model predicts its effort where it was not fitted."""
+    answers = {joint: result.make_answer() for joint, result in found.joints.items()}
+    parts = [
+        AnswerPart(joint, each.verdict, each.reason or heldout_text(found.joints[joint]) or each.sentence)
+        for joint, each in answers.items()
+    ]
+    parts += [AnswerPart(joint, "cannot say", f"left out: {why}") for joint, why in found.left_out.items()]
+    good = [f"{part.name} {part.reason}" for part in parts if part.verdict == "yes"]
+    count = len(parts) + len(found.resting)
+    said = f"Of {count} joints, each identified on its own, {len(good)} are predicted within {MAX_GOOD_ERROR:g} % of "
+    said += f"their effort where they were not fitted{': ' * bool(good)}{', '.join(good)}"
+    said += "".join(f"; {part.name}: {part}" for part in parts if part.verdict != "yes")
+    said += f"; not moved: {', '.join(found.resting)}" if found.resting else ""
+    judged = dict.fromkeys(each.basis.judged for each in answers.values() if each.basis is not None)
+    recordings = len(found.checksums)
+    numbers = [
+        replace(number, what=f"{joint}: {number.what}") for joint, each in answers.items() for number in each.numbers
+    ]
+    return Answer(
+        f"Does each joint's model predict its effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
+        verdict_of_parts(parts),
+        f"{said}.",
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(numbers),
+        Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
+        next=(ROBOT_STEP,),
+    )

@@ -169,6 +169,7 @@ def identify_joint(
         cards={},
         checksums={r.name: r.checksum for r in recordings},
         confidence=study.model.confidence,
+        joint=study.rig.joint,
         motion=study.rig.motion,
         effort_unit=drive.effort_unit,
         lifts=study.rig.lifts,

@@ -16,6 +16,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...models.estimates import Verdict
 from ...numerics.motion import Motion
+from ...study.answer import Step
 from ...study.pages.quantities import percent
 from ...study.procedures.result import Result
 from ...study.recorded_motions import motions_of
@@ -45,6 +46,9 @@ ROBOT_ADVICE = (
     'into its folder and add [tree] urdf = "FILE".'
 )
 """What to do for a model of all joints."""
+
+ROBOT_STEP = Step(ROBOT_ADVICE)
+"""The same as a step."""
 
 
 @dataclass(frozen=True)

@@ -46,16 +46,9 @@ from ...study.pages.quantities import (
 from ...study.pages.values import Value
 from ..fit.friction_family import FamilyFit
 from ..fit.replay import Prediction, Simulation
+from .joint_answer import by_recording, pooled_error
 from .joint_result import JointResult, Trace
 from .spring_result import SpringTrace
-
-
-def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
-    """Return the stretches grouped by recording, in the order of the recordings."""
-    groups: dict[str, list] = {}
-    for part in parts:
-        groups.setdefault(part.recording, []).append(part)
-    return list(groups.values())
 
 
 def join_stretches(group: Sequence[Simulation]) -> Simulation:
@@ -88,12 +81,6 @@ def join_arrays(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
     """Return arrays of several stretches one after another, with breaks between them."""
     parts = [[np.append(np.asarray(f(p), float), np.nan) for p in group] for f in of]
     return tuple(np.concatenate(p)[:-1] for p in parts)
-
-
-def pooled_error(group: Sequence[Prediction]) -> float:
-    """Return the effort error over several stretches [%]."""
-    residual = np.concatenate([p.residual for p in group])
-    return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
 
 
 def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:

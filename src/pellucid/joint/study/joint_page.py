@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._printed_command import printed_command
 from ...models.estimates import Parameter
 from ...study.drawing.drawing import Drawing, draw
 from ...study.pages.forest import Row, Table, number_table
-from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile
+from ...study.pages.page import Page, Section, Tile
 from ...study.pages.quantities import (
     EFFORT_NAMES,
     FAMILIES,
@@ -29,14 +28,14 @@ from ...study.pages.quantities import (
     value_and_half_interval,
 )
 from ...study.pages.values import Value
-from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
 from ...study.procedures.posterior_figures import posterior_figure
 from ...study.procedures.study_page import figure_tables, provenance, study_page
 from ...study.study import Study
 from ..fit.friction_family import FamilyFit
 from ..fit.joint_estimate import JointEstimate
 from . import joint_figures as figures
-from .joint_figures import by_recording, moving_joint, pooled_error, whole_recordings
+from .joint_answer import headline_error, judged_words
+from .joint_figures import moving_joint, whole_recordings
 from .joint_result import JointResult, Trace
 
 ESTIMATOR_EXPLANATIONS = (
@@ -113,74 +112,42 @@ def page(study: Study, result: JointResult) -> Page:
         )
     return study_page(
         title=f"{result.study}: identified joint",
-        headline=typeset_sentence(_headline(study, result)),
+        answer=result.answer,
         tiles=_tiles(result, result.confidence),
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
-        answer=joint_answer(study, result),
+        figure=answer_figure(result),
     )
 
 
 def joint_section(study: Study, fit: JointResult) -> Section:
     """Return a joint's answer, parameters and fit as one section of a page that has other joints, too."""
     fit = fit.for_page()
-    best, answer = fit.headlined, joint_answer(study, fit)
+    best = fit.headlined
     return Section(
         study.rig.joint,
         study.rig.joint,
-        (typeset_sentence(_headline(study, fit)),),
+        (typeset_sentence(fit.answer.whole),),
         (_parameters(fit, best.estimate, fit.confidence),),
-        (*filter(None, [answer.figure]), draw(figures.effort, fit, best)),
+        (answer_figure(fit), draw(figures.effort, fit, best)),
         notes=tuple(typeset_sentence(note) for note in best.estimate.notes),
         folded=(("Friction families compared", _families(fit)), ("Residuals", _diagnostics(fit))),
     )
 
 
-def joint_answer(study: Study, fit: JointResult) -> Answer:
-    """Return whether the model predicts what it has not seen, drawn along a recording.
-
-    Without recordings held out nobody can say; a larger error than a good prediction's is a no.
-    """
-    best, error = fit.headlined, headline_error(fit)
+def answer_figure(fit: JointResult) -> Drawing:
+    """Return the joint along a recording, held out where one is, with its effort measured and predicted."""
+    best = fit.headlined
     held = [p for p in best.predictions if p.split == "heldout"]
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    parts = held or list(best.predictions)
+    parts, use = (held, "held out") if held else (list(best.predictions), "fitted")
+    own = Value(f"{fit.study}.headline.effort_error", best.fitted_effort_error, percent(best.fitted_effort_error))
     sine, cosine = (best[n].value if n in best.model.names else 0.0 for n in ("gravity", "gravity_cosine"))
-    use = "held out" if held else "fitted"
-    figure = draw(
+    return draw(
         moving_joint, parts, "answer", rotary=fit.motion == "rotary", upright=-float(np.arctan2(cosine, sine)),
-        unit=unit_text(fit.effort_unit), error=error, use=use,
+        unit=unit_text(fit.effort_unit), error=headline_error(fit) if held else own, use=use,
         caption=f"The joint as it was recorded ({use}; its length is not to scale), and its effort: measured, and "
         "dashed as the model predicts it, with the 95 % prediction interval.",
     )  # fmt: skip
-    following = (
-        'Hold recordings out: give some of them `use = "validate"` in study.toml.'
-        if not held
-        else f"Make a controller of it: `{printed_command('export', study.folder)}`."
-    )
-    return Answer(
-        f"Does the model predict recordings that it has not seen, within {MAX_GOOD_ERROR:g} % over all of them?",
-        answer_verdict(fit),
-        figure,
-        () if wrong else (following,),
-    )
-
-
-def answer_verdict(fit: JointResult) -> AnswerVerdict:
-    """Return whether the model predicts what it has not seen: "unsure" where nothing was held out."""
-    best = fit.headlined
-    held = any(p.split == "heldout" for p in best.predictions)
-    good = held and headline_error(fit).number <= MAX_GOOD_ERROR and best.heldout_r2 >= SOUND_R2
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    return "no" if wrong or (held and not good) else "yes" if good else "unsure"
-
-
-def headline_error(fit: JointResult) -> Value:
-    """Return the error that tile, sentence and tables tell: held out, or where nothing is, on what was fitted [%]."""
-    best = fit.headlined
-    is_held = np.isfinite(best.heldout_effort_error)
-    error = float(best.heldout_effort_error if is_held else best.fitted_effort_error)
-    return Value(f"{fit.study}.headline.{'heldout.' if is_held else ''}effort_error", error, percent(error))
 
 
 def parameter_value(fit: JointResult, p: Parameter) -> str:
@@ -234,53 +201,11 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 # --- words and tables -----------------------------------------------------------------------------------------------
 
 
-def _headline(study: Study, fit: JointResult) -> str:
-    best, error = fit.headlined, headline_error(fit)
-    effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
-    if any(v.kind == "wrong" for v in fit.verdicts):
-        return (
-            f"Mend what stands below first: until then these figures do not describe the {study.rig.joint}. The "
-            f"{fit.best} friction model leaves an error of {error} % of the {effort}."
-        )
-    held = [p for p in best.predictions if p.split == "heldout"]
-    if not held:
-        return (
-            f"Nothing was held out. On what was fitted, the {fit.best} friction model of the {study.rig.joint} leaves "
-            f"an error of {error} % of the {effort}."
-        )
-    count = len(by_recording(held))
-    recordings = "a recording that it has" if count == 1 else f"{count} recordings that it has"
-    return (
-        f"The {fit.best} friction model of the {study.rig.joint} predicts the {effort} of {recordings} not seen with "
-        f"an error of {error} %{error_range_text(fit)}."
-    )
-
-
-def error_range_text(fit: JointResult) -> str:
-    """Return in brackets the smallest and the largest held-out error of a recording; "" of a single one.
-
-    Where some recordings lie beyond the bound of a good prediction, the others are counted.
-    """
-    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
-    single = [percent(pooled_error(group)) for group in by_recording(held)]
-    if len(single) < 2 or not all(map(_is_number, single)):
-        return ""
-    spread = sorted(single, key=float)
-    within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
-    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %" if within < len(spread) else ""
-    return f" ({spread[0]} to {spread[-1]} % by recording{beyond})"
-
-
-def _is_number(text: str) -> bool:
-    return text.replace(".", "", 1).isdigit()
-
-
 def _tiles(fit: JointResult, level: float) -> list[Tile]:
     best = fit.headlined
-    split, more = "fitted", "nothing was held out"
-    if np.isfinite(best.heldout_effort_error):
-        split, more = "held-out", f"{percent(best.fitted_effort_error)} % on what was fitted"
-    tiles = [Tile(f"Error on {split} data", str(headline_error(fit)), "%", more)]
+    judged = judged_words(fit)
+    more = f"on {judged}; {percent(best.fitted_effort_error)} % on what was fitted" if judged else "on what was fitted"
+    tiles = [Tile("Error where it was not fitted" if judged else "Error", str(headline_error(fit)), "%", more)]
     # Inertia, gravity and friction are the parameters that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:

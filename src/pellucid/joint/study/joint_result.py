@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.card import ModelCard
-from ...models.estimates import Parameter, Verdict
+from ...models.estimates import Parameter
 from ...numerics.motion import Motion
 from ...numerics.posterior.posterior import Posterior
 from ...study.pages.quantities import METHODS
@@ -25,9 +25,11 @@ from ..fit.joint_estimate import JointEstimate
 from ..fit.presliding import Presliding
 from ..fit.replay import Simulation, relative_error
 from ..fit.unknown_payload import UnknownPayload
+from .joint_answer import STRETCHES_OUT, crossed_error_of, joint_answer
 from .joint_causes import cause_sentence
 
 if TYPE_CHECKING:
+    from ...study.answer import Answer
     from ...study.drawing.drawing import Figure
 
 COMMAND_NAME = "identify"
@@ -58,6 +60,9 @@ class JointResult(Result):
     lifts: str  # effect of positive motion, in words
     families: Mapping[str, FamilyFit]  # fits of the families, in the requested order
     choice: HeadlineChoice  # the model behind the headline, and why
+    joint: str = "joint"  # name of the joint
+    # Effort error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown
+    crossed_error: tuple[float, float] = (float("nan"), float("nan"))
     filter_note: str  # processing in one line
     drive_constant: Parameter | None = None  # drive constant from recordings with a known payload
     posterior: Posterior | None = None  # posterior of the best family, if [model] posterior requests it
@@ -112,6 +117,9 @@ class JointResult(Result):
         )
         return (HeldOutEffort("", self.effort_unit, time, measured, predicted),)
 
+    def make_answer(self) -> Answer:
+        return joint_answer(self)
+
     def plot(self) -> Figure:
         """Draw the parameters of the chosen estimate with their intervals."""
         return self.headlined.estimate.plot()
@@ -123,15 +131,16 @@ class JointResult(Result):
 
 
 def complete_result(study: Study, found: JointResult) -> JointResult:
-    """Add the headline, tables, rows and cards to a result."""
+    """Add its sentence, tables, rows and cards to a result."""
     cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
     compared: tuple[FigureTable, ...] = ()
     if found.posterior is not None:
         title = f"Posterior beside least squares with {found.best} friction"
         compared = (posterior_table(title, found.posterior_pairs, found.confidence),)
+    found = replace(found, crossed_error=crossed_error_of(found))
     return replace(
         found,
-        headline=_headline(found.families, found.best) + _faults_to_correct(found.verdicts),
+        headline=joint_answer(found).sentence,
         tables=(
             *_tables(found.families, found.best, found.drive_constant),
             *(ParameterTable(f"Payload in recording {x.recording}", x.parameters) for x in found.payloads),
@@ -140,20 +149,6 @@ def complete_result(study: Study, found: JointResult) -> JointResult:
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
     )
-
-
-def _headline(families: Mapping[str, FamilyFit], best: str) -> str:
-    one = families[best].headline
-    held = np.isfinite(one.heldout_effort_error)
-    split, error = ("held-out", one.heldout_effort_error) if held else ("fitted", one.fitted_effort_error)
-    by = f" by {METHODS[one.estimate.method]}" if one.others else ""
-    return f"{best} friction{by}, {split} effort error {error:.3g} %"
-
-
-def _faults_to_correct(verdicts: Sequence[Verdict]) -> str:
-    """Return the faults that must be corrected before the headline can be used, in words."""
-    wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in verdicts if v.kind == "wrong"))
-    return f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else ""
 
 
 def _tables(
@@ -295,11 +290,14 @@ def _headline_rows(fit: JointResult, bare: ResultRow) -> Iterator[ResultRow]:
         own = replace(plain, note=f"{how}; {fit.filter_note}", undetermined=p.undetermined)
         yield _parameter_row(own, f"{head}.{p.name}", p)
     yield replace(plain, id=f"{head}.effort_error", value=one.fitted_effort_error, unit="%")
+    if np.isfinite(fit.crossed_error[0]):
+        own = replace(plain, split="heldout", note=STRETCHES_OUT)
+        yield replace(own, id=f"{head}.blocks_out.effort_error", value=fit.crossed_error[0], unit="%")
     if np.isfinite(one.heldout_effort_error):
         held = replace(plain, split="heldout")
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
-    left_out = "stretches of the fitted recordings left out in turn"
+    left_out = STRETCHES_OUT
     for method, each in choice.methods_of(fit.best).items():
         prefix, plainly = f"{head}.blocks_out.{method}", replace(bare, note=f"{left_out}, by {method}")
         if each.simulation_error is not None:

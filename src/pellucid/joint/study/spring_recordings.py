@@ -139,20 +139,15 @@ def spring_page(study: Study, found: SpringResult) -> Page:
 
     rig, stiffness = study.rig, found.fit.parameters[0]
     assert isinstance(rig, JointTable)  # the procedure is asked for one joint alone
-    stated = f"{stiffness.value:.4g} {stiffness.unit}"
     label = f"Effort ({unit_text(drive_model(rig).effort_unit)})"
     loop = draw(spring_loop, found.traces[-1], "rad" if rig.motion == "rotary" else "m", label)
     where = "beyond the gap" if found.fit.shape == "backlash" else "in the middle"
     tile = Tile("Stiffness", number(stiffness.value, stiffness.standard_error), unit_text(stiffness.unit), where)
     return study_page(
         title=f"{found.study}: a spring on the bench",
-        headline=found.headline,
+        answer=found.answer,
         verdicts=found.verdicts,
         tiles=(tile,),
-        question="Does one spring explain the effort?",
-        following=(
-            f'State it where the robot has it behind its motor: `[rig.instruments] spring_stiffness = "{stated}"`.',
-        ),
         sections=(
             Section("spring", "What was found", tables=parameter_tables(found), drawings=(loop,)),
             Section("errors", "Recordings", tables=figure_tables(found), notes=study.notes),

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...study.answer import Answer, AnswerNumber, Basis, Step
+from ...study.pages.quantities import percent
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import Result
 from ..fit.replay import relative_error
 from ..fit.spring_fit import SpringFit
@@ -33,3 +36,26 @@ class SpringResult(Result):
 
     fit: SpringFit
     traces: tuple[SpringTrace, ...] = ()  # what is held out last
+
+    def make_answer(self) -> Answer:
+        """Return whether a spring explains the effort: of held-out recordings, where there are any."""
+        held = [trace for trace in self.traces if trace.split == "heldout"]
+        judged = f"{len(held)} held-out recording{'' if len(held) == 1 else 's'}" if held else "what was fitted"
+        error = max((trace.error for trace in held), default=float(self.fit.effort_error))
+        good, stiffness = error <= MAX_GOOD_ERROR, self.fit.parameters[0]
+        stated = f"{stiffness.value:.4g} {stiffness.unit}"
+        use = f'State it where the robot has it behind its motor: `[rig.instruments] spring_stiffness = "{stated}"`'
+        count = len(self.checksums)
+        return Answer(
+            "Does one spring explain the effort?",
+            "yes" if good else "no",
+            f"{self.headline}; the error on {judged} is {percent(error)} % of the effort"
+            + (" in the worst one" if len(held) > 1 else ""),
+            "" if good else f"the error on {judged} is {percent(error)} %, more than {MAX_GOOD_ERROR:g} %",
+            numbers=(
+                AnswerNumber("stiffness", stiffness.value, stiffness.unit, stiffness.interval(self.confidence)),
+                AnswerNumber(f"error of the effort on {judged}", error, "%"),
+            ),
+            basis=Basis(count, count, judged=judged),
+            next=(Step(use),) if good else (),
+        )

@@ -10,8 +10,10 @@ from ..._errors import IdentificationError
 from ...files.fault import Fault
 from ...models.estimates import Parameter, Verdict
 from ...numerics.gravity_holds import GravityFit, Hold, fit_gravity
+from ...study.answer import Answer, AnswerNumber, Basis, Step
 from ...study.pages.page import Page, Section, Tile
-from ...study.pages.quantities import number, unit_text
+from ...study.pages.quantities import number, percent, unit_text
+from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, ParameterTable, Result
 from ...study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ...study.quality import inspect, require_sound
@@ -33,6 +35,9 @@ class PostureResult(Result):
 
     fit: GravityFit
     judged: tuple[tuple[Hold, float], ...] = ()  # held-out postures with the effort that was predicted
+
+    def make_answer(self) -> Answer:
+        return posture_answer(self)
 
 
 def posture_faults(study: Study) -> list[Fault]:
@@ -92,6 +97,33 @@ def identify_postures(study: Study) -> PostureResult:
     )
 
 
+def posture_answer(found: PostureResult) -> Answer:
+    """Return whether one weight explains the effort in every posture, held-out ones first."""
+    fit, held = found.fit, bool(found.judged)
+    measured = np.array([hold.torque for hold, _ in found.judged] if held else [hold.torque for hold in fit.holds])
+    missed = np.array([hold.torque - predicted for hold, predicted in found.judged]) if held else fit.residual
+    error = 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(measured))
+    judged = f"{len(missed)} held-out postures" if held else f"the {len(missed)} postures that were fitted"
+    weight = next(p for p in found.estimates.values() if p.name == "gravity")
+    told = weight.identifiable and error <= MAX_GOOD_ERROR
+    reason = "" if told else f"the error on {judged} is {percent(error)} %, more than {MAX_GOOD_ERROR:g} %"
+    if not weight.identifiable:
+        reason = "the interval of the weight contains 0"
+    count = len(found.checksums)
+    return Answer(
+        "Does one weight explain the effort in every posture?",
+        "yes" if told else "no" if weight.identifiable else "cannot say",
+        f"{found.headline}; the error on {judged} is {percent(error)} % of the effort",
+        reason,
+        numbers=(
+            AnswerNumber("weight", weight.value, weight.unit, weight.interval(found.confidence)),
+            AnswerNumber(f"error of the effort on {judged}", error, "%"),
+        ),
+        basis=Basis(count, count, judged=judged),
+        next=(Step("Record a motion: inertia and friction show in none of these postures"),),
+    )
+
+
 def _posture_table(fit: GravityFit, judged: tuple[tuple[Hold, float], ...], unit: str) -> FigureTable:
     rows = [
         (hold.recording, "fitted", np.degrees(hold.angle), hold.torque, float(off))
@@ -127,10 +159,9 @@ def posture_page(study: Study, found: PostureResult) -> Page:
     tile = Tile("Weight", number(weight.value, weight.standard_error), unit_text(weight.unit), "times the angle's sine")
     return study_page(
         title=f"{found.study}: weight of a joint",
-        headline=found.headline,
+        answer=found.answer,
         verdicts=found.verdicts,
         tiles=(tile,),
-        question="Does one weight explain the torque in every posture?",
         sections=(
             Section("weight", "What was found", tables=parameter_tables(found), drawings=(held,)),
             Section("postures", "Postures", tables=figure_tables(found), notes=study.notes),

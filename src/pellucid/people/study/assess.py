@@ -144,6 +144,7 @@ def assess_recordings(
         confidence=spec.confidence,
         estimand=spec.analysis.estimand,
         order=order,
+        has_margins=bool(spec.analysis.margins),
         is_registered=registered is not None,
         control=spec.control,
         conditions=conditions,

@@ -13,27 +13,27 @@ from pathlib import Path
 import numpy as np
 
 from ..._printed_command import printed_command
-from ...study.drawing.drawing import draw
+from ...study.drawing.drawing import Drawing, draw
 from ...study.pages.forest import Row, Table
-from ...study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing, write_page
-from ...study.pages.quantities import MINUS_SIGN, number, typeset_cell, typeset_sentence, unit_text
+from ...study.pages.page import Page, Section, Tile, without_drawing, write_page
+from ...study.pages.quantities import number, typeset_cell, typeset_sentence, unit_text
 from ...study.pages.values import Value
 from ...study.procedures.procedure import quiet
 from ...study.procedures.result import FigureTable
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..analysis import ANALYSIS_FILE
-from ..certificate import FAIL, PASS
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
 from . import assessment_tables as tables
+from .assessment_answer import change_value, known_changes
 from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
 from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
 from .pointing import REASON_WORDS
-from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
-from .statements import lowered, p_statement
+from .primary_change import ESTIMAND_WORDS, primary_change
+from .statements import p_statement
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
@@ -53,13 +53,13 @@ def page(study: Study, findings: AssessmentResult) -> Page:
     return Page(
         title=f"{findings.study}: transparency",
         kicker="Pellucid report",
-        headline=_answer_sentence(findings),
         tiles=_tiles(findings),
         sections=without_drawing(sections, "certificate"),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every "
         "number in results.json.",
         verdicts=_verdicts(findings),
-        answer=_answer(study, findings),
+        answer=findings.answer,
+        figure=_figure(findings),
     )
 
 
@@ -69,75 +69,16 @@ def _verdicts(findings: AssessmentResult) -> tuple[tuple[str, str], ...]:
     return tuple((v.kind, typeset_sentence(v.said)) for v in findings.verdicts if v.text not in told)
 
 
-def _answer(study: Study, findings: AssessmentResult) -> Answer:
-    """Return whether a condition is transparent, or without a certificate whether conditions change movement."""
+def _figure(findings: AssessmentResult) -> Drawing:
+    """Return the figure that shows the answer: the certificate, or the changes of the leading index."""
     if findings.certified:
-        return certificate_answer(findings)
-    name = leading_index().name
-    each = findings.assessed.get(name) or next(iter(findings.assessed.values()))
-    alpha = 1.0 - findings.confidence
-    told = any(each.differs(c, findings.control, alpha) for c in each.comparison.pairwise)
+        return draw(figures.certificate_figure, findings.certified)
+    each = findings.assessed.get(leading_index().name) or next(iter(findings.assessed.values()))
     turning = findings.profiles if findings.along.unit == "rad" else ()
-    figure = draw(
+    return draw(
         figures.changes_figure, each, known_changes(findings, each.name), findings.control, findings.study, turning,
         findings.profile_of,
     )  # fmt: skip
-    question = f"Do these conditions change people's {lowered(each.table.index.words)}, against {findings.control}?"
-    return Answer(question, "yes" if told else "unsure", figure, (_next_step(study),))
-
-
-def _next_step(study: Study) -> str:
-    """Return what to do next where nothing is certified: state margins, or record the people that they need."""
-    spec = study.find_table(AssessmentTable)
-    if spec is not None and spec.analysis.margins:
-        # `certify_conditions` says nothing of one person alone, whatever the margins.
-        is_planned = study.config.session is not None and len(study.config.participants) > 1
-        how = f": `{printed_command('live', study.folder)}`" if is_planned else ""
-        return f"The stated margins are tested once two participants or more can be compared. Record the next one{how}."
-    command = printed_command("assess", study.folder)
-    return f"State in `[assessment.margins]` how far a robot may change each index, and assess again: `{command}`."
-
-
-def certificate_answer(findings: AssessmentResult, following: tuple[str, ...] = ()) -> Answer:
-    """Return whether a condition is shown to be transparent, with the certificate's figure and what is `following`."""
-    said = {each.certificate.verdict for each in findings.certified}
-    verdict: AnswerVerdict = "yes" if PASS in said else "no" if said == {FAIL} else "unsure"
-    question = "Is any condition shown to be transparent?" if len(findings.certified) > 1 else "Is it transparent?"
-    if any(each.certificate.post_hoc for each in findings.certified):
-        question += " Post hoc: this is not the registered analysis."
-    return Answer(question, verdict, draw(figures.certificate_figure, findings.certified), following)
-
-
-def known_changes(findings: AssessmentResult, name: str) -> dict[str, PrimaryChange]:
-    """Return the primary changes of an index from control, by condition."""
-    changes = {c: primary_change(findings, name, c) for c in findings.conditions if c != findings.control}
-    return {c: change for c, change in changes.items() if change is not None}
-
-
-def change_value(findings: AssessmentResult, name: str, condition: str, change: PrimaryChange) -> Value:
-    """Return a primary change as every part of a page shows it, under the id of its row in results.json."""
-    text = change.figure if np.isfinite(change.value) else change.text
-    row = f"{findings.study}.transparency.{name}.{condition.lower()}"
-    return Value(row, change.value, text.replace("-", MINUS_SIGN))
-
-
-def _answer_sentence(findings: AssessmentResult) -> str:
-    """Return the first sentence: the verdict, or the leading index's changes, with their intervals."""
-    name = leading_index().name
-    each = findings.assessed.get(name)
-    changes = known_changes(findings, name) if each is not None else {}
-    if each is None or not changes:
-        return typeset_sentence(findings.headline)
-    level, parts = f"{100.0 * findings.confidence:g} % CI", []
-    for condition, change in changes.items():
-        shown = change_value(findings, name, condition, change)
-        ends = change.interval.replace("-", MINUS_SIGN) or "not known"
-        parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
-    words = each.table.index.words
-    told = ((one.condition.replace("_", " "), one.certificate.statement) for one in findings.certified)
-    verdicts = "".join(f"{condition}: {statement}. " for condition, statement in told)
-    people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
-    return f"{verdicts}{words} against {findings.control}, {people}: {', '.join(parts)}."
 
 
 def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
@@ -310,7 +251,11 @@ def write_certificate(study: Study, *, on_progress: Callable[[str, float], None]
     StudyError
         If the study states no margins.
     """
-    found = kept_certificates(study, "margins to certify", on_progress or quiet)
+    return write_certificate_of(study, kept_certificates(study, "margins to certify", on_progress or quiet))
+
+
+def write_certificate_of(study: Study, found: AssessmentResult) -> Path:
+    """Write the page for a reviewer of what `kept_certificates` returned, and return its path."""
     return write_page(Path(study.place(PAGE_FOLDER)), reviewer_page(study, study.table(AssessmentTable), found))
 
 
@@ -318,16 +263,15 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
     """Build the page: verdicts, protocol, margins, assumptions, results, sensitivity, exclusions, provenance."""
     verdicts = [(each.condition, each.certificate.statement) for each in found.certified]
     command = printed_command("certificate", study.folder)
-    following = (f"Make this page again: `{command}`.",)
     return study_page(
         f"{found.study}: certificate",
-        " ".join(map(typeset_sentence, certificate_sentences(found))),
+        found.answer,
         [Tile(condition, verdict, "", p_statement(each.certificate.p_value))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found),
          _other_analyses(found), _exclusions(spec, found),
          provenance(study, [("Made again by", command)], _checksums(study, found))],
-        answer=certificate_answer(found, following),
+        figure=_figure(found),
     )  # fmt: skip
 
 

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import StudyError
+from ...study.answer import Answer
 from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.registry import asked
 from ...study.procedures.result import Result
+from ...study.procedures.run import run
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT, Coordinate
 from ..analysis import ESTIMAND_METHODS, EndPoint, Estimand
@@ -158,6 +160,7 @@ class AssessmentResult(Result):
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes
     order: SessionOrder | None = field(default=None, repr=False)  # order of the recordings
+    has_margins: bool = False  # whether study.toml states margins
     is_registered: bool = False  # whether an analysis was registered before the data
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
@@ -167,6 +170,11 @@ class AssessmentResult(Result):
     unit: str = "rad"  # unit of the coordinate of movement: "rad" or "m"
     # function that writes the tables for a paper into a folder
     write_tables: Callable[[Path, AssessmentResult], object] | None = field(default=None, repr=False)
+
+    def make_answer(self) -> Answer:
+        from .assessment_answer import assessment_answer
+
+        return assessment_answer(self)
 
     def said_of(self, index: str, condition: str) -> str | None:
         """Return what the certificate of a condition says of an index; None if no margin of it is stated."""
@@ -218,4 +226,9 @@ def kept_certificates(study: Study, expected: str, tell: Progress = quiet) -> As
     if spec is None or not spec.analysis.margins:
         raise StudyError(f"{study.folder}, study.toml: found no [assessment.margins], expected {expected}")
     (procedure,) = asked(study, "assess")
-    return AssessmentResult.kept(study, procedure) or procedure.run(study, spec, tell)
+    kept = AssessmentResult.kept(study, procedure)
+    if kept is not None:
+        return kept
+    found = run(study, procedure.name, on_progress=tell)
+    assert isinstance(found, AssessmentResult)  # that is what its procedure finds
+    return found

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 from markupsafe import Markup
 
 from ..._atomic import remove_leftovers, write_text_atomically
+from ..answer import Answer, AnswerPart, begun
 from ..drawing.drawing import Drawing
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
 from .forest import Table
+from .quantities import typeset_sentence
 from .values import marked_up, plain_text
 
 
@@ -66,20 +67,20 @@ def _unbroken(command: str) -> Markup:
 
 PAGE_FILE = "index.html"
 
+REPORT_COMMAND = "report"
+"""Command that writes the page of a study."""
+
 MAX_OPEN_HEIGHT_PX = 2200.0
 """Sections are open while their estimated heights add up to this on a wide screen; those below are folded."""
 
 MAX_LEAD_CHARACTERS = 270
 """Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
 
+MAX_SHOWN_PARTS = 8
+"""Largest number of single verdicts that stand beside the answer; a table below has more."""
+
 MAX_SHOWN_WARNINGS = 3
 """Largest number of verdicts that stand between the answer and the evidence."""
-
-AnswerVerdict = Literal["yes", "no", "unsure"]
-"""Verdict of an answer."""
-
-BADGE_WORDS: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "unsure": "Cannot say"}
-"""Words of the badge, by verdict."""
 
 NOTE_HEADINGS = {
     "wrong": "Must be mended",
@@ -134,33 +135,6 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What stands on a page's first screen beside the headline, which is the answer in a sentence.
-
-    Attributes
-    ----------
-    question : str
-        The question that the page answers.
-    verdict : str
-        "yes", "no" or "unsure", for the badge.
-    figure : Drawing, optional
-        The one figure that shows the answer.
-    next : tuple of str
-        What to do next, in sentences; commands stand between backticks.
-    """
-
-    question: str
-    verdict: AnswerVerdict
-    figure: Drawing | None = None
-    next: tuple[str, ...] = ()
-
-    @property
-    def badge(self) -> str:
-        """Word on the badge."""
-        return BADGE_WORDS[self.verdict]
-
-
-@dataclass(frozen=True)
 class NoteGroup:
     """Notes of one kind, at a page's end."""
 
@@ -170,7 +144,9 @@ class NoteGroup:
 
 @dataclass(frozen=True)
 class Page:
-    """Contents of a page as plain text: `kicker` above the title, the `answer` with the `headline`, then `tiles`.
+    """Contents of a page as plain text: `kicker` above the title, the `answer` with its `figure`, then `tiles`.
+
+    A page without an answer has a `headline` in its place.
 
     `verdicts`, of a kind each, tell what to know: the worst stand below the answer, the others at the page's end.
     The sections of a `summary` stand on the first screen, side by side where their tables have room.
@@ -178,28 +154,45 @@ class Page:
 
     title: str
     kicker: str
-    headline: str
+    headline: str = ""
     tiles: tuple[Tile, ...] = ()
     sections: tuple[Section, ...] = ()
     footer: str = ""
     verdicts: tuple[tuple[str, str], ...] = ()
     answer: Answer | None = None
+    figure: Drawing | None = None
     summary: tuple[Section, ...] = ()
 
     @property
+    def said(self) -> str:
+        """The answer in a sentence; without an answer the headline."""
+        return self.headline if self.answer is None else typeset_sentence(begun(self.answer.said))
+
+    @property
     def lead(self) -> str:
-        """First sentences of the headline, which stand on the first screen."""
-        return _split_headline(self.headline)[0]
+        """First sentences of what is said, which stand on the first screen."""
+        return _split_headline(self.said)[0]
 
     @property
     def detail(self) -> str:
-        """Further sentences of the headline, below the first screen; "" for none."""
-        return _split_headline(self.headline)[1]
+        """Further sentences of what is said, below the first screen; "" for none."""
+        return _split_headline(self.said)[1]
+
+    @property
+    def shown_parts(self) -> tuple[AnswerPart, ...]:
+        """Verdicts on single joints, conditions or claims beside the answer, if they are several and not too many."""
+        parts = () if self.answer is None else self.answer.parts
+        return parts if 1 < len(parts) <= MAX_SHOWN_PARTS else ()
+
+    @property
+    def following(self) -> tuple[str, ...]:
+        """What to do next, in sentences, but for the report, which is being read."""
+        return () if self.answer is None else tuple(s.sentence for s in self.answer.next if s.name != REPORT_COMMAND)
 
     @property
     def drawings(self) -> tuple[Drawing, ...]:
         """Every figure of the page, that of the answer first."""
-        first = () if self.answer is None or self.answer.figure is None else (self.answer.figure,)
+        first = () if self.figure is None else (self.figure,)
         return (*first, *(drawing for section in self.sections for drawing in section.drawings))
 
     @property
@@ -253,22 +246,6 @@ def without_drawing(sections: Sequence[Section], name: str) -> tuple[Section, ..
     """Return sections without the figure of a name, which the answer shows; sections left empty are dropped."""
     kept = (replace(s, drawings=tuple(d for d in s.drawings if d.name != name)) for s in sections)
     return tuple(s for s in kept if s.paragraphs or s.tables or s.drawings or s.notes or s.links or s.verdicts)
-
-
-def verdict_of_kinds(kinds: Iterable[str]) -> AnswerVerdict:
-    """Return the answer that verdicts of some kinds give: what is wrong says no, a warning that the page cannot say."""
-    found = set(kinds)
-    return "no" if "wrong" in found else "unsure" if "warning" in found else "yes"
-
-
-def answer_from_verdicts(
-    question: str, verdicts: Sequence[tuple[str, str]], sections: Sequence[Section]
-) -> tuple[Answer, tuple[Section, ...]]:
-    """Return the answer that verdicts of a kind each give, with the first figure, and the sections without it."""
-    verdict = verdict_of_kinds(kind for kind, _ in verdicts)
-    first = next((drawing for section in sections for drawing in section.drawings), None)
-    kept = tuple(sections) if first is None else without_drawing(sections, first.name)
-    return Answer(question, verdict, first), kept
 
 
 def write_page(folder: Path, page: Page, *, with_pdf: bool = False) -> Path:

@@ -11,9 +11,11 @@ from pathlib import Path
 
 from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
+from ..._printed_command import printed_command
 from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
 from ...files.readers.read import read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
+from ..answer import Answer, AnswerPart, Basis, Step
 from ..pages.quantities import unit_text
 
 SOUND_VERDICT = "sound"
@@ -135,9 +137,37 @@ class Audit:
             text += f" {len(self.unread)} could not be read."
         return text
 
+    @property
+    def answer(self) -> Answer:
+        """Whether the log may be used as it is, and what to do."""
+        parts = tuple(
+            AnswerPart(v.channel, "no" if v.level == ALARM_LEVEL else "yes", "; ".join(v.sentences) or v.verdict)
+            for v in self.verdicts
+        )
+        return Answer(
+            "May this log be used as it is?",
+            "yes" if self.is_sound else "no",
+            self.headline,
+            "" if self.is_sound else self.headline,
+            parts,
+            basis=Basis(len(self.files) - len(self.unread), len(self.files), "file"),
+            next=self._steps(),
+        )
+
+    def _steps(self) -> tuple[Step, ...]:
+        """Return what to do next: make a study, or correct what is unsound."""
+        if self.is_sound:
+            return (Step("Make a study of it", line=printed_command("init", "my-study", "--from", *self.paths)),)
+        steps = [
+            Step(f"{v.channel} is {v.verdict}: record it again, or leave it out of the study") for v in self.alarms
+        ]
+        steps += [Step(f"{file.name} cannot be read: {file.unread}") for file in self.unread]
+        return (*steps, Step("Then audit the files again"))
+
     def table(self) -> dict[str, object]:
         """Return everything as a table for JSON."""
         return {
+            "answer": self.answer.table(),
             "files": [{"file": f.name, "read": not f.unread, "why": f.unread} for f in self.files],
             "verdicts": [
                 {
@@ -155,7 +185,7 @@ class Audit:
 
     def __str__(self) -> str:
         width = max((len(v.channel) for v in self.verdicts), default=0)
-        lines = [self.headline]
+        lines = [self.answer.whole]
         for verdict in (v for v in self.verdicts if v.said):
             lines.append(f"  {verdict.channel.ljust(width)}  {verdict.verdict}: {'; '.join(verdict.sentences)}")
         return "\n".join(lines)

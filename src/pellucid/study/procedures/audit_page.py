@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..._printed_command import printed_command
 from ...files.log import ALARM_LEVEL, Log, LogChannel
 from ..drawing.drawing import Drawing, Head, draw, heads, line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.forest import Row, Table
-from ..pages.page import Answer, Page, Section, Tile, write_page
+from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import typeset_quantities, unit_text
 from .audit import SOUND_VERDICT, Audit, ChannelVerdict, finding_size
 
@@ -86,20 +85,14 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
         drawing = draw(_channels, unsound, "channels", "wrong")
         sections.append(Section("channels", "The unsound channels", drawings=(drawing,)))
     sections.append(_file_section(found))
-    study = printed_command("init", "my-study", "--from", *found.paths)
     page = Page(
         title="Audit of a log",
         kicker="pellucid audit",
-        headline=found.headline,
         tiles=_tiles(found),
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}. What a channel holds is guessed from its name and unit.",
-        answer=Answer(
-            "May this log be used as it is?",
-            "no" if found.alarms or not found.is_sound else "yes",
-            draw(first_channels, found) if readable else None,
-            (f"Make a study of it: `{study}`.",) if found.is_sound else (),
-        ),
+        answer=found.answer,
+        figure=draw(first_channels, found) if readable else None,
     )
     return write_page(folder, page)
 

@@ -23,11 +23,13 @@ from rich.table import Table
 from rich.text import Text
 
 from ..._given import visible_text
+from ..answer import answer_lines
 from ..pages.quantities import MINUS_SIGN, cell_text, number, parameter_note, relative_sd, typeset_quantities, unit_text
 from .result_tables import FigureTable, ParameterTable
 
 if TYPE_CHECKING:
     from ...models.estimates import Parameter, Verdict
+    from ..answer import Answer
 
 VERDICT_MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 """Mark and style of each kind of verdict."""
@@ -70,8 +72,8 @@ class PrintableResult(Protocol):
         """Name of the study."""
 
     @property
-    def headline(self) -> str:
-        """First sentence."""
+    def answers(self) -> Sequence[Answer]:
+        """Answers of the single procedures, which stand first."""
 
     @property
     def tables(self) -> Sequence[ParameterTable | FigureTable]:
@@ -95,17 +97,17 @@ class PrintableResult(Protocol):
 
 
 def print_result(out: Console, result: PrintableResult, *, brief: bool = False) -> None:
-    """Print the headline, every table and every verdict.
+    """Print the answers, every table and every verdict.
 
     With `brief`, a result that is longer than one screen, or whose tables state a `max_brief_rows`, is shortened to
-    one: the headline, the worst verdicts, and of the tables what fits, in their order. The last line says what was left
+    one: the answers, the worst verdicts, and of the tables what fits, in their order. The last line says what was left
     out.
     """
-    headline = f"\n{result.study}: {typeset_quantities(result.headline)}"
+    headline = _answers_text(result)
     tables, sentences = result.tables, [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
     prose, left_out = result.prose, list[str]()
     if brief and (any(t.max_brief_rows is not None for t in tables) or _is_longer_than_a_screen(out, result)):
-        headline = shorten_text(headline, SCREEN_LAYOUT.max_brief_headline_length)
+        headline = _answers_text(result, SCREEN_LAYOUT.max_brief_headline_length // len(result.each))
         every, wanted = sentences, sum(bool(_chosen_rows(t)) for t in tables if t.max_brief_rows != 0)
         # Fewer verdicts make room for a table with a chosen row.
         for most in (*range(SCREEN_LAYOUT.max_brief_sentences, 0, -1), SCREEN_LAYOUT.max_brief_sentences):
@@ -117,7 +119,7 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
             if sum(bool(_chosen_rows(t)) for t in tables) == wanted:
                 break
         left_out += [*cut, *omitted, *(["the paragraph for a paper"] if prose else [])]
-        left_out += ["the whole first sentence"] if headline.endswith(" …") else []
+        left_out += ["the whole answer"] if headline != _answers_text(result) else []
         prose = ""
     out.print(headline, markup=False)
     for table in tables:
@@ -130,6 +132,15 @@ def print_result(out: Console, result: PrintableResult, *, brief: bool = False) 
     if prose:
         out.print(prose, markup=False)
         out.print()
+
+
+def _answers_text(result: PrintableResult, most: int | None = None) -> str:
+    """Return the answers as they are printed; the sentence of each has at most `most` characters."""
+    blocks = []
+    for answer in result.answers:
+        question, said, *based_on = answer_lines(answer)
+        blocks.append([question, said if most is None else shorten_text(said, most), *based_on])
+    return "".join(f"\n{result.study}: " + "\n".join(block) for block in blocks)
 
 
 def shorten_text(text: str, length: int) -> str:
@@ -155,7 +166,7 @@ def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
     tables = [each for table in result.tables for each in _printed_table(out, table, result.confidence)]
     sentences = [(v.kind, typeset_quantities(v.said)) for v in result.verdicts]
     text = [
-        Text(f"\n{result.study}: {typeset_quantities(result.headline)}"),
+        Text(_answers_text(result)),
         *([Text(result.prose)] if result.prose else []),
     ]
     return _line_count(out, *text, *tables) + sentence_lines(out, sentences) + 1 > SCREEN_LAYOUT.max_screen_lines

@@ -23,6 +23,7 @@ from ...models.card import Card, write_card
 from ...models.estimates import Parameter, Verdict, rank_verdicts
 from ...models.parameter_card import ParameterCard, write_parameter_card
 from ...models.tree_card import TreeCard, write_tree_card
+from ..answer import Answer, answer_lines, answer_of_findings
 from ..kept import hold_lock, keep_result, read_kept
 from ..results import ResultRow, replace_rows
 from .result_tables import FigureTable as FigureTable
@@ -117,6 +118,8 @@ class Result:
         Names of the procedure and of the command that made the result.
     made_from : str
         Fingerprint of all inputs, which shows whether a kept result is fresh.
+    completed : Answer, optional
+        The answer with what the study adds to it: what it is based on, what was assumed, what to do next.
     """
 
     study: str
@@ -130,6 +133,21 @@ class Result:
     procedure: str = ""
     command: str = ""
     made_from: str = field(default="", repr=False)
+    completed: Answer | None = field(default=None, repr=False)
+
+    @property
+    def answer(self) -> Answer:
+        """The answer to the command's question: verdict, sentence, numbers, basis, assumptions, next step."""
+        return self.make_answer() if self.completed is None else self.completed
+
+    @property
+    def answers(self) -> tuple[Answer, ...]:
+        """Answers of the single procedures."""
+        return tuple(part.answer for part in self.each)
+
+    def make_answer(self) -> Answer:
+        """Return the answer that the result itself gives; a procedure that asks a question of its own overrides it."""
+        return answer_of_findings(self.headline, ((v.kind, v.said) for v in rank_verdicts(self.verdicts)))
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
@@ -188,11 +206,12 @@ class Result:
         return print_to_text(self)
 
     def _repr_html_(self) -> str:
-        """Return headline, tables and verdicts for a notebook."""
+        """Return answers, tables and verdicts for a notebook."""
         from .print_result import html_tables
 
         verdict_items = "".join(f"<li>{escape(v.said)}</li>" for v in self.verdicts)
-        return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{verdict_items}</ul>"
+        answers = "".join(f"<p>{'<br>'.join(map(escape, answer_lines(answer)))}</p>" for answer in self.answers)
+        return f"{answers}{html_tables(self)}<ul>{verdict_items}</ul>"
 
     @property
     def each(self) -> tuple[Result, ...]:
@@ -247,8 +266,9 @@ class Result:
             for name, card in self.cards.items():
                 _write(study.models_dir / f"{name}.json", card)
             for command in dict.fromkeys(part.command for part in self.each):
-                own = [row for part in self.each if part.command == command for row in part.rows]
-                replace_rows(study.results_path, command, own)
+                parts = [part for part in self.each if part.command == command]
+                answers = [{"procedure": part.procedure, **part.answer.table()} for part in parts]
+                replace_rows(study.results_path, command, [row for part in parts for row in part.rows], answers)
             for part in self.each:
                 part.save_more(study)
                 if part.made_from:
@@ -297,7 +317,9 @@ class Result:
         made_from = fingerprint(study, procedure)
         paths = dict.fromkeys(each.kept_path(procedure.name) for each in (study, replace(study, out=None)))
         found = next((found for path in paths if (found := read_kept(path, made_from)) is not None), None)
-        return found if isinstance(found, cls) else None
+        if not isinstance(found, cls):
+            return None
+        return replace(found, completed=found.answer.in_folder(study.folder))
 
 
 def _write(path: Path, card: Card | ParameterCard | TreeCard | DomainCard) -> None:

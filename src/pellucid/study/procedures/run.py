@@ -24,11 +24,13 @@ from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
 from ...numerics.arguments import with_checked_arguments
+from ..answer import unanswered_message
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
 from ..study import Study
 from . import registry
 from .card_sources import found_by
+from .complete_answer import complete_answer
 from .procedure import Procedure, Progress, quiet
 from .registry import as_study, asked, is_study
 from .result import CombinedResult, ParameterTable, Result
@@ -619,18 +621,11 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
         Verdict("note", text)
         for text in grouped_messages([fault for fault in cut_notes if fault.severity not in ("warn", "refuse")])
     ]
-    unused = _unused_sentence(len(taken.left_out), len(study.recordings()))
     verdicts = (*rank_verdicts((*found.verdicts, *warned)), *cut)
-    found = found_by(procedure, study, replace(found, headline=unused + found.headline, verdicts=verdicts))
+    found = found_by(procedure, study, replace(found, verdicts=verdicts))
+    answer = complete_answer(study, found, taken.left_out)
     tell("done", 1.0)
-    return found
-
-
-def _unused_sentence(lost: int, every: int) -> str:
-    """Return the first sentence of a result for which `lost` of `every` recordings were not used; else nothing."""
-    if not lost:
-        return ""
-    return f"{lost} of {every} trials {'was' if lost == 1 else 'were'} not used, for the reasons below. "
+    return replace(found, completed=answer, headline=answer.sentence)
 
 
 def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
@@ -666,8 +661,8 @@ def _one_page(pages: list[Page]) -> Page:
         what = page.title.rpartition(": ")[2]
         known = {section.heading for section in sections}
         sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
-        words = page.headline if page.answer is None else f"{page.answer.question} {page.answer.badge}. {page.headline}"
-        drawn = () if page.answer is None or page.answer.figure is None else (page.answer.figure,)
+        words = page.said if page.answer is None else page.answer.whole
+        drawn = () if page.figure is None else (page.figure,)
         names = {drawing.name for one in (*pages[:i], *pages[i + 1 :]) for drawing in one.drawings}
         drawings = tuple(replace(d, name=f"{d.name}-{i}") if d.name in names else d for d in drawn)
         answers.append(Section(f"answer-{i}", capitalised(what), (words,), drawings=drawings))
@@ -690,7 +685,7 @@ class Outcome:
     parameters: tuple[Parameter, ...] = ()  # parameters of the study's first table
     warnings: int = 0  # number of findings worse than a note
     failure: str = ""  # reason for the failure; empty if there was none
-    flaw: str = ""  # why its figures do not describe what was recorded; empty if nothing says so
+    flaw: str = ""  # why its question could not be answered; empty if it was
 
 
 def identify_several(
@@ -726,7 +721,8 @@ def _identified(folder: str, families: Sequence[str] | None, allow_outside: bool
         return Outcome(folder, failure=str(error))
     shown = next((t.parameters for t in result.tables if isinstance(t, ParameterTable)), ())
     warnings = sum(v.kind in ("wrong", "warning") for v in result.verdicts)
-    return Outcome(folder, study.name, result.headline, tuple(shown), warnings, flaw=result.flaw)
+    flaw = unanswered_message(result.answers)
+    return Outcome(folder, study.name, result.headline, tuple(shown), warnings, flaw=flaw)
 
 
 def table_of(outcomes: Sequence[Outcome]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable
 from importlib.metadata import version
 
-from ..._printed_command import printed_command
 from ...models.estimates import Verdict, rank_verdicts
+from ..answer import Answer
+from ..drawing.drawing import Drawing
 from ..pages.forest import Row, Table
-from ..pages.page import Answer, AnswerVerdict, Page, Section, Tile, answer_from_verdicts
+from ..pages.page import Page, Section, Tile, without_drawing
 from ..pages.quantities import (
     MINUS_SIGN,
-    capitalised,
     cell_text,
     number,
     parameter_interval,
     parameter_note,
-    typeset_quantities,
     typeset_sentence,
     unit_text,
 )
@@ -28,41 +26,32 @@ from .result import FigureTable, ParameterTable, Result
 
 def study_page(
     title: str,
-    headline: str,
+    answer: Answer,
     tiles: Iterable[Tile],
     sections: Iterable[Section],
     verdicts: Iterable[Verdict] = (),
-    answer: Answer | None = None,
-    question: str = "May these figures be used?",
-    following: Sequence[str] = (),
-    badge: AnswerVerdict | None = None,
+    figure: Drawing | None = None,
 ) -> Page:
     """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
 
-    Without an `answer`, the verdicts answer the `question`, or the `badge` where a bound decides; the first figure
-    stands beside them, with what to do next in the sentences `following`.
+    Without a `figure` of its own, the first one of the sections stands beside the answer.
     """
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
-    sections, headline = tuple(sections), capitalised(typeset_quantities(headline))
-    if answer is None:
-        answer, sections = answer_from_verdicts(question, shown, sections)
-        answer = replace(answer, next=tuple(following), verdict=badge or answer.verdict)
+    sections = tuple(sections)
+    if figure is None:
+        figure = next((drawing for section in sections for drawing in section.drawings), None)
     return Page(
         title,
         "Pellucid report",
-        headline,
+        "",
         tuple(tiles),
-        sections,
+        sections if figure is None else without_drawing(sections, figure.name),
         f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every number in "
         "results.json.",
         shown,
         answer,
+        figure,
     )
-
-
-def paper_step(study: Study) -> str:
-    """Return what to do next with figures that nothing else is made from: write them for a paper."""
-    return f"Write figures, tables and methods for a paper: `{printed_command('paper', study.folder)}`."
 
 
 def figure_tables(found: Result, part: str = "") -> tuple[Table, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.joint.slider.slider_fit import SLIDER_METHODS, SliderFit
+from pellucid.study.answer import AnswerPart
 from pellucid.study.pages.forest import Row, Table
 from pellucid.study.pages.page import Section, Tile
 
@@ -129,6 +130,25 @@ class AblePaper(Paper):
                 on_progress=lambda text, share: tell(text, 0.82 + 0.03 * share),
             )  # fmt: skip
         return predicted_rows(self.scored, self.screened)
+
+    def claims(self, figures: Figures) -> tuple[AnswerPart, ...]:
+        """Return whether dissociated directions predict better, and whether movements last longer under each law."""
+        ratio = figures["able.table1.ratio"]
+        holds = ratio.lower is not None and ratio.lower > 1.0
+        made = [
+            AnswerPart(
+                "a set of parameters for each direction predicts better than one set", "yes" if holds else "no",
+                f"the error is divided by {ratio.ours:.2f} ({ratio.lower:.2f} to {ratio.upper:.2f}), in print by "
+                f"{ratio.published:g}",
+            )
+        ]  # fmt: skip
+        for law in LAWS:
+            row = figures[f"transparency.duration_median.{law.lower()}"]
+            same = row.ours * row.published > 0.0
+            text = f"the median duration changes by {row.ours:+.0f} %, the mean in print by {row.published:+.0f} %"
+            longer = "longer" if row.published > 0.0 else "shorter"
+            made.append(AnswerPart(f"movements last {longer} under {law}", "yes" if same else "no", text))
+        return tuple(made)
 
     def headline(self, figures: Figures) -> str:
         """Return the gain by dissociation and by one coherent body, and the effect of the laws on people."""

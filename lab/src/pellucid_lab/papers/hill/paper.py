@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from pellucid.study.answer import AnswerPart
 from pellucid.study.pages.page import Section, Tile
 from pellucid.study.pages.quantities import number
 
@@ -25,6 +26,9 @@ from .subject_found import SubjectFound
 from .torque import find_torque
 from .training import train
 from .trials import active_swing, driven_swing, take_subject
+
+MAX_INERTIA_HALF_WIDTH = 25.0
+"""Largest half of the 95 % interval of a leg's inertia for which it counts as told [%]."""
 
 
 @dataclass(eq=False)
@@ -77,6 +81,21 @@ class HillPaper(Paper):
     def is_main(self, row: str) -> bool:
         """Return whether a row is over all subjects and with all muscles."""
         return super().is_main(row) and row.rsplit(".", 1)[-1] not in (*self.subjects, "truncated", "recorded")
+
+    def claims(self, figures: Figures) -> tuple[AnswerPart, ...]:
+        """Return whether swings tell the leg's inertia, and whether calibrated muscles tell the knee's torque."""
+        torque, eq12 = (figures.ours(f"hill.rmse.{name}") for name in ("truth.mean", "reference.eq12"))
+        half = figures.ours("hill.p.half_width.two_sines")
+        return (
+            AnswerPart(
+                "muscles calibrated on one swing tell the torque of another", "yes" if torque < eq12 else "no",
+                f"{torque:.2f} N·m from the true torque; the paper's reference, eq. 12, is {eq12:.2f} N·m from it",
+            ),
+            AnswerPart(
+                "a swing of two sines tells the leg's inertia", "yes" if half <= MAX_INERTIA_HALF_WIDTH else "no",
+                f"± {half:.0f} %, where ± {MAX_INERTIA_HALF_WIDTH:g} % count as told",
+            ),
+        )  # fmt: skip
 
     def headline(self, figures: Figures) -> str:
         """Return the error of the torque against the truth, and that of the paper's own reference."""

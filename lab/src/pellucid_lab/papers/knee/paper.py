@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from pellucid._processes import Job, finished_results
+from pellucid.study.answer import AnswerPart
 from pellucid.study.pages.page import Section, Tile
 from pellucid.study.pages.quantities import number
+from pellucid.study.procedures.findings import MIN_EXPLAINED_PERCENT
 
 from ...knee.rig import KneeRig, knee_orthosis
 from ..figure import Figures, Reproduced
@@ -140,6 +142,22 @@ class KneePaper(Paper):
     def is_main(self, row: str) -> bool:
         """Return whether a row is neither on a single subject nor on a single kind of IMU."""
         return super().is_main(row) and not row.endswith(tuple(self.wearers)) and "_axes" not in row
+
+    def claims(self, figures: Figures) -> tuple[AnswerPart, ...]:
+        """Return whether the thesis's equation explains the angle between orthosis and leg, in and out of sample."""
+        form = figures["knee.coupled.fit.published_form"]
+        fitted = figures.ours("knee.coupled.fit.published_form.fitted")
+        name = "the thesis's equation explains the angle between orthosis and leg"
+        claims = (
+            ("in swings that were not fitted", form.ours, f"; in print {form.published:g} %"),
+            ("in the swings that were fitted", fitted, ""),
+        )
+        return tuple(
+            AnswerPart(
+                f"{name}, {where}", "yes" if fit >= MIN_EXPLAINED_PERCENT else "no", f"{fit:.0f} % explained{text}"
+            )
+            for where, fit, text in claims
+        )
 
     def headline(self, figures: Figures) -> str:
         """Return the share of the mismatch that the strap explains, beside that of the thesis's form."""

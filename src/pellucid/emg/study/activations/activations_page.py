@@ -14,7 +14,7 @@ from ....study.drawing.drawing import Drawing, draw, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section
 from ....study.pages.quantities import typeset_sentence
-from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from ...estimators.unrecorded import FILLING_METHODS, TORQUE_INFORMED_METHODS, FillingScore
 from .find_activations import ActivationsResult, AssistedRecording
@@ -163,9 +163,8 @@ def page(study: Study, found: ActivationsResult) -> Page:
     sections.append(Section("activations", "Torque and activations", (), tables, shown))
     return study_page(
         title=f"{found.study}: activations",
-        headline=typeset_sentence(found.headline),
+        answer=found.answer,
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,
-        following=(paper_step(study),),
     )

@@ -10,6 +10,8 @@ import numpy as np
 from ...._atomic import write_text_atomically
 from ...._errors import IdentificationError
 from ....models.estimates import Verdict
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
@@ -86,6 +88,9 @@ class ActivationsResult(Result):
     # Scores of filling methods for removed electrodes, each with its joint, or joints in words
     left_out: tuple[tuple[str, FillingScore], ...] = field(default=(), repr=False)
 
+    def make_answer(self) -> Answer:
+        return activations_answer(self)
+
     def written(self, study: Study) -> str:
         return f"Activations over time in {study.made / 'tables'}"
 
@@ -146,6 +151,28 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
         checksums=checksums,
         recordings=tuple(recordings),
         left_out=tuple(left_out),
+    )
+
+
+def activations_answer(result: ActivationsResult) -> Answer:
+    """Return whether the activation of a muscle whose electrode was removed is predicted, at each joint."""
+    parts, numbers = [], []
+    for joint in _joints_left_out(result.left_out):
+        r2 = median_scores(result.left_out, joint, _best_emg_method(result.left_out, joint))[0]
+        text = f"R² {r2:.2f} (median)"
+        parts.append(AnswerPart(joint, "yes" if r2 >= MIN_EXPLAINED_PERCENT / 100.0 else "no", text))
+        numbers.append(AnswerNumber(f"median R2 of a removed electrode, {joint}", r2, "1"))
+    count = len(result.checksums)
+    return Answer(
+        "Is the activation of a muscle whose electrode was removed predicted, with R² of "
+        f"{MIN_EXPLAINED_PERCENT / 100.0:g} or more?",
+        verdict_of_parts(parts),
+        result.headline,
+        reason_of_parts(parts) or ("" if parts else "no electrode could be removed"),
+        tuple(parts),
+        tuple(numbers),
+        Basis(count, count, judged="recordings that were not fitted"),
+        next=(PAPER_STEP,),
     )
 
 

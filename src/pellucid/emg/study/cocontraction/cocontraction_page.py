@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from ....study.drawing.drawing import Drawing, draw, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section
-from ....study.pages.quantities import typeset_sentence
-from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from .find_cocontraction import CocontractionResult, PairActivity
 
@@ -83,9 +82,8 @@ def page(study: Study, found: CocontractionResult) -> Page:
     )
     return study_page(
         title=f"{found.study}: co-contraction",
-        headline=typeset_sentence(found.headline),
+        answer=found.answer,
         tiles=(),
         sections=(Section("cocontraction", "Co-contraction", (method_text,), figure_tables(found), tuple(drawings)),),
         verdicts=found.verdicts,
-        following=(paper_step(study),),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
@@ -58,6 +59,9 @@ class CocontractionResult(Result):
 
     pairs: tuple[PairActivity, ...] = field(default=(), repr=False)
 
+    def make_answer(self) -> Answer:
+        return cocontraction_answer(self)
+
     def written(self, study: Study) -> str:
         return "No card is made of indices"
 
@@ -84,6 +88,29 @@ def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionRes
         verdicts=tuple(_verdicts(study, table, found)), confidence=table.confidence, cards={},
         checksums={each.name: each.checksum for each in recordings},
     )  # fmt: skip
+
+
+def cocontraction_answer(result: CocontractionResult) -> Answer:
+    """Return whether the co-contraction of each pair is known with an interval."""
+    parts, numbers = [], []
+    for each in result.pairs:
+        name, index = f"{' and '.join(each.pair)} in {each.recording}", each.found.common
+        numbers.append(AnswerNumber(f"common activity of {name}", index.value, "%", index.interval))
+        if index.interval is None:
+            parts.append(AnswerPart(name, "cannot say", f"{index.value:.0f} %; too short for an interval"))
+        else:
+            parts.append(AnswerPart(name, "yes", f"{index.value:.0f} % ({_interval_text(index)} %)"))
+    count = len(result.checksums)
+    return Answer(
+        "Is the co-contraction of each pair known, with an interval?",
+        verdict_of_parts(parts),
+        result.headline,
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(numbers),
+        Basis(count, count),
+        next=(PAPER_STEP,),
+    )
 
 
 def faults(study: Study) -> list[Fault]:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from ....study.drawing.drawing import draw
 from ....study.pages.forest import MAX_FOREST_ROWS, Estimate, forest
-from ....study.pages.page import Answer, AnswerVerdict, Page, Section
-from ....study.pages.quantities import typeset_sentence
+from ....study.pages.page import Page, Section
 from ....study.procedures.study_page import figure_tables, study_page
 
 if TYPE_CHECKING:
@@ -25,9 +24,6 @@ def page(study: Study, found: EmgForceResult) -> Page:
     title = f"{found.study}: EMG against force"
     follows = next((each.follows for each in found.found), 1.0)
     own = [each for each in found.found if each.agonist]
-    answers = {each.answer for each in own}
-    follow, little = answers == {"follows the force"}, answers == {"tells little of the force"}
-    verdict: AnswerVerdict = "yes" if follow else "no" if little else "unsure"
     estimates = [
         Estimate(
             f"{each.muscle.replace('_', ' ')}, {each.task.replace('_', ' ')}", each.mean, each.low, each.high,
@@ -40,7 +36,4 @@ def page(study: Study, found: EmgForceResult) -> Page:
         caption="Mean correlation over people with its interval; shaded is what counts as following the force. "
         "Blue: the muscle that the study names for the task.",
     )  # fmt: skip
-    answer = Answer(
-        "Does the named muscle's EMG follow the force?", verdict, figure
-    )
-    return study_page(title, typeset_sentence(found.headline), (), (section,), found.verdicts, answer)
+    return study_page(title, found.answer, (), (section,), found.verdicts, figure)

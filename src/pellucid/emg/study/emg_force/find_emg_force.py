@@ -20,6 +20,16 @@ from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
 from ....numerics.filters import zero_phase_lowpass
+from ....study.answer import (
+    PAPER_STEP,
+    Answer,
+    AnswerNumber,
+    AnswerPart,
+    AnswerVerdict,
+    Basis,
+    reason_of_parts,
+    verdict_of_parts,
+)
 from ....study.pages.quantities import MINUS_SIGN
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -37,10 +47,10 @@ MIN_PEOPLE = 3
 MAX_CORRELATION = 0.9999
 """Correlations are cut off here before they are transformed: z of 1 is infinite."""
 
-Answer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
+ForceAnswer = Literal["follows the force", "tells some of the force", "tells little of the force", "cannot say"]
 """The four answers to what a muscle's EMG tells of force."""
 
-HEADLINE_WORDS: dict[Answer, str] = {
+HEADLINE_WORDS: dict[ForceAnswer, str] = {
     "follows the force": "tells the force",
     "tells some of the force": "tells some of the force",
     "tells little of the force": "tells little of it",
@@ -64,7 +74,7 @@ class MuscleForce:
     follows: float  # Correlation that counts as following the force, stated beforehand
 
     @property
-    def answer(self) -> Answer:
+    def answer(self) -> ForceAnswer:
         """Answer for the stated correlation."""
         if self.low >= self.follows:
             return "follows the force"
@@ -78,6 +88,9 @@ class EmgForceResult(Result):
     """Result of `emg_force`."""
 
     found: tuple[MuscleForce, ...] = field(default=(), repr=False)
+
+    def make_answer(self) -> Answer:
+        return force_answer(self)
 
     def written(self, study: Study) -> str:
         return "No card is made of correlations"
@@ -106,6 +119,28 @@ def find_emg_force(study: Study, tell: Progress = quiet) -> EmgForceResult:
         rows=tuple(_rows(study.name, found, table.confidence)), found=found, verdicts=tuple(_verdicts(found)),
         confidence=table.confidence, cards={}, checksums={each.name: each.checksum for each in recordings},
     )  # fmt: skip
+
+
+def force_answer(result: EmgForceResult) -> Answer:
+    """Return whether the EMG of each task's own muscle follows the force, by the interval of its correlation."""
+    parts, numbers = [], []
+    for each in (each for each in result.found if each.agonist):
+        below = each.high < each.follows
+        verdict: AnswerVerdict = "yes" if each.low >= each.follows else "no" if below else "cannot say"
+        name = f"{_words(each.muscle)} in {_words(each.task)}"
+        parts.append(AnswerPart(name, verdict, f"r {each.mean:.2f} ({each.low:.2f} to {each.high:.2f}): {each.answer}"))
+        numbers.append(AnswerNumber(f"correlation of {name} with the force", each.mean, "1", (each.low, each.high)))
+    count, least = len(result.checksums), next((each.follows for each in result.found), 1.0)
+    return Answer(
+        f"Does the EMG of the named muscles follow the force, with a correlation of {least:g} or more?",
+        verdict_of_parts(parts),
+        result.headline,
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(numbers),
+        Basis(count, count),
+        next=(PAPER_STEP,),
+    )
 
 
 def faults(study: Study) -> list[Fault]:
@@ -171,7 +206,7 @@ def _headline(found: Sequence[MuscleForce], level: float) -> str:
     people = "person" if counts == [1] else "people"
     muscles = Counter(e.muscle for e in own)
     parts = []
-    for answer in get_args(Answer):
+    for answer in get_args(ForceAnswer):
         told = [
             f"{_words(e.muscle)}{f' in {_words(e.task)}' if muscles[e.muscle] > 1 else ''} {e.mean:.2f} "
             f"({e.low:.2f} to {e.high:.2f})"

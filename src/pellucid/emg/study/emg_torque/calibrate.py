@@ -16,10 +16,21 @@ from ...._errors import IdentificationError
 from ...._processes import keep_helpers
 from ....models.estimates import Verdict
 from ....numerics.posterior.ensemble import require_sampler
+from ....study.answer import (
+    Answer,
+    AnswerNumber,
+    AnswerPart,
+    AnswerVerdict,
+    Basis,
+    Step,
+    reason_of_parts,
+    verdict_of_parts,
+)
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
 from ...estimators.cross_validation import Score, apply_useful_repairs, score
+from ...estimators.emg_worth import EmgWorth
 from ...estimators.families import ESTIMATOR_FAMILIES
 from ...estimators.hill import HillMap
 from ...estimators.joint_stiffness import JointStiffness
@@ -164,6 +175,15 @@ MIN_LEFT_OUT_COVERAGE = 0.8
 MAX_BRIEF_NAMED_ROWS = 6
 """Largest number of rows of the table of recommended estimators on a terminal without ``-v``."""
 
+MIN_TORQUE_R2 = 0.8
+"""Smallest R² on recordings that were not fitted for which torque counts as estimated: that of a sound joint model."""
+
+FORMULA_KIND = "normalised"
+"""Kind of an evaluation whose reference is a formula in the angle, and no torque."""
+
+WORTH_VERDICTS: dict[str, AnswerVerdict] = {"worth it": "yes", "not worth it": "no", "cannot say": "cannot say"}
+"""Verdict of each answer to whether EMG adds to angles."""
+
 CARD_ESTIMATOR = "ridge"
 """Estimator whose causal map becomes a card. It is a sum of products, which a robot can compute."""
 
@@ -186,6 +206,9 @@ class CalibrationResult(Result):
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated muscles, by joint or participant
     stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # Stiffness of each joint by its muscles
     together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
+
+    def make_answer(self) -> Answer:
+        return calibration_answer(self)
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
@@ -217,10 +240,11 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     found.verdicts.extend(Verdict("warning", each, finding=INVALID_BANDS_FINDING) for each in bands)
     return CalibrationResult(
         study=study.name,
-        headline=_invalid_recordings_sentence(found)
-        + findings.worth_sentence(worth)
-        + "".join(f"{each} " for each in bands)
-        + _headline(chosen),
+        headline=" ".join(
+            text.strip()
+            for text in (_invalid_recordings_sentence(found), _headline(chosen), findings.worth_sentence(worth), *bands)
+            if text
+        ),
         tables=(
             *findings.worth_tables(worth),
             *_chosen_tables(chosen, found.refused),
@@ -260,6 +284,55 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         together=across_joints.together_figure_data(together),
         stiffness=stiffness,
     )
+
+
+def calibration_answer(result: CalibrationResult) -> Answer:
+    """Return how well torque is estimated on recordings that were not fitted, then whether EMG adds to angles."""
+    joints, numbers = [], []
+    for each in result.chosen:
+        worst = each.judged[0]
+        where = _recording_words(worst) + (" at worst" if len(each.judged) > 1 else "")
+        verdict: AnswerVerdict = "yes" if worst.score.r2 >= MIN_TORQUE_R2 else "no"
+        text = f"{_error_words(worst)}{where}"
+        if worst.kind == FORMULA_KIND:
+            verdict, text = "cannot say", f"no torque was recorded; of the formula in its place, {text}"
+        joints.append(AnswerPart(each.what, verdict, text))
+        unit = worst.row_unit
+        numbers += [
+            AnswerNumber(f"RMS error of the torque, {each.what}{where}", worst.score.rmse, unit),
+            AnswerNumber(f"R2 of the torque, {each.what}{where}", worst.score.r2, "1"),
+        ]
+    adds = [
+        AnswerPart(f"EMG over angles alone, {each.words}", WORTH_VERDICTS[each.worth.answer], _gain_words(each.worth))
+        for each in result.worth
+    ]
+    verdict = verdict_of_parts(joints)
+    judged = {e.recording for each in result.chosen for e in each.judged} - {""}
+    held = f"{len(judged)} recordings that were not fitted" if len(judged) > 1 else "what was not fitted"
+    count = len(result.checksums)
+    step = Step("Take the torque live on a controller", "export")
+    if verdict != "yes" or any(part.verdict != "yes" for part in adds):
+        more = Step(
+            "EMG can tell more than angles where torque does not follow the motion: record other loads and speeds, and "
+            'judge on them (`use = "validate"`)'
+        )
+        step = more
+    return Answer(
+        f"Is torque estimated on recordings that were not fitted, with R² of {MIN_TORQUE_R2:g} or more?",
+        verdict,
+        result.headline,
+        reason_of_parts(joints) or ("" if joints else "nothing was judged"),
+        (*joints, *adds),
+        tuple(numbers),
+        Basis(count, count, judged=held),
+        next=(step,),
+    )
+
+
+def _gain_words(worth: EmgWorth) -> str:
+    """Return the gain of EMG in R² with its interval, in words."""
+    ends = f", 95 % interval {worth.low:+.2f} to {worth.high:+.2f}" if np.isfinite(worth.low) else ""
+    return f"gain in R² {worth.gain:+.2f}{ends}, by a margin of {worth.margin:g}"
 
 
 def _choose_evaluation(study: Study) -> Callable[[Study, Progress], CalibrationFindings]:

@@ -16,12 +16,11 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...._printed_command import printed_command
 from ....models.estimates import Verdict, rank_verdicts
 from ....study.drawing.drawing import Drawing, draw, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import Estimate, Row, Table, forest
-from ....study.pages.page import Answer, AnswerVerdict, Page, Section, Tile, without_drawing
+from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import number, typeset_sentence
 from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.result import ParameterTable
@@ -289,43 +288,16 @@ def page(study: Study, findings: CalibrationResult) -> Page:
             ),
         )
     )  # fmt: skip
-    answer = _answer(findings, sections)
-    answer = replace(answer, next=(_next_step(study, answer),))
-    if answer.figure is not None:
-        sections = without_drawing(sections, answer.figure.name)
+    drawn = [drawing for section in sections for drawing in section.drawings]
     return study_page(
         title=f"{findings.study}: torque from EMG",
-        headline=typeset_sentence(findings.headline),
+        answer=findings.answer,
         tiles=_tiles(findings),
         sections=sections,
         # Verdicts that invalidate results stand above all results. The others follow below the first section.
         verdicts=[v for v in findings.verdicts if _invalidates_results(v)],
-        answer=answer,
+        figure=next((drawing for drawing in drawn if drawing.name.startswith("torque_")), None),
     )
-
-
-def _next_step(study: Study, answer: Answer) -> str:
-    """Return what to do next: use the torque, or record movements in which EMG could show its worth."""
-    if answer.verdict == "yes":
-        return f"Take the torque live on a controller: `{printed_command('export', study.folder)}`."
-    return (
-        "EMG can tell more than angles where torque does not follow the motion: record other loads and speeds, and "
-        'judge on them (`use = "validate"`).'
-    )
-
-
-def _answer(findings: CalibrationResult, sections: Sequence[Section]) -> Answer:
-    """Return whether EMG is worth it beside angles, with the first torque over time."""
-    void = any(_invalidates_results(v) for v in findings.verdicts)
-    answers = {each.worth.answer for each in findings.worth}
-    verdict: AnswerVerdict = "yes" if answers == {"worth it"} else "no" if answers == {"not worth it"} else "unsure"
-    drawn = [drawing for section in sections for drawing in section.drawings]
-    first = next((drawing for drawing in drawn if drawing.name.startswith("torque_")), drawn[0] if drawn else None)
-    if not answers:
-        return Answer("May this torque be used?", "no" if void else "unsure", first)
-    # The gain is that of predictions; a band that is not known to hold says nothing against it.
-    wrong = any(v.kind == "wrong" for v in findings.verdicts)
-    return Answer("Is EMG worth it beside joint angles alone?", "unsure" if wrong else verdict, first)
 
 
 def _invalidates_results(verdict: Verdict) -> bool:

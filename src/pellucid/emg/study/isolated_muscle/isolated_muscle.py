@@ -22,6 +22,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....numerics.posterior.ensemble import require_sampler
 from ....numerics.posterior.posterior import Posterior
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, Basis
 from ....study.procedures.posterior_beside import (
     pair_with_posterior,
     posterior_rows,
@@ -74,6 +75,8 @@ class IsolatedMuscleFit:
     offset: float  # Rest length less l_o cos(phi_o) + l_ts [m]
     trials: tuple[MuscleTrial, ...]
     rigid_mae_percent: float  # Mean over all trials with a rigid tendon, its own offset fitted the same way
+    # The same over the held-out trials alone; NaN without one
+    rigid_heldout_percent: float = float("nan")
     interval: Parameter | None = None  # The offset's, and its posterior, if one is asked for
     posterior: Posterior | None = None
 
@@ -81,6 +84,12 @@ class IsolatedMuscleFit:
     def mae_percent(self) -> float:
         """Mean over all trials."""
         return float(np.mean([t.mae_percent for t in self.trials]))
+
+    @property
+    def heldout_percent(self) -> float:
+        """Mean over the held-out trials alone; NaN without one."""
+        held = [t.mae_percent for t in self.trials if t.use == "validate"]
+        return float(np.mean(held)) if held else float("nan")
 
     def rows(self, study: Study) -> Iterator[ResultRow]:
         """Figures for results.json."""
@@ -95,6 +104,9 @@ class IsolatedMuscleFit:
         for t in self.trials:
             split = "fitted" if t.use == "fit" else "heldout"
             yield row(f"{t.name}.mae_percent", t.mae_percent, f"amplitude {1e3 * t.amplitude:g} mm", split)
+        for name, value in (("heldout", self.heldout_percent), ("rigid.heldout", self.rigid_heldout_percent)):
+            if np.isfinite(value):
+                yield row(f"{name}.mae_percent", value, "mean over the held-out amplitudes")
         yield row("rigid.mae_percent", self.rigid_mae_percent, "tendon rigid, its offset fitted the same way")
         if self.posterior is not None:
             level = study.table(IsolatedMuscleTable).confidence
@@ -113,6 +125,32 @@ class IsolatedMuscleResult(Result):
     interval: Parameter | None = None
     posterior: Posterior | None = None
 
+    def make_answer(self) -> Answer:
+        return isolated_answer(self.fit, self.study)
+
+
+def isolated_answer(fit: IsolatedMuscleFit, study: str = "") -> Answer:
+    """Return whether an elastic tendon tells the force of held-out amplitudes better than a rigid one."""
+    elastic, rigid = fit.heldout_percent, fit.rigid_heldout_percent
+    held = sum(t.use == "validate" for t in fit.trials)
+    question = "Does Hill's model with an elastic tendon tell this muscle's force better than a rigid one?"
+    basis = Basis(len(fit.trials), len(fit.trials), judged=f"{held} held-out amplitudes" if held else "")
+    if not held:
+        said = f"No amplitude is held out; the force is within {fit.mae_percent:.2f} % of its isometric value."
+        return Answer(question, "cannot say", said, "no amplitude is held out", basis=basis)
+    said = (
+        f"The force is within {elastic:.2f} % of its isometric value, mean over {held} held-out amplitudes; with a "
+        f"rigid tendon, its offset fitted the same way, it is {rigid:.2f} %."
+    )
+    reason = "" if elastic < rigid else "the rigid tendon errs no more"
+    numbers = tuple(
+        AnswerNumber(f"mean absolute error, {name} tendon", value, "%", id=f"{study}.{row}" if study else "")
+        for name, value, row in (
+            ("elastic", elastic, "heldout.mae_percent"), ("rigid", rigid, "rigid.heldout.mae_percent"),
+        )
+    )  # fmt: skip
+    return Answer(question, "yes" if not reason else "no", said, reason, (), numbers, basis, next=(PAPER_STEP,))
+
 
 def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResult:
     """Predict one muscle's force with a rigid and an elastic tendon; return tables, rows and verdicts."""
@@ -128,7 +166,7 @@ def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResul
         posterior_notes = list(posterior_verdicts(compared, fit.posterior, level))
     return IsolatedMuscleResult(
         study=study.name,
-        headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
+        headline=isolated_answer(fit).sentence,
         tables=(FigureTable("Force over imposed length", heads, tuple(shown)), *tables),
         verdicts=(Verdict("note", summary), *posterior_notes),
         confidence=level,
@@ -163,12 +201,16 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
 
     offsets = [_search(error, table.optimal_fibre_length, elastic) for elastic in (True, False)]
     trials = tuple(_trial(t, study, offsets[0], True) for t in taken)
-    rigid = float(np.mean([_trial(t, study, offsets[1], False).mae_percent for t in taken]))
+    stiff = [_trial(t, study, offsets[1], False) for t in taken]
+    rigid = float(np.mean([t.mae_percent for t in stiff]))
+    held = [t.mae_percent for t in stiff if t.use == "validate"]
+    rigid_held = float(np.mean(held)) if held else float("nan")
     if not table.posterior:
-        return IsolatedMuscleFit(offsets[0], trials, rigid)
+        return IsolatedMuscleFit(offsets[0], trials, rigid, rigid_held)
     grid = force_grid(study, fitted)
     interval = offset_interval(grid, offsets[0])
-    return IsolatedMuscleFit(offsets[0], trials, rigid, interval, offset_posterior(grid, level=table.confidence))
+    posterior = offset_posterior(grid, level=table.confidence)
+    return IsolatedMuscleFit(offsets[0], trials, rigid, rigid_held, interval, posterior)
 
 
 def force_grid(study: Study, fitted: list) -> ForceGrid:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from ....study.drawing.drawing import draw
 from ....study.pages.moving import Traces, over_time
-from ....study.pages.page import Answer, Page, Section
-from ....study.pages.quantities import typeset_sentence
+from ....study.pages.page import Page, Section
 from ....study.procedures.posterior_beside import pair_with_posterior
 from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.study_page import figure_tables, parameter_tables
@@ -34,20 +33,11 @@ def page(study: Study, found: IsolatedMuscleResult) -> Page:
         over_time, [traces], "answer", roles={"measured": "measured", "predicted": "heldout"},
         caption="Force over time at one amplitude of the imposed length: measured, and by Hill's model.",
     )  # fmt: skip
-    held = any(t.use == "validate" for t in found.fit.trials)
-    good = held and found.fit.mae_percent < found.fit.rigid_mae_percent
     return Page(
         f"{study.name}: isolated muscle",
         "Pellucid report",
-        typeset_sentence(
-            f"{found.headline}; with a rigid tendon, its offset fitted the same way, it is "
-            f"{found.fit.rigid_mae_percent:.2f} %."
-        ),
-        answer=Answer(
-            "Does Hill's model with an elastic tendon tell this muscle's force better than a rigid one?",
-            "yes" if good else "no" if held else "unsure",
-            figure,
-        ),
+        answer=found.answer,
+        figure=figure,
         sections=tuple(sections),
         footer=study.config.citation,
         verdicts=verdict_texts,

@@ -16,6 +16,7 @@ from ...._given import csv_cell
 from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
+from ....study.answer import PAPER_STEP, Answer, AnswerPart, Basis, reason_of_parts
 from ....study.drawing.drawing import outline
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -61,6 +62,10 @@ class OnsetResult(Result):
     """Result of `onset`."""
 
     muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
+    missed: tuple[str, ...] = ()  # muscles of recordings in which no onset could be looked for, and why
+
+    def make_answer(self) -> Answer:
+        return onset_answer(self)
 
     def written(self, study: Study) -> str:
         return f"Every burst in {study.made / 'tables' / 'onsets.csv'}"
@@ -157,6 +162,29 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
         cards={},
         checksums={recording.name: recording.checksum for recording in recordings},
         muscles=tuple(found),
+        missed=tuple(missed),
+    )
+
+
+def onset_answer(result: OnsetResult) -> Answer:
+    """Return whether the onset of every muscle was found in every recording."""
+    unseen = [each for each in result.muscles if not any(burst.seen for burst in each.bursts)]
+    count = len(result.muscles) + len(result.missed)
+    good = len(result.muscles) - len(unseen)
+    parts = [AnswerPart(f"{each.muscle} in {each.recording}", "no", "no activity begins there") for each in unseen]
+    parts += [AnswerPart("a muscle", "no", text) for text in result.missed]
+    said = result.headline
+    if parts:
+        said = f"Onsets were found in {good} of {count} muscles and recordings. {said}"
+    recordings = len(result.checksums)
+    return Answer(
+        "Was the onset of every muscle found, in every recording?",
+        "no" if parts else "yes",
+        said,
+        reason_of_parts(parts),
+        tuple(parts),
+        basis=Basis(recordings, recordings),
+        next=(PAPER_STEP,),
     )
 
 

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from ....study.drawing.drawing import Drawing, draw, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section, Tile
-from ....study.pages.quantities import typeset_sentence
-from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from .find_onsets import MAX_DRAWN_RECORDINGS, MuscleBursts, OnsetResult
 from .onset_table import OnsetTable
@@ -63,7 +62,7 @@ def page(study: Study, found: OnsetResult) -> Page:
     )
     return study_page(
         title=f"{found.study}: muscle onset",
-        headline=typeset_sentence(found.headline),
+        answer=found.answer,
         tiles=(Tile("Bursts", str(count), "", f"{len(names)} recording{'s' if len(names) != 1 else ''}"),),
         sections=(
             Section(
@@ -71,5 +70,4 @@ def page(study: Study, found: OnsetResult) -> Page:
             ),
         ),
         verdicts=found.verdicts,
-        following=(paper_step(study),),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -64,6 +65,9 @@ class SynergiesResult(Result):
 
     groups: tuple[GroupSynergies, ...] = field(default=(), repr=False)
     alike: tuple[GroupSimilarity, ...] = ()
+
+    def make_answer(self) -> Answer:
+        return synergies_answer(self)
 
     def written(self, study: Study) -> str:
         return "Weights and variances of each group are rows"
@@ -123,6 +127,39 @@ def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
         checksums={each.name: each.checksum for members in grouped.values() for each in members},
         groups=tuple(groups),
         alike=alike,
+    )
+
+
+MIN_HELDOUT_VARIANCE = 0.9
+"""Smallest share of the held-out variance for which synergies count as enough.
+
+It is the usual convention: Torres-Oviedo, Macpherson and Ting, J. Neurophysiology 96, 2006.
+"""
+
+
+def synergies_answer(result: SynergiesResult) -> Answer:
+    """Return whether fewer synergies than muscles account for the held-out variance in each group."""
+    parts, numbers = [], []
+    for group in result.groups:
+        number, count = len(group.synergies), group.count
+        share = float(count.heldout[list(count.numbers).index(number)]) if number in count.numbers else float("nan")
+        fewer = number < group.synergies.weights.shape[1]
+        name = group.name or "all recordings"
+        text = f"{number} for {100.0 * share:.0f} % of the held-out variance"
+        enough = share >= MIN_HELDOUT_VARIANCE and fewer
+        parts.append(AnswerPart(name, "yes" if enough else "no" if np.isfinite(share) else "cannot say", text))
+        numbers.append(AnswerNumber(f"held-out variance, {name}", 100.0 * share, "%"))
+    recordings = len(result.checksums)
+    judged = dict.fromkeys(group.judged_on for group in result.groups)
+    return Answer(
+        f"Do fewer synergies than muscles account for {100.0 * MIN_HELDOUT_VARIANCE:g} % of the held-out variance?",
+        verdict_of_parts(parts),
+        result.headline,
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(numbers),
+        Basis(recordings, recordings, judged=", ".join(judged) if len(judged) == 1 else "held-out recordings"),
+        next=(PAPER_STEP,),
     )
 
 

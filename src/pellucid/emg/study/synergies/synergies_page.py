@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from ....study.drawing.drawing import Drawing, draw, key, line, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section
-from ....study.pages.quantities import typeset_sentence
-from ....study.procedures.study_page import figure_tables, paper_step, study_page
+from ....study.procedures.study_page import figure_tables, study_page
 from ....study.study import Study
 from .find_synergies import GroupSynergies, SynergiesResult
 
@@ -126,9 +125,8 @@ def page(study: Study, found: SynergiesResult) -> Page:
         sections.append(Section("synergies_alike", "How alike", (method_text,), figure_tables(found, "How alike")))
     return study_page(
         title=f"{found.study}: muscle synergies",
-        headline=typeset_sentence(found.headline),
+        answer=found.answer,
         tiles=(),
         sections=sections,
         verdicts=found.verdicts,
-        following=(paper_step(study),),
     )

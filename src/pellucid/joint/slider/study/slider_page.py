@@ -10,7 +10,6 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...._printed_command import printed_command
 from ....models.estimates import Parameter
 from ....models.friction_terms import COULOMB_FRICTION, LOAD_FRICTION, LOAD_GENERATING, LOAD_MOTORING, VISCOUS_FRICTION
 from ....models.joint import GRAVITY, PARAMETER_INDEX
@@ -19,7 +18,7 @@ from ....study.drawing.drawing import Drawing, Head, draw, heads, key, line, tid
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import Row, Table, number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
-from ....study.pages.page import Answer, Page, Section, Tile
+from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import (
     number,
     parameter_interval,
@@ -28,14 +27,13 @@ from ....study.pages.quantities import (
     typeset_sentence,
     unit_text,
 )
-from ....study.pages.values import Value
-from ....study.procedures.findings import MAX_BODY_ERROR_RATIO
 from ....study.procedures.study_page import provenance, study_page
 from ....study.study import Study
 from ...study.joint_figures import busiest
 from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
 from . import direction_figures as figures
 from .identify_slider import directional_friction, predicted
+from .slider_answer import error_value, evaluated_use
 from .slider_result import SliderResult
 
 FRAME_COUNT = 60
@@ -160,51 +158,11 @@ def page(study: Study, result: SliderResult) -> Page:
     sections = (_found(fit, level), _directions(fit), _errors(fit), _geometry(fit), _methods(fit, level))
     return study_page(
         title=f"{fit.study}: identified joint",
-        headline=headline(fit),
+        answer=result.answer,
         verdicts=fit.verdicts,
         tiles=slider_tiles(fit),
         sections=(*sections, _provenance(study, fit)),
-        answer=_answer(study, fit),
-    )
-
-
-def _answer(study: Study, fit: SliderFit) -> Answer:
-    """Return whether one coherent body predicts as well as a set of parameters for each direction."""
-    wrong = any(v.kind == "wrong" for v in fit.verdicts)
-    holds = fit.evaluated_error("load") <= MAX_BODY_ERROR_RATIO * fit.evaluated_error("dissociated")
-    controller = printed_command("export", study.folder, "--controller", "transparent")
-    return Answer(
-        "Does one body with load friction predict the current as well as a set of parameters for each direction, to "
-        f"{100.0 * (MAX_BODY_ERROR_RATIO - 1.0):.0f} %?",
-        "no" if wrong or not holds else "yes" if fit.evaluated_split == "heldout" else "unsure",
-        draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
-        (f"Make a controller of its card: `{controller}`.",),
-    )
-
-
-def _range_text(fit: SliderFit, method: str) -> str:
-    """Return the smallest and the largest error of a trial, in brackets [A]; "" of a single trial."""
-    errors = [each.current for each in fit.evaluated(method) if np.isfinite(each.current)]
-    if len(errors) < 2:
-        return ""
-    return f" (between {number(min(errors), digits=3)} and {number(max(errors), digits=3)}, by trial)"
-
-
-def error_value(fit: SliderFit, method: str) -> Value:
-    """Return the mean absolute current error of a method over the trials that judge it, as every part tells it [A]."""
-    error = float(fit.evaluated_error(method))
-    return Value(f"{fit.study}.{method}.error", error, number(error, digits=3))
-
-
-def headline(fit: SliderFit) -> str:
-    """Return the page's first sentences, which compare the methods' errors."""
-    trials, use = len(fit.evaluated("pooled")), _use(fit)
-    body, sets, one = (error_value(fit, m) for m in ("load", "dissociated", "pooled"))
-    return (
-        f"Over {trials} {use} trials, one coherent body whose friction grows with its load errs by {body} A"
-        f"{_range_text(fit, 'load')} with {len(fit['load'].values)} parameters; a set of parameters for each direction "
-        f"errs by {sets} A with {len(fit['dissociated'].values)}, and one set by {one} A. Identified from "
-        f"{sum(m.split == 'fitted' for m in fit.motions)} recordings."
+        figure=draw(moving_slider, fit, {SHORT_METHOD_NAMES[m]: m for m in ("load", "pooled")}, COLOUR_ROLES),
     )
 
 
@@ -213,17 +171,13 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
     places = np.unique(np.round([m.slider for m in fit.motions], 3))
     tiles = []
     for m in ("pooled", "dissociated", "load"):
-        more = f"{len(fit[m].values)} parameters; {_use(fit)} trials"
+        more = f"{len(fit[m].values)} parameters; {evaluated_use(fit)} trials"
         tiles.append(Tile(f"Error, {SHORT_METHOD_NAMES[m]}", str(error_value(fit, m)), "A", more))
     reach = f"{1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm from the axis"
     return (*tiles, Tile("Places of the carriage", f"{len(places)}", "", reach))
 
 
 # --- what is judged -------------------------------------------------------------------------------------------------
-
-
-def _use(fit: SliderFit) -> str:
-    return "held-out" if fit.evaluated_split == "heldout" else "fitted"
 
 
 def _angles(fit: SliderFit) -> np.ndarray:
@@ -342,7 +296,7 @@ def _errors(fit: SliderFit) -> Section:
     names = list(evaluated["pooled"])
     errors = {SHORT_METHOD_NAMES[m]: np.array([evaluated[m][n].current for n in names]) for m in COMPARED_METHODS}
     protocols = [evaluated["pooled"][n].protocol for n in names]
-    use = _use(fit)
+    use = evaluated_use(fit)
     drawings = [
         draw(
             figures.paired_errors,
@@ -432,7 +386,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
         numbers = (number(x, digits=3) for x in figures_of)
         first = (SLIDER_METHODS[method], f"{len(estimate.values)}", str(error_value(fit, method)))
         rows.append(Row((*first, *numbers, f"{estimate.samples}"), method == best))
-    word = _use(fit).capitalize()
+    word = evaluated_use(fit).capitalize()
     heads = (
         "Method", "Parameters", f"{word} error (A)", f"{word} error (N·m)", "Error on fitted (A)", "Residual SD (N·m)",
         "Samples",

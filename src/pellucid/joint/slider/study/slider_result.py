@@ -7,10 +7,12 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
 from ....models.slider_joint import SliderCard, SliderJointModel
+from ....study.answer import Answer
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
 from ....study.study import Study
 from ..slider_fit import SLIDER_METHODS, SliderEstimate, SliderFit
+from .slider_answer import slider_answer
 
 COMMAND_NAME = "identify"
 """Every row names this command as its origin."""
@@ -25,16 +27,18 @@ class SliderResult(Result):
 
     fit: SliderFit = field(repr=False)
 
+    def make_answer(self) -> Answer:
+        return slider_answer(self.fit)
+
 
 def slider_result(study: Study, fit: SliderFit) -> SliderResult:
     """Return a fit with its tables, rows and cards."""
-    split = "held-out" if fit.evaluated_split == "heldout" else "fitted"
     errors = {name: fit.evaluated_error(name) for name in fit.estimates}
     rows = tuple((SLIDER_METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
     printed = tuple(i for i, name in enumerate(errors) if name in PRINTED_METHODS)
     return SliderResult(
         study=fit.study,
-        headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
+        headline=slider_answer(fit).sentence,
         tables=(
             FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows, chosen_rows=printed),
             *(ParameterTable(SLIDER_METHODS[name], fit[name].parameters) for name in PRINTED_METHODS),

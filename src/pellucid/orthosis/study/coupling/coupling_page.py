@@ -9,16 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...._printed_command import printed_command
 from ....models.estimates import Parameter
 from ....numerics.gravity_holds import GravityFit, line_of_best_fit
 from ....study.drawing.drawing import Drawing, Head, dots, draw, heads, key, line, one_panel, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import number_table
 from ....study.pages.moving import MovingDrawing, Way, cursor, strokes
-from ....study.pages.page import Answer, Page, Section, Tile, without_drawing
-from ....study.pages.quantities import number, typeset_sentence, unit_text
-from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
+from ....study.pages.page import Page, Section, Tile
+from ....study.pages.quantities import number, unit_text
 from ....study.procedures.posterior_figures import posterior_figure
 from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ....study.study import Study
@@ -279,26 +277,13 @@ def page(study: Study, findings: CouplingResult) -> Page:
     shown = f"mismatch_{next(iter(findings.wearers))}" if findings.wearers else ""
     drawn = (drawing for section in sections for drawing in section.drawings)
     figure = next((drawing for drawing in drawn if drawing.name == shown), None)
-    held = [w.coupling.mean_fit() for w in findings.wearers.values()]
-    known = np.isfinite(held).any()
-    wrong = any(v.kind == "wrong" for v in findings.verdicts)
-    explained = known and float(np.nanmean(held)) >= MIN_EXPLAINED_PERCENT
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
-        headline=typeset_sentence(findings.headline),
+        answer=findings.answer,
         verdicts=findings.verdicts,
         tiles=_tiles(findings),
-        sections=without_drawing(sections, shown),
-        answer=Answer(
-            f"Do the straps explain at least {MIN_EXPLAINED_PERCENT:.0f} % of the angle between limb and orthosis in "
-            "swings that were not fitted?",
-            "no" if wrong or (known and not explained) else "yes" if explained else "unsure",
-            figure,
-            tuple(
-                f"Make a controller for {who}: `{printed_command('export', study.folder, '--participant', who)}`."
-                for who in list(findings.wearers)[:1]
-            ),
-        ),
+        sections=sections,
+        figure=figure,
     )
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.gravity_holds import accuracy
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.posterior_beside import (
     ComparedPosterior,
     pair_with_posterior,
@@ -64,6 +66,9 @@ class CouplingResult(Result):
     notes: Mapping[str, str] = field(repr=False)  # corrections of a recording's angles, by recording
     files: Mapping[str | None, Mapping[str, str]] = field(repr=False)  # checksums by participant; None: nobody wore it
 
+    def make_answer(self) -> Answer:
+        return coupling_answer(self)
+
 
 def coupling_result(
     study: str,
@@ -87,6 +92,33 @@ def coupling_result(
     )  # fmt: skip
     tables, verdicts, rows = tuple(_tables(made)), tuple(_verdicts(made)), tuple(_rows(made))
     return replace(made, tables=tables, verdicts=verdicts, rows=rows, cards=_cards(made))
+
+
+def coupling_answer(found: CouplingResult) -> Answer:
+    """Return whether each strap explains the angle between limb and orthosis in swings that were not fitted."""
+    held = {who: float(stages.coupling.mean_fit()) for who, stages in found.wearers.items()}
+    parts = [
+        AnswerPart(who, "yes" if fit >= MIN_EXPLAINED_PERCENT else "no", f"{fit:.1f} % explained")
+        if np.isfinite(fit)
+        else AnswerPart(who, "cannot say", "no swing was held out")
+        for who, fit in held.items()
+    ]
+    parts += [AnswerPart(who, "cannot say", why) for who, why in found.refused.items()]
+    verdict, count = verdict_of_parts(parts), len(found.checksums)
+    controller = [
+        Step(f"Make a controller for {who}", "export", ("--participant", who)) for who in list(found.wearers)[:1]
+    ]
+    return Answer(
+        f"Do the straps explain at least {MIN_EXPLAINED_PERCENT:.0f} % of the angle between limb and orthosis in "
+        "swings that were not fitted?",
+        verdict,
+        found.headline,
+        reason_of_parts(parts) or ("" if parts else "nobody wore the orthosis"),
+        tuple(parts),
+        tuple(AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()),
+        Basis(count, count, judged="swings that were not fitted" if np.isfinite(list(held.values())).any() else ""),
+        next=tuple(controller) if verdict == "yes" else (Step("Hold swings out, and record faster ones"),),
+    )
 
 
 def strap_beside_posterior(found: WearerCoupling) -> tuple[ComparedPosterior, ...]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ....study.drawing.drawing import Drawing, Head, draw, heads, key, label_ends, line, one_panel, origin, tidy
 from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.page import Page, Section, Tile
-from ....study.procedures.study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ....study.study import Study
 from .hinge_table import HingeTable
 from .identify_hinge import PROCESSING_NOTE, HingeResult, HingeTrial
@@ -101,9 +101,8 @@ def page(study: Study, findings: HingeResult) -> Page:
     evaluated = tuple(t for t in findings.trials if t.scores)
     return study_page(
         title=f"{findings.study}: angle of a hinge",
-        headline=findings.headline,
+        answer=findings.answer,
         verdicts=findings.verdicts,
-        following=(paper_step(study),),
         tiles=tuple(_tile(t) for t in evaluated),
         sections=(
             Section("hinge_found", "What was found", tables=figure_tables(findings)),

@@ -18,6 +18,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.clocks import Alignment, align, clock_drift
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -193,11 +194,22 @@ class HingeTrial:
     scores: dict[str, HingeScore] | None = None  # Scores by name in `SCORED_ANGLES`; empty without a reference
 
 
+MAX_ANGLE_ERROR_DEG = 5.0
+"""Largest error of a joint angle that counts as right [deg].
+
+McGinley et al., Gait & Posture 29, 2009, call errors of up to 5 deg acceptable in gait analysis, and larger ones
+misleading.
+"""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class HingeResult(Result):
     """What `identify` found on hinges, one trial for each recording."""
 
     trials: tuple[HingeTrial, ...] = ()
+
+    def make_answer(self) -> Answer:
+        return hinge_answer(self)
 
 
 def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
@@ -224,9 +236,9 @@ def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
         ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", COMMAND_NAME, "heldout", checksums[name], why)
         for name, why in failures.items()
     ]
-    return HingeResult(
+    found = HingeResult(
         study=study.name,
-        headline=_headline(trials),
+        headline="",
         tables=(*_error_tables(trials), *(_parameters(trial) for trial in trials)),
         verdicts=tuple(_verdicts(trials, failures, table)),
         rows=tuple(rows),
@@ -234,6 +246,7 @@ def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
         checksums=checksums,
         trials=tuple(trials),
     )
+    return replace(found, headline=hinge_answer(found).sentence)
 
 
 def faults(study: Study) -> list[Fault]:
@@ -352,12 +365,41 @@ def _excluded(trial: HingeTrial) -> str:
     return "reference jumps more than the joint can: " + ", ".join(parts) if parts else "no impossible jump"
 
 
-def _headline(trials: list[HingeTrial]) -> str:
-    evaluated = [np.degrees(t.scores["offline"].rms) for t in trials if t.scores]
-    what = f"{len(trials)} recording{'s' if len(trials) > 1 else ''} of a hinge between two IMUs"
-    if not evaluated:
-        return f"{what}: axis, centre and angle found; no reference to judge the angle by."
-    return f"{what}: the angle is within {min(evaluated):.2f} to {max(evaluated):.2f} deg RMS of the reference."
+def hinge_answer(found: HingeResult) -> Answer:
+    """Return whether the angle is that of the reference; without a reference, whether the axis is determined."""
+    judged = [trial for trial in found.trials if trial.scores]
+    count = len(found.checksums)
+    what = f"{len(found.trials)} recording{'s' if len(found.trials) > 1 else ''} of a hinge between two IMUs"
+    if judged:
+        errors = {trial.name: float(np.degrees(trial.scores["offline"].rms)) for trial in judged}
+        text = f"the angle is within {min(errors.values()):.2f} to {max(errors.values()):.2f} deg RMS of the reference"
+        question = f"Is the angle of the hinge that of the reference, within {MAX_ANGLE_ERROR_DEG:g} deg RMS?"
+        quantity, where = "RMS error of the angle", "the seconds after the calibration"
+    else:
+        errors = {trial.name: _axis_tilt_deg(trial) for trial in found.trials}
+        text = f"axis and centre are found; the axis is known to {max(errors.values()):.2f} deg or better (95 %)"
+        text += "; there is no reference to judge the angle by"
+        question = f"Do the IMUs tell the axis of the hinge, within {MAX_ANGLE_ERROR_DEG:g} deg?"
+        quantity, where = "half the 95 % interval of the axis", ""
+    parts = [
+        AnswerPart(name, "yes" if error <= MAX_ANGLE_ERROR_DEG else "no", f"{quantity} {error:.2f} deg")
+        for name, error in errors.items()
+    ]
+    return Answer(
+        question,
+        verdict_of_parts(parts),
+        f"{what}: {text}.",
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(AnswerNumber(f"{quantity}, {name}", error, "deg") for name, error in errors.items()),
+        Basis(len(found.trials), count, judged=where),
+        next=(PAPER_STEP,),
+    )
+
+
+def _axis_tilt_deg(trial: HingeTrial) -> float:
+    """Return half the 95 % interval of the tilt of the axis, the worse of both IMUs [deg]."""
+    return float(np.degrees(1.96 * np.max(trial.hinge.standard_errors[:4])))
 
 
 def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:

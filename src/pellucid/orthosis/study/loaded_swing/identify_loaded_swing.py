@@ -20,6 +20,7 @@ from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
 from ....models.parameter_card import ParameterCard
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -62,6 +63,9 @@ class LoadedSwingResult(Result):
     legs: Mapping[str, LegAlone]  # Legs by participant
     swings: Mapping[str, Swing] = field(repr=False)  # Fitted swings by recording
     wearers: Mapping[str, str | None]  # Participant in the exoskeleton by recording; None where it was empty
+
+    def make_answer(self) -> Answer:
+        return swing_answer(self)
 
 
 def identify_loaded_swing(study: Study, tell: Progress = quiet) -> LoadedSwingResult:
@@ -197,6 +201,29 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         legs=legs,
         swings=swings,
         wearers=wearers,
+    )
+
+
+def swing_answer(found: LoadedSwingResult) -> Answer:
+    """Return whether the swings tell the inertia of each leg."""
+    parts, numbers = [], []
+    for who, leg in found.legs.items():
+        low, high = leg.inertia.interval(found.confidence)
+        share = 50.0 * (high - low) / abs(leg.inertia.value)
+        told = share <= 100.0 * MAX_RELATIVE_HALF_WIDTH
+        numbers.append(AnswerNumber(f"inertia of the leg of {who}", leg.inertia.value, "kg*m^2", (low, high)))
+        text = f"{leg.inertia.value:.3g} kg*m^2, ± {share:.0f} %"
+        parts.append(AnswerPart(who, "yes" if told else "cannot say", text))
+    count = len(found.checksums)
+    return Answer(
+        f"Do the swings tell each leg's inertia, to ± {100.0 * MAX_RELATIVE_HALF_WIDTH:g} %?",
+        verdict_of_parts(parts),
+        found.headline,
+        reason_of_parts(parts),
+        tuple(parts),
+        tuple(numbers),
+        Basis(count, count, judged="swings that were fitted"),
+        next=(PAPER_STEP,),
     )
 
 

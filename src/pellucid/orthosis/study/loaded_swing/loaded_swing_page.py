@@ -5,8 +5,8 @@ from __future__ import annotations
 from ....study.drawing.drawing import Drawing, draw
 from ....study.pages.moving import Traces, over_time
 from ....study.pages.page import Page, Section, Tile
-from ....study.pages.quantities import number, typeset_sentence
-from ....study.procedures.study_page import figure_tables, paper_step, parameter_tables, study_page
+from ....study.pages.quantities import number
+from ....study.procedures.study_page import figure_tables, parameter_tables, study_page
 from ....study.study import Study
 from .identify_loaded_swing import LoadedSwingResult
 from .loaded_swing_table import LoadedSwingTable
@@ -28,9 +28,8 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
         tiles.append(Tile(f"Leg, {who}", number(leg.inertia.value, leg.inertia.standard_error), "kg·m²", moment))
     return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
-        headline=typeset_sentence(findings.headline),
+        answer=findings.answer,
         verdicts=findings.verdicts,
-        following=(paper_step(study),),
         tiles=tuple(tiles),
         sections=(
             Section("swing_found", "What was found", (), figure_tables(findings)),

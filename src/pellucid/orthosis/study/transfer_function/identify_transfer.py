@@ -13,6 +13,7 @@ from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
+from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -62,6 +63,9 @@ class TransferResult(Result):
     units: tuple[str, str]  # Units of input and output
     channels: tuple[str, str]  # Channels of input and output
     looks: Mapping[str, FirstLook]  # First looks by name, made before any fit
+
+    def make_answer(self) -> Answer:
+        return transfer_answer(self)
 
     @property
     def single(self) -> dict[str, TransferFit]:
@@ -136,7 +140,7 @@ def identify_transfer(study: Study, tell: Progress = quiet) -> TransferResult:
     )  # fmt: skip
     return replace(
         made,
-        headline=_headline(made, recordings),
+        headline=transfer_answer(made).sentence,
         tables=(*first_look.tables(looks), *_tables(made, recordings)),
         verdicts=(*first_look.verdicts(looks, unseen, channels), *_verdicts(made)),
         rows=tuple(_rows(made, recordings)),
@@ -191,17 +195,37 @@ def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) 
     return evaluate_transfer_function(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
 
-# --- headline, tables and verdicts ----------------------------------------------------------------------------------
+# --- answer, tables and verdicts ----------------------------------------------------------------------------------
 
 
-def _headline(found: TransferResult, recordings: Sequence[Recording]) -> str:
-    inside = [f.responses[0].fit for f in found.single.values()]
-    wanted = sum(r.use == "fit" for r in recordings)
-    text = f"{len(inside)} of {wanted} recordings fitted, {min(inside):.1f} to {max(inside):.1f} %"
-    if found.heldout:
-        outside = [r.fit for r in found.heldout.values()]
-        text += f"; held out {min(outside):.1f} to {max(outside):.1f} %"
-    return text + "."
+def transfer_answer(found: TransferResult) -> Answer:
+    """Return whether the transfer functions predict what they were not fitted to."""
+    least = TRANSFER_THRESHOLDS.good_fit_percent
+    parts = [
+        AnswerPart(name, "yes" if r.fit >= least else "no", f"a fit of {r.fit:.1f} % where it was not fitted")
+        for name, r in found.heldout.items()
+    ]
+    parts += [AnswerPart(name, "cannot say", "refused") for name in found.refused]
+    inside, outside = [f.responses[0].fit for f in found.single.values()], [r.fit for r in found.heldout.values()]
+    good = sum(part.verdict == "yes" for part in parts)
+    where = f"fits {min(inside):.1f} to {max(inside):.1f} % of the output that it was fitted to"
+    said = f"Nothing could be held out; each transfer function {where}"
+    if outside:
+        said = (
+            f"Where they were not fitted, {good} of {len(outside)} recordings are predicted by {least:g} % or more "
+            f"({min(outside):.1f} to {max(outside):.1f} %); each transfer function {where}"
+        )
+    count = len(found.checksums)
+    return Answer(
+        f"Do the transfer functions predict what they were not fitted to, by {least:g} % or more?",
+        verdict_of_parts(parts),
+        f"{said}.",
+        reason_of_parts(parts) or ("" if outside else "nothing could be held out"),
+        tuple(parts),
+        tuple(AnswerNumber(f"fit of {name} where it was not fitted", r.fit, "%") for name, r in found.heldout.items()),
+        Basis(count - len(found.refused), count, judged="what was not fitted" if outside else ""),
+        next=(PAPER_STEP,),
+    )
 
 
 def _tables(found: TransferResult, recordings: Sequence[Recording]) -> Iterator[ParameterTable | FigureTable]:

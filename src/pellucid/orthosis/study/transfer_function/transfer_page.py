@@ -14,7 +14,7 @@ from ....study.drawing.style import FIGURE_WIDTH, colour
 from ....study.pages.forest import Row, Table
 from ....study.pages.page import Page, Section, Tile
 from ....study.pages.quantities import number, parameter_interval, relative_sd, typeset_sentence, unit_text
-from ....study.procedures.study_page import figure_tables, paper_step, provenance, study_page
+from ....study.procedures.study_page import figure_tables, provenance, study_page
 from ....study.study import Study
 from ...transfer.fit_transfer_function import Response
 from .first_look import FirstLook
@@ -225,9 +225,8 @@ def page(study: Study, found: TransferResult) -> Page:
     """The report's page, figures drawn."""
     return study_page(
         title=f"{found.study}: transfer functions",
-        headline=found.headline,
+        answer=found.answer,
         verdicts=found.verdicts,
-        following=(paper_step(study),),
         tiles=_tiles(found),
         sections=(
             *_looks(found),

@@ -1,0 +1,153 @@
+"""The answer to whether the model of a joint predicts its effort where it was not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
+from ...study.pages.quantities import EFFORT_NAMES, number, percent
+from ...study.pages.values import Value
+from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
+from ..fit.replay import Prediction, Simulation, r_squared, relative_error
+
+if TYPE_CHECKING:
+    from .joint_result import JointResult
+
+STRETCHES_OUT = "stretches of the fitted recordings, each left out in turn"
+"""What the error is of where no recording is held out."""
+
+HOLD_OUT_STEP = Step('Hold recordings out: give some of them `use = "validate"` in study.toml; then', "check")
+"""What to do where no recording is held out."""
+
+CONTROLLER_STEP = Step("Make a controller of it", "export")
+"""What to do with a model that predicts."""
+
+CORRECT_STEP = Step("Look for what the model misses, which the warnings name; then", "check")
+"""What to do with a model that does not predict."""
+
+
+def joint_answer(fit: JointResult) -> Answer:
+    """Return whether the model predicts the effort where it was not fitted, with its error there.
+
+    A recording that is held out comes first. Without any, stretches of the fitted recordings that were left out in turn
+    tell the error.
+    """
+    error, r2 = headline_error(fit), unfitted_r2(fit)
+    effort = EFFORT_NAMES.get(fit.effort_unit, "effort").lower()
+    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
+    judged = judged_words(fit)
+    question = f"Does the model predict the {effort} where it was not fitted, within {MAX_GOOD_ERROR:g} %?"
+    model = f"The {fit.best} friction model of the {fit.joint}"
+    if not judged:
+        said = f"Nothing was held out. {model} leaves an error of {error} % of the {effort} on what it was fitted to."
+        reason = "nothing was held out"
+        return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
+    said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
+    ranged = error_range_text(fit) if held else ""
+    known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
+    said += f"{ranged}{known_r2}{_constant_text(fit, effort)}."
+    verdict, reason = _verdict(error.number, r2, judged)
+    numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
+    if np.isfinite(r2):
+        numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
+    steps = (CONTROLLER_STEP,) if verdict == "yes" else (CORRECT_STEP,)
+    steps = steps if held else (HOLD_OUT_STEP, *steps)
+    return Answer(
+        question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
+        next=steps,
+    )  # fmt: skip
+
+
+def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:
+    """Return whether an error [%] and its R² are those of a good prediction, and why not."""
+    if error > MAX_GOOD_ERROR:
+        return "no", f"the error on {judged} is {percent(error)} %, more than {MAX_GOOD_ERROR:g} %"
+    if not r2 >= SOUND_R2:
+        return "no", f"R² on {judged} is {number(r2, digits=2)}, less than {SOUND_R2:g}"
+    return "yes", ""
+
+
+def _basis(fit: JointResult, judged: str) -> Basis | None:
+    """Return what the numbers are based on; None where the study counts its recordings itself."""
+    count = len(fit.checksums)
+    return Basis(count, count, judged=judged)
+
+
+def judged_words(fit: JointResult) -> str:
+    """Return in words the data that were not fitted and tell the error; "" if there are none."""
+    held = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
+    if held:
+        return "one held-out recording" if len(held) == 1 else f"{len(held)} held-out recordings"
+    return STRETCHES_OUT if np.isfinite(fit.crossed_error[0]) else ""
+
+
+def headline_error(fit: JointResult) -> Value:
+    """Return the error that every part tells [%]: of held-out recordings, of stretches left out, or of fitted ones."""
+    best, head = fit.headlined, f"{fit.study}.headline"
+    if np.isfinite(best.heldout_effort_error):
+        error, name = float(best.heldout_effort_error), f"{head}.heldout.effort_error"
+    elif np.isfinite(fit.crossed_error[0]):
+        error, name = fit.crossed_error[0], f"{head}.blocks_out.effort_error"
+    else:
+        error, name = float(best.fitted_effort_error), f"{head}.effort_error"
+    return Value(name, error, percent(error))
+
+
+def unfitted_r2(fit: JointResult) -> float:
+    """Return R² of held-out recordings, or of stretches left out; NaN if neither is known."""
+    best = fit.headlined
+    return float(best.heldout_r2) if np.isfinite(best.heldout_effort_error) else fit.crossed_error[1]
+
+
+def crossed_error_of(fit: JointResult) -> tuple[float, float]:
+    """Return the error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown."""
+    family = fit.families[fit.best]
+    efforts = [p.effort for p in family.predictions if p.split == "fitted"]
+    if not family.crossed or not efforts:
+        return float("nan"), float("nan")
+    effort, residual = np.concatenate(efforts), np.concatenate(family.crossed)
+    if len(effort) != len(residual) or not np.any(effort):
+        return float("nan"), float("nan")
+    return relative_error(effort, effort - residual), r_squared(effort, effort - residual)
+
+
+def _constant_text(fit: JointResult, effort: str) -> str:
+    """Return the error of the best constant effort in words, which says how much there was to predict."""
+    held = fit.held_out
+    return f"; the best constant {effort} has {percent(held[0].constant_error)} %" if held else ""
+
+
+def error_range_text(fit: JointResult) -> str:
+    """Return in brackets the smallest and the largest held-out error of a recording; "" of a single one.
+
+    Where some recordings lie beyond the bound of a good prediction, the others are counted.
+    """
+    held = [p for p in fit.headlined.predictions if p.split == "heldout"]
+    single = [percent(pooled_error(group)) for group in by_recording(held)]
+    if len(single) < 2 or not all(map(_is_number, single)):
+        return ""
+    spread = sorted(single, key=float)
+    within = sum(float(each) <= MAX_GOOD_ERROR for each in spread)
+    beyond = f"; {within} of {len(spread)} within {MAX_GOOD_ERROR:g} %" if within < len(spread) else ""
+    return f" ({spread[0]} to {spread[-1]} % by recording{beyond})"
+
+
+def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
+    """Return the stretches grouped by recording, in the order of the recordings."""
+    groups: dict[str, list] = {}
+    for part in parts:
+        groups.setdefault(part.recording, []).append(part)
+    return list(groups.values())
+
+
+def pooled_error(group: Sequence[Prediction]) -> float:
+    """Return the effort error over several stretches [%]."""
+    residual = np.concatenate([p.residual for p in group])
+    return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
+
+
+def _is_number(text: str) -> bool:
+    return text.replace(".", "", 1).isdigit()

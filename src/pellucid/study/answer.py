@@ -1,0 +1,345 @@
+"""The answer of a result: question, verdict, sentence, numbers, what they are based on, what was assumed, what next.
+
+A domain makes the answer of its result once. Terminal, page, certificate, results.json, notebook and paper show it, and
+write no verdict of their own.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from .._printed_command import printed_command
+from .pages.quantities import capitalised, typeset_quantities
+from .pages.values import plain_text
+
+AnswerVerdict = Literal["yes", "no", "cannot say"]
+"""Verdict of an answer."""
+
+BADGE_WORDS: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "cannot say": "Cannot say"}
+"""Words of a verdict on a page's badge and on a terminal."""
+
+USE_QUESTION = "May these figures be used?"
+"""Question of a result whose procedure asks none of its own."""
+
+MAX_NAMED_ASSUMPTIONS = 4
+"""Largest number of assumptions that a sentence names; a study's page has all."""
+
+MAX_NAMED_REASONS = 4
+"""Largest number of parts whose reasons stand in one sentence."""
+
+
+@dataclass(frozen=True)
+class AnswerNumber:
+    """A number that an answer rests on.
+
+    Attributes
+    ----------
+    what : str
+        Name of the quantity.
+    value : float
+        Value in `unit`.
+    unit : str
+        Unit as plain text; ``"1"`` without a dimension.
+    interval : tuple of float, optional
+        Ends of its confidence interval, in `unit`.
+    id : str
+        Id of its row in results.json; "" without one.
+    """
+
+    what: str
+    value: float
+    unit: str
+    interval: tuple[float, float] | None = None
+    id: str = ""
+
+
+@dataclass(frozen=True)
+class AnswerPart:
+    """The verdict on one joint, condition, muscle or claim.
+
+    Attributes
+    ----------
+    name : str
+        What the verdict is on.
+    verdict : str
+        "yes", "no" or "cannot say".
+    reason : str
+        Reason, with the number it rests on.
+    """
+
+    name: str
+    verdict: AnswerVerdict
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.verdict}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What an answer is based on.
+
+    Attributes
+    ----------
+    used, recorded : int
+        How many were used, and how many were recorded.
+    counted : str
+        What is counted, in the singular: ``"recording"``, ``"participant"``, ``"file"``.
+    judged : str
+        Data that the numbers were computed on, in words, such as ``"held-out recordings"``; "" where nothing is judged.
+    is_simulated : bool
+        Whether the recordings were simulated.
+    """
+
+    used: int
+    recorded: int
+    counted: str = "recording"
+    judged: str = ""
+    is_simulated: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """What the answer is based on, in a sentence."""
+        noun = self.counted if self.recorded == 1 else f"{self.counted}s"
+        text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
+        origin = "simulated" if self.is_simulated else "measured"
+        return f"Based on {text} {noun}, {origin}{f'; numbers are of {self.judged}' if self.judged else ''}."
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """Something that a study takes for true although no file states it.
+
+    Attributes
+    ----------
+    subject : str
+        Key of the question, or what the line of study.toml states.
+    taken : str
+        Value that is taken.
+    why : str
+        The question, or the reason of a guess.
+    is_question : bool
+        Whether an answer to a question replaces it; otherwise it is a guess of which the files give evidence.
+    is_scale : bool
+        Whether every number depends on it: with another answer each would be another one.
+    """
+
+    subject: str
+    taken: str
+    why: str = ""
+    is_question: bool = True
+    is_scale: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """The assumption with its reason."""
+        return f"{self.subject}: {self.taken}" + (f". {capitalised(self.why)}" if self.why else "")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next: a sentence, and the command if there is one.
+
+    Attributes
+    ----------
+    text : str
+        What to do, without a full stop.
+    name : str
+        Name of the command on the study's folder, such as ``"export"``; "" without one.
+    options : tuple of str
+        Its options.
+    folder : str
+        The study's folder as it was given.
+    line : str
+        A whole command line, where it is not one on the study's folder.
+    """
+
+    text: str
+    name: str = ""
+    options: tuple[str, ...] = ()
+    folder: str = ""
+    line: str = ""
+
+    @property
+    def command(self) -> str:
+        """Command as a shell takes it; "" if there is none."""
+        return self.line or (printed_command(self.name, self.folder, *self.options) if self.name else "")
+
+    @property
+    def sentence(self) -> str:
+        """The step in a sentence, with its command between backticks."""
+        return f"{self.text}: `{self.command}`." if self.command else f"{self.text.rstrip('.')}."
+
+
+PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")
+"""What to do next with figures that nothing else is made from."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer of a result.
+
+    Attributes
+    ----------
+    question : str
+        The question that the command asks.
+    verdict : str
+        "yes", "no" or "cannot say".
+    said : str
+        The answer in a sentence, with its numbers; a page marks them with their ids.
+    reason : str
+        Why it is no, or cannot be said; "" for yes.
+    parts : tuple of AnswerPart
+        Verdicts on single joints, conditions, muscles or claims; empty where there is one alone.
+    numbers : tuple of AnswerNumber
+        Numbers that the verdict rests on.
+    basis : Basis, optional
+        What it is based on.
+    assumed : tuple of Assumption
+        Defaults that were taken.
+    next : tuple of Step
+        What to do next, the first step first.
+    """
+
+    question: str
+    verdict: AnswerVerdict
+    said: str
+    reason: str = ""
+    parts: tuple[AnswerPart, ...] = ()
+    numbers: tuple[AnswerNumber, ...] = ()
+    basis: Basis | None = None
+    assumed: tuple[Assumption, ...] = ()
+    next: tuple[Step, ...] = field(default=())
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether the question was answered, with yes or no."""
+        return self.verdict != "cannot say"
+
+    @property
+    def badge(self) -> str:
+        """Word on the badge."""
+        return BADGE_WORDS[self.verdict]
+
+    @property
+    def sentence(self) -> str:
+        """The answer in a sentence as it is read, without ids."""
+        return plain_text(self.said)
+
+    @property
+    def whole(self) -> str:
+        """Question, verdict and sentence in one line; the sentence has the ids of its numbers."""
+        return f"{self.question} {self.badge}. {begun(self.said)}"
+
+    @property
+    def based_on(self) -> tuple[str, ...]:
+        """What the answer is based on and what was assumed, in sentences."""
+        found = () if self.basis is None else (self.basis.sentence,)
+        return (*found, *((assumed_sentence(self.assumed),) if self.assumed else ()))
+
+    @property
+    def next_command(self) -> str:
+        """The first command to run next; "" if there is none."""
+        return next((step.command for step in self.next if step.command), "")
+
+    @property
+    def following(self) -> tuple[str, ...]:
+        """Sentences on what to do next."""
+        return tuple(step.sentence for step in self.next)
+
+    def in_folder(self, folder: Path | str) -> Answer:
+        """Return the answer whose commands name the study's folder as it was given."""
+        return replace(self, next=tuple(replace(step, folder=str(folder)) for step in self.next))
+
+    def table(self) -> dict[str, Any]:
+        """Return the answer for JSON."""
+        return {
+            "question": self.question,
+            "verdict": self.verdict,
+            "said": begun(self.sentence),
+            "reason": plain_text(self.reason),
+            "parts": [asdict(part) for part in self.parts],
+            "numbers": [_number_table(number) for number in self.numbers],
+            "based_on": None if self.basis is None else {**asdict(self.basis), "sentence": self.basis.sentence},
+            "assumed": [asdict(each) for each in self.assumed],
+            "next": [{"text": step.text, "command": step.command} for step in self.next],
+        }
+
+
+def _number_table(number: AnswerNumber) -> dict[str, Any]:
+    def finite(x: float) -> float | None:
+        return float(x) if math.isfinite(x) else None
+
+    ends = None if number.interval is None else [finite(end) for end in number.interval]
+    return {"what": number.what, "value": finite(number.value), "unit": number.unit, "interval": ends, "id": number.id}
+
+
+def assumed_sentence(assumed: Sequence[Assumption]) -> str:
+    """Return the defaults that were taken, in a sentence; those that scale every number first."""
+    ordered = sorted(assumed, key=lambda each: not each.is_scale)
+    named = ", ".join(f"{each.subject} = {each.taken}" for each in ordered[:MAX_NAMED_ASSUMPTIONS])
+    more = len(ordered) - MAX_NAMED_ASSUMPTIONS
+    return f"Assumed, because no file states it: {named}{f' and {more} more' if more > 0 else ''}."
+
+
+def reason_of_parts(parts: Sequence[AnswerPart]) -> str:
+    """Return why `verdict_of_parts` is no, or cannot say: the reasons of the parts that say the same; "" for yes."""
+    verdict = verdict_of_parts(parts)
+    own = [f"{part.name}: {part.reason}" for part in parts if part.verdict == verdict != "yes"]
+    more = len(own) - MAX_NAMED_REASONS
+    return "; ".join(own[:MAX_NAMED_REASONS]) + (f"; and {more} more" if more > 0 else "")
+
+
+def verdict_of_parts(parts: Iterable[AnswerPart]) -> AnswerVerdict:
+    """Return the answer to whether something holds of each part: no if one says no, yes if all say yes."""
+    said = {part.verdict for part in parts}
+    return "no" if "no" in said else "yes" if said == {"yes"} else "cannot say"
+
+
+def answer_of_findings(headline: str, findings: Iterable[tuple[str, str]], question: str = USE_QUESTION) -> Answer:
+    """Return the answer that findings give, of a kind each, the worst first: a warning is enough for "cannot say"."""
+    doubts = [text for kind, text in findings if kind in ("wrong", "warning")]
+    reason = doubts[0] if doubts else ""
+    return Answer(question, "cannot say" if doubts else "yes", headline, reason)
+
+
+def spoilt(answer: Answer, flaw: str) -> Answer:
+    """Return an answer to a question that cannot be answered, because a finding says that the figures are wrong."""
+    text = f"First correct this: {flaw.rstrip('.')}. Until then no figure describes what was recorded. "
+    return replace(answer, verdict="cannot say", reason=flaw, said=text + begun(answer.said))
+
+
+def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
+    """Return an answer with the defaults that were taken; where one scales every number, nobody can say yes or no."""
+    scales = [each for each in assumed if each.is_scale]
+    answer = replace(answer, assumed=tuple(assumed))
+    if not scales or not answer.is_answered:
+        return answer
+    named = ", ".join(f"{each.subject} = {each.taken}" for each in scales)
+    reason = f"no file states the scale of these figures, and a default is assumed: {named}"
+    said = f"No file states the scale of these figures; assumed: {named}. {begun(answer.said)}"
+    return replace(answer, verdict="cannot say", reason=reason, said=said)
+
+
+def answer_lines(answer: Answer) -> tuple[str, ...]:
+    """Return an answer in lines of text: question, verdict with its sentence, what it is based on, what was assumed."""
+    return (answer.question, f"{answer.badge}. {typeset_quantities(begun(answer.sentence))}", *answer.based_on)
+
+
+def begun(text: str) -> str:
+    """Return a text as a sentence: a capital first letter, unless it begins with a name, and a full stop."""
+    text = " ".join(text.split())
+    first = text.split(" ", 1)[0]
+    text = text if re.search(r"[\d'_:]", first) else capitalised(text)
+    return text if text.endswith((".", "!", "?")) or not text else f"{text}."
+
+
+def unanswered_message(answers: Iterable[Answer]) -> str:
+    """Return why questions could not be answered, for a command that then ends with status 1; "" if all were."""
+    open_ones = [answer for answer in answers if not answer.is_answered]
+    return "; ".join(f"cannot say: {plain_text(each.reason).rstrip('.') or each.question}" for each in open_ones)
