@@ -374,7 +374,7 @@ def test_movements_that_never_settle_are_told_and_counted_as_longer_than_seen(re
     cut = next(each.curve.cut for each in found.settling if each.condition == "PCFr")
     assert cut == pytest.approx(never.column("PCFr").mean(), abs=0.05)  # of movements, of people
     assert value(found, "assess.settling.pcfr.never") == pytest.approx(100.0 * cut)
-    assert f"never settled: {100.0 * cut:.0f} % in PCFr" in found.headline
+    assert f"Never settled: {100.0 * cut:.0f} % in PCFr" in found.headline
     # One of three never settles: of a mean of people's changes a lower bound is known.
     change = value(found, "transparency.duration_median.pcfr")
     assert change > value(calm, "transparency.duration_median.pcfr") + 3.0
@@ -387,7 +387,7 @@ def test_movements_that_never_settle_are_told_and_counted_as_longer_than_seen(re
 
 def test_durations_are_medians_wherever_they_stand_first(restless):
     found = restless.found
-    assert "median duration against Ctrl: PCFr" in found.headline
+    assert found.headline.startswith("Median duration against Ctrl, 3 people: PCFr")
     assert "The mean median duration was" in found.paragraph
     assert "Mean duration was" not in found.paragraph
     assert "When so many movements had ended" in str(found)
@@ -410,7 +410,8 @@ def test_a_simulation_on_a_cluster_is_the_same(tmp_path):
     with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, silence_logs=50) as made:
         options = ["--studies", "200", "--scheduler", made.scheduler_address]
         result = CliRunner().invoke(cli.app, ["assess", str(study.folder), *options])
-    assert result.exit_code == 0, result.output
+    # No test tells so few people apart, so that nobody can say.
+    assert result.exit_code == 1, result.output
     needed = {row.id: row.value for row in read_rows(study.results_path) if ".needed." in row.id}
     assert needed == {row.id: row.value for row in assess(study, studies=200).rows if ".needed." in row.id}
     assert (study.folder / "tables" / "participants_by_effect.csv").is_file()

@@ -138,7 +138,8 @@ def test_identify_exits_1_where_its_figures_describe_nothing(fit, tmp_path, monk
     assert status == 1
     assert "the fit failed: it explains nothing." in " ".join(err.split())
     assert "More words" not in err
-    assert "Next:" not in out
+    assert f"Next: pellucid check {study.folder}" in " ".join(out.split())
+    assert "Cannot say. First correct this: the fit failed: it explains nothing." in " ".join(out.split())
     assert (study.folder / "results.json").is_file()
 
 

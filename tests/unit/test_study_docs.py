@@ -14,6 +14,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 TABLES = [
     study_file.StudyFile,
+    study_file.AssumedDefault,
     study_file.OneJoint,
     study_file.RigJoint,
     study_file.Body,

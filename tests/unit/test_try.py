@@ -111,8 +111,10 @@ def test_figures_that_scale_with_a_default_may_not_be_used_before_it_is_confirme
     path = tmp_path / "log.csv"
     table = np.column_stack([p["t"], p["q"], p["tau"]])
     np.savetxt(path, table, delimiter=",", header="time [s],angle [rad],actuator_torque", comments="", fmt="%.6g")
-    said = run(path, "-q", "--out", tmp_path / "open").output
-    assert "May these figures be used? Cannot say." in said
+    done = run(path, "-q", "--out", tmp_path / "open")
+    said = done.output
+    assert done.exit_code == 1
+    assert "Cannot say. No file states the scale of these figures; assumed: effort = torque in N·m." in said
     assert '--answer "effort=torque in N*m"' in " ".join(said.split())
     assert "Cannot say" in first_screen(tmp_path / "open" / "index.html")
     said = run(path, "-q", "--answer", "effort=torque in N*m", "--json").output
@@ -215,6 +217,8 @@ def test_a_jittering_clock_that_loses_rows_is_bridged_and_its_comments_are_read(
     (question,) = [q for q in proposal.asked if q.key == "counts_per_turn"]
     assert question.default == "16384"
     done = run(path, "-q")
+    assert done.exit_code == 1, done.output  # nobody confirmed the encoder's counts
+    done = run(path, "-q", "--answer", "counts_per_turn=16384")
     assert done.exit_code == 0, done.output
 
 
@@ -286,7 +290,7 @@ def test_a_model_that_fails_ends_with_status_1_and_one_sentence(tmp_path):
     )
     assert shell.returncode == 1
     (said,) = shell.stderr.splitlines()
-    assert said.startswith("pellucid: the parameters do not describe the machine: ")
+    assert said.startswith("pellucid: cannot say: the fit failed: ")
     assert (tmp_path / "out" / "index.html").is_file()
 
 

@@ -342,4 +342,4 @@ def begun(text: str) -> str:
 def unanswered_message(answers: Iterable[Answer]) -> str:
     """Return why questions could not be answered, for a command that then ends with status 1; "" if all were."""
     open_ones = [answer for answer in answers if not answer.is_answered]
-    return "; ".join(f"cannot say: {plain_text(each.reason).rstrip('.') or each.question}" for each in open_ones)
+    return " ".join(f"cannot say: {plain_text(each.reason).rstrip('.') or each.question}." for each in open_ones)

@@ -15,7 +15,7 @@ from ..indices import leading_index
 from ..share_of_people import MIN_PEOPLE
 from .certified_rows import certificate_sentences
 from .primary_change import PrimaryChange, primary_change
-from .statements import headline, lowered, p_statement
+from .statements import headline, lowered
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Certified
@@ -93,14 +93,11 @@ def _change_answer(found: AssessmentResult) -> Answer:
         told = condition in differing[each.name]
         reason = f"differs in {words}" if names else "no test tells it from control"
         parts.append(AnswerPart(condition, "yes" if told else "cannot say", reason))
-    others = [name for name in differing if name != each.name and differing[name]]
-    also = "".join(
-        f" {found.assessed[name].table.index.words} differs in {', '.join(differing[name])} "
-        f"({p_statement(found.assessed[name].comparison.p_value)})."
-        if found.assessed[name].comparison.p_value is not None
-        else f" {found.assessed[name].table.index.words} differs in {', '.join(differing[name])}."
-        for name in others
-    )
+    others: dict[tuple[str, ...], list[str]] = {}
+    for name, conditions in differing.items():
+        if name != each.name and conditions:
+            others.setdefault(tuple(conditions), []).append(lowered(found.assessed[name].table.index.words))
+    also = "".join(f" {' and '.join(told)} also different in: {', '.join(words)}." for told, words in others.items())
     told = any(part.verdict == "yes" for part in parts)
     reason = "" if told else f"no test tells a condition from {found.control} in {lowered(each.table.index.words)}"
     return Answer(
@@ -171,7 +168,7 @@ def _changes_text(findings: AssessmentResult) -> str:
     level, parts = f"{100.0 * findings.confidence:g} % CI", []
     for condition, change in changes.items():
         shown = change_value(findings, name, condition, change)
-        ends = change.interval.replace("-", MINUS_SIGN) or "not known"
+        ends = f"{change.interval} {change.unit}".replace("-", MINUS_SIGN) if change.interval else "not known"
         parts.append(f"{condition.replace('_', ' ')} {shown} {change.unit} ({level} {ends})")
     words = each.table.index.words
     people = f"{len(findings.participants)} {'people' if len(findings.participants) != 1 else 'person'}"
