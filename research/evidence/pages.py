@@ -5,6 +5,9 @@ identification takes seconds, an audit and a proposal of the same files. Chromiu
 in light and in dark, with every folded part opened for what is counted but lengths. A value's id on a page is that of
 a row of results.json: its digits must be the same wherever it stands, on every page, and must be that row's, rounded.
 What is not marked with an id is not compared.
+
+Answers are compared beside it: of generated results (`_answers`), and of every study whose page is looked at, the page
+with results.json. Output blocks of pages that a reader types along are compared with what is printed now.
 """
 
 from __future__ import annotations
@@ -14,16 +17,19 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from pellucid import audit, init
 from pellucid.study.procedures.audit_page import write_audit_page
+from pellucid.study.procedures.result import Result
 from pellucid.study.procedures.run import report, run
 from pellucid.study.results import ResultRow, read_rows
 from research.benchmarks._size import sized
 
+from ._answers import compare_answers, contradictions, page_contradictions
 from ._page_looks import Looks, chromium, look_at
 
 DATA_SETS = sized(
@@ -36,8 +42,27 @@ DATA_SETS = sized(
 DEMO_FOLDERS = ("bam_servo", "elbow", "people")
 """Studies of the demo, each with a report."""
 
+BLOCK_TIMEOUT_S = 900.0
+"""Longest time of one block of such a page [s]."""
+
 PICTURES = Path("build/pages")
 """Folder of pictures of every page, at both widths."""
+
+
+GENERATED_ANSWERS = sized(200, smallest=3)
+"""Number of generated results whose answers are compared."""
+
+GENERATED_PAGES = sized(4, smallest=0)
+"""Number of them whose pages are drawn."""
+
+GENERATED_COMMANDS = sized(6, smallest=0)
+"""Number of them that are identified by the command, and whose next commands are run."""
+
+TYPED_PAGES = sized(("README.md", "docs/try-a-log.md", "docs/tutorial-identify-your-joint.md"), smallest=())
+"""Pages whose output blocks are compared; the nightly tests compare every page's."""
+
+ROOT = Path(__file__).parents[2]
+"""Root of the repository."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +72,7 @@ class Made:
     name: str
     page: Path
     results: tuple[Path, ...]
+    found: Result | None = None  # the result that it draws, where it is at hand
 
 
 def rows() -> Iterator[ResultRow]:
@@ -59,8 +85,19 @@ def rows() -> Iterator[ResultRow]:
         with chromium() as browser:
             looks = [look_at(browser, one.name, one.page, PICTURES) for one in made]
         contradictions = _contradictions(made, looks)
+        shown = [f"{one.name}: {said}" for one in made for said in _shown_otherwise(one)]
+        compared, failing = compare_answers(GENERATED_ANSWERS, GENERATED_PAGES, GENERATED_COMMANDS)
+        stale = [said for name in TYPED_PAGES for said in stale_blocks(ROOT / name, place)]
     yield _row("pages.count", len(made), ", ".join(one.name for one in made))
     yield _row("pages.values", sum(len(look.values) for look in looks), "marked with the id of their row")
+    against = [*shown, *(f"{one.name}: {said}" for one in compared for said in one.contradictions)]
+    verdicts = Counter(one.answer.verdict for one in compared)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+    yield _row("pages.contradictions", len(against), "; ".join(against)[:900])
+    answered = sum(one.found is not None for one in made)
+    yield _row("pages.answers_compared", len(compared) + answered, f"{len(compared)} generated: {told}")
+    yield _row("pages.next_commands_failing", len(failing), "; ".join(failing)[:900])
+    yield _row("pages.stale_blocks", len(stale), "; ".join(stale)[:900])
     yield _row("pages.ids_with_two_values", len(contradictions), "; ".join(contradictions)[:900])
     silent = [look.name for look in looks if not look.answers]
     yield _row("pages.first_screen.without_answer", len(silent), ", ".join(silent))
@@ -104,7 +141,7 @@ def _data_set_pages(place: Path, name: str) -> list[Made]:
     study = init(place / name, dataset=name)
     found = run(study)
     found.save(study)
-    return [Made(name, report(study, found), (study.results_path,))]
+    return [Made(name, report(study, found), (study.results_path,), found)]
 
 
 def _file_pages(place: Path, recordings: Path) -> list[Made]:
@@ -113,6 +150,40 @@ def _file_pages(place: Path, recordings: Path) -> list[Made]:
     audited = write_audit_page(audit(files), place / "audit")
     init(place / "proposed", files=files)
     return [Made("audit", audited, ()), Made("proposal", place / "proposed" / "proposal" / "index.html", ())]
+
+
+def _shown_otherwise(one: Made) -> Iterator[str]:
+    """Yield what a study's terminal, notebook, results.json and page say against its answer."""
+    if one.found is not None:
+        yield from contradictions(one.found)
+        yield from page_contradictions(one.found, one.page.read_text(encoding="utf-8"))
+
+
+def stale_blocks(page: Path, place: Path) -> list[str]:
+    """Type a page's blocks in a folder of their own, and return those that are not what is printed now."""
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    spec = spec_from_file_location("page_blocks", ROOT / "tests" / "rules" / "page_blocks.py")
+    assert spec is not None  # the file is in this repository
+    assert spec.loader is not None
+    blocks = module_from_spec(spec)
+    sys.modules[spec.name] = blocks  # its dataclasses look for their module there
+    spec.loader.exec_module(blocks)
+    folder, settings = place / f"typed-{page.stem}", place / f"settings-{page.stem}"
+    folder.mkdir()
+    settings.mkdir()
+    reader, found = blocks.Reader(folder, settings), []
+    try:
+        for block in blocks.blocks_of(page):
+            try:
+                reader.run(block, BLOCK_TIMEOUT_S)
+            except blocks.Stale as stale:
+                found.append(str(stale).splitlines()[0])
+    except blocks.PageFailed as failed:
+        found.append(str(failed).splitlines()[0])
+    finally:
+        reader.close()
+    return found
 
 
 def _contradictions(made: list[Made], looks: list[Looks]) -> list[str]:

@@ -45,7 +45,7 @@ def joint_answer(fit: JointResult) -> Answer:
         said = f"Nothing was held out. {model} leaves an error of {error} % of the {effort} on what it was fitted to."
         reason = "nothing was held out"
         return Answer(question, "cannot say", said, reason, basis=_basis(fit, judged), next=(HOLD_OUT_STEP,))
-    said = f"{model} predicts the {effort} of {judged} with an error of {error} %"
+    said = f"{model} predicts the {effort} of {judged}{'' if held else ','} with an error of {error} %"
     ranged = error_range_text(fit) if held else ""
     known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
     said += f"{ranged}{known_r2}{_constant_text(fit, effort)}."
