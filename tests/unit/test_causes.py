@@ -118,6 +118,40 @@ def test_friction_that_falls_is_a_warm_up():
     assert warming["warm_up"].size == pytest.approx(-0.6 * COULOMB, rel=0.35)
 
 
+def test_friction_that_rises_is_no_warm_up():
+    t, *states = motion()
+    assert list(found(noisy(effort(*states, friction=COULOMB * (0.7 + 0.6 * t / t[-1]))))) == ["drift"]
+
+
+def soft_friction(q, v, a, load_share: float) -> np.ndarray:
+    """Return friction that grows with the load and builds up over a travel, as that of a gear does."""
+    level = COULOMB + load_share * np.abs(INERTIA * a + GRAVITY * np.sin(q))
+    way = np.exp(-60.0 * np.abs(v) / RATE / level)
+    friction, made = 0.0, np.empty(len(v))
+    for i, kept in enumerate(way):
+        end = np.sign(v[i]) * level[i]
+        made[i] = friction = end + (friction - end) * kept
+    return made
+
+
+@pytest.mark.parametrize("seed", [109, 138, 157])
+def test_friction_of_a_gear_that_grows_with_its_load_has_no_other_cause(seed):
+    """A model without load friction misses much, and inertia and weight are wrong: every column explains some of it."""
+    t, q, v, a = (x[: int(30 * RATE)] for x in motion(seed))
+    u = effort(q, v, a, friction=0.0) + soft_friction(q, v, a, 0.25)
+    noise = 0.002 * u.std() * np.random.default_rng(seed + 1).standard_normal(len(u))
+    assert fit(t, q, u + noise).causes == ()
+
+
+def test_a_share_leaves_out_what_load_friction_explains():
+    t, q, v, a = motion()
+    warming = COULOMB * (1.3 - 0.6 * t / t[-1]) + 0.3 * np.abs(INERTIA * a + GRAVITY * np.sin(q))
+    (cause,) = found(noisy(effort(q, v, a, friction=warming))).values()
+    assert cause.name == "warm_up"
+    assert cause.size == pytest.approx(-0.6 * COULOMB, rel=0.35)
+    assert 0.05 < cause.share < 0.15
+
+
 def test_a_clipped_effort_is_a_saturation():
     u = effort(*motion()[1:])
     limit = float(np.quantile(np.abs(u), 0.93))

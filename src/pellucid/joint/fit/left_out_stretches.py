@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,10 @@ class LeftOutStretches:
         Effort that it makes in all rows.
     states : States
         States of the joint in all rows.
+    own_error : float
+        Mean square error of the model alone on left-out stretches, in the effort's unit squared.
+    error : float
+        That of the extended model.
     """
 
     def __init__(
@@ -77,6 +82,16 @@ class LeftOutStretches:
         plain = wide[:, : self._own.shape[1] + self._beside.shape[1]]
         target = self._target if before is None else (before - self.effort)[self._rows]
         return _compare(self._left_out(plain, target), self._left_out(wide, self._target))
+
+    @cached_property
+    def own_error(self) -> float:
+        """Mean square error of the model alone on left-out stretches, in the effort's unit squared."""
+        return float(np.mean(self._left_out(self._own, self._target) ** 2))
+
+    @property
+    def error(self) -> float:
+        """That of the extended model."""
+        return float(np.mean(self._left_out(np.column_stack([self._own, self._beside]), self._target) ** 2))
 
     def share(self, columns: Sequence[np.ndarray]) -> float:
         """Return the share of the squared error of the model alone that columns save."""

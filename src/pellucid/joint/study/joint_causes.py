@@ -9,7 +9,6 @@ import numpy as np
 
 from ...files.defects import clipped, sensor_range
 from ...files.recording import Recording
-from ...models.friction_terms import is_friction
 from ...models.joint import PARALLEL_STIFFNESS
 from ...numerics.motion import Motion
 from ...numerics.regression import Stack, predict_effort_rows
@@ -72,7 +71,7 @@ def cause_sentence(cause: Cause) -> str:
 def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: ParallelSpring) -> tuple[Cause, ...]:
     """Return the causes of what a fit misses of fitted `data`, the one that explains most first.
 
-    The decisions of the delay, of cuts beyond a sensor's range and of drifts are those of their own findings.
+    The decisions of the delay and of cuts beyond a sensor's range are those of their own findings.
     """
     estimate = fit.estimate
     moved = {each.recording: float(each.moved) for each in find_alignments(study) if each.moved}
@@ -85,8 +84,6 @@ def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: Paralle
     known = {cause.name for cause in found}
     if SATURATION not in known:
         found += _cut_saturation(study, estimate)
-    if not found:  # a drift of parameters may be what is left of another cause
-        found += _told_drift(estimate)
     return tuple(sorted(found, key=lambda cause: -np.nan_to_num(cause.share)))
 
 
@@ -113,21 +110,3 @@ def _share_of_limit(study: Study, recording: Recording, estimate: JointEstimate,
         before += float(np.sum((measured - modelled) ** 2))
         after += float(np.sum((measured - np.clip(modelled, -limit, limit)) ** 2))
     return max(1.0 - after / before, 0.0) if before > 0.0 else float("nan")
-
-
-def _told_drift(estimate: JointEstimate) -> Iterator[Cause]:
-    """Yield the drift of parameters that widens an estimate's intervals: of friction alone, or of the effort."""
-    drift = estimate.drift
-    if drift is None or not drift.is_told.any():
-        return
-    told = [name for name, is_told in zip(drift.names, drift.is_told, strict=True) if is_told]
-    share = 1.0 - (1.0 - drift.improvement) ** 2
-    change = dict(zip(drift.names, drift.change.tolist(), strict=True))
-    if all(map(is_friction, told)):
-        first = told[0]
-        yield Cause(WARM_UP, change[first], estimate[first].unit, share)
-        return
-    name = max(told, key=lambda each: abs(change[each]) * estimate[each].influence / (abs(estimate[each].value) or 1.0))
-    value = estimate[name].value
-    size, unit = (100.0 * change[name] / value, "%") if value else (change[name], estimate[name].unit)
-    yield Cause(DRIFT, size, unit, share)
