@@ -21,6 +21,9 @@
 //   S'  and  S' + d/dt (J v^2 / 2),
 //
 // and a fault is what exceeds both: a drive that adds energy does so whether the joint speeds up or slows down.
+//
+// One reading alone that is outside is a disturbed measurement, no drive: what it would add waits for the next one to agree.
+// A reading beyond what the drive can give is none.
 #pragma once
 
 #include "fields.hpp"
@@ -54,6 +57,9 @@ template <class S> struct DriveWatchParams {
   }
 };
 
+/// Readings from one that was outside alone to the next that may be.
+constexpr std::uint32_t lone_reading_gap = 100;
+
 template <class S> struct DriveWatchState {
   S asked{};                  ///< last [N m]
   S asked_before{};           ///< the time before [N m]
@@ -64,12 +70,25 @@ template <class S> struct DriveWatchState {
   S kinetic{};                ///< energy of that inertia [J]
   std::uint32_t outside = 0;  ///< periods in a row
   std::uint32_t silent = 0;   ///< periods in a row
+  S waiting{};                ///< energy of the first reading that is outside, until the next agrees [J]
+  std::uint32_t agreed = lone_reading_gap;  ///< readings since one was outside alone, at most that
 };
 
 /// What was asked for in this period, of a drive that is on.
 template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked_before = s.asked;
   s.asked = effort;
+}
+
+/// By how much the drive may stray from what was asked for [N m]; after `account`.
+template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchState<S>& s) noexcept {
+  const S asked = clamp(s.asked, -p.limit, p.limit);
+  return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
+}
+
+/// Whether the drive can give what its measurement says; a measurement of more is none.
+template <class S> bool can_give(const DriveWatchParams<S>& p, const S& given) noexcept {
+  return abs(given) <= p.limit + p.tolerance + p.relative * p.limit;
 }
 
 /// What was given to the accounts of what was asked for, while the drive had a `velocity` [rad/s] for a `period` [s].
@@ -82,19 +101,17 @@ void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given
   const S accuracy = p.gain * abs(meant) + p.offset;
   const S added = (given - meant) * moved - accuracy * abs(moved), before = s.kinetic;
   s.kinetic = S(0.5) * p.inertia * velocity * velocity;
-  s.surplus = max((S(1) - p.forget) * s.surplus + added, S(0));
-  s.inert_surplus = p.inertia > S(0) ? max((S(1) - p.forget) * s.inert_surplus + (added + (s.kinetic - before)), S(0)) : s.surplus;
+  const bool is_alone = s.outside == 0 && s.agreed >= lone_reading_gap && !(abs(given - asked) <= may_stray(p, s));
+  const S counted = is_alone ? S(0) : s.outside != 0 ? added + s.waiting : added;
+  s.waiting = is_alone ? max(added, S(0)) : S(0);
+  s.agreed = is_alone ? 0 : s.agreed < lone_reading_gap ? s.agreed + 1 : s.agreed;
+  s.surplus = max((S(1) - p.forget) * s.surplus + counted, S(0));
+  s.inert_surplus = p.inertia > S(0) ? max((S(1) - p.forget) * s.inert_surplus + (counted + (s.kinetic - before)), S(0)) : s.surplus;
 }
 
 /// Energy that the drive gave beyond what was asked for, whatever its loop makes up for of its inertia [J].
 template <class S> S least_surplus(const DriveWatchState<S>& s) noexcept {
   return s.surplus <= s.inert_surplus ? s.surplus : s.inert_surplus;
-}
-
-/// By how much the drive may stray from what was asked for [N m]; after `account`.
-template <class S> S may_stray(const DriveWatchParams<S>& p, const DriveWatchState<S>& s) noexcept {
-  const S asked = clamp(s.asked, -p.limit, p.limit);
-  return p.tolerance + p.relative * abs(asked) + max(abs(s.asked - s.asked_before), abs(asked - s.due));
 }
 
 /// What is wrong with what the drive gives, if anything, after it was asked for `s.asked`, while the drive had a

@@ -21,6 +21,9 @@
 // They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
 // ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
 // Mathematical Statistics 16, 1945); and before r is known, where the answer is far above what lies between the waves.
+//
+// A drive with three times the gain adds twice what it is asked for. So the energy that it would have added since it was
+// last heard, E' = 2 max(u v, 0), is bounded as well: the law's effort falls from half of the bound on, to 0 at the bound.
 #pragma once
 
 #include "fields.hpp"
@@ -40,6 +43,8 @@ constexpr double probe_crest = 2.2360679774997896;
 constexpr double probe_least_gain = 0.6, probe_most_gain = 1.35;
 /// The gain that is looked for.
 constexpr double probe_wrong_gain = 2;
+/// What a drive with three times the gain adds to each unit of effort that it is asked for.
+constexpr double probe_added_gain = 2;
 /// Least mean square of the error of a healthy answer, relative to it: ripple, friction, backlash.
 constexpr double probe_least_error = 0.03;
 /// Windows of a moving joint after which its answer is known, if the waves' inverse mean square errors then sum up to the
@@ -76,7 +81,7 @@ constexpr std::uint32_t probe_sum_count = 3 + probe_delay_count;
 template <class S> struct ProbeWatchParams {
   S effort{};
   std::uint32_t samples = 120;
-  S inertia{}, noise{}, moving = S(0.1), evidence = S(25), travel = S(std::numeric_limits<S>::infinity());
+  S inertia{}, noise{}, moving = S(0.1), evidence = S(25), travel = S(std::numeric_limits<S>::infinity()), energy = travel;
   S answer_error{};                  ///< error of the answers below; 0: the robot was not commissioned
   S answer[2 * probe_wave_count]{};  ///< r of each wave at commissioning, real part and imaginary part
 
@@ -90,6 +95,8 @@ template <class S> struct ProbeWatchParams {
                        "log-likelihood ratio of a fault: false alarms are rarer than one in e^this windows"});
     visit(p.travel, {"probe_travel", unit::coordinate, above(0).or_infinite(),
                      "way that the joint may go while its drive is not heard; infinite: any"});
+    visit(p.energy, {"probe_energy", unit::energy, above(0).or_infinite(),
+                     "that a drive with three times the gain may add while it is not heard; infinite: any"});
     visit(p.answer_error, {"probe_answer_error", unit::one, at_least(0),
                            "mean square by which a robot may answer otherwise than at its commissioning, relative to that "
                            "answer; 0: it was not commissioned"});
@@ -177,7 +184,15 @@ template <class S> struct ProbeWatchState {
   S sum[probe_sum_count]{};                     ///< evidence: reversed, gain, unanswered, delays [1]
   S heard{};                                    ///< evidence that drive and encoder are right, since they were heard [1]
   S way{};                                      ///< way since then [rad]
+  S added{};                                    ///< energy that three times the gain would have added since then [J]
 };
+
+/// A law's effort while its drive is not heard [N m]: as it is, until half of the energy is used that a wrong gain may add.
+template <class S> S bounded(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s, const S& effort) noexcept {
+  if (!(c.params.effort > S(0)) || !(c.params.energy < S(std::numeric_limits<S>::infinity()))) return effort;
+  const S left = S(2) * (c.params.energy - s.added);
+  return left >= c.params.energy ? effort : left > S(0) ? effort * (left / c.params.energy) : S(0);
+}
 
 /// The effort to add in this period [N m].
 template <class S> S wave(const ProbeWatchCoefficients<S>& c, const ProbeWatchState<S>& s) noexcept {
@@ -249,7 +264,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
     S loud = S(0);
     for (std::uint32_t i = 0; i < probe_wave_count; ++i)
       loud = loud + square(w.answer[i]) / max(c.floor[i] + noise[i], S(std::numeric_limits<float>::min()));
-    if (loud >= S(probe_loud_answer)) s.way = S(0);
+    if (loud >= S(probe_loud_answer)) s.way = s.added = S(0);
     if (teaches) learn(s, w);
     return SafetyFault::none;
   }
@@ -282,7 +297,7 @@ SafetyFault judge(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, con
   for (std::uint32_t k = 0; k < probe_delay_count; ++k) likelihood[3 + k] = S(2) * late[k] - power;
   const S wrongs = max(likelihood[0], max(likelihood[1], likelihood[2]));
   s.heard = max(s.heard + healthy - wrongs, S(0));
-  if (s.heard >= S(probe_heard_evidence)) s.heard = s.way = S(0);
+  if (s.heard >= S(probe_heard_evidence)) s.heard = s.way = s.added = S(0);
   // What is found is what explains this window best.
   std::uint32_t best = 0;
   bool is_found = false, is_doubtful = false;
@@ -320,6 +335,8 @@ SafetyFault step(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s, cons
                  const S& late) noexcept {
   if (!(c.params.effort > S(0))) return SafetyFault::none;
   const S torque = c.inertia_rate * (velocity - s.velocity);
+  s.added = s.added + max(S(probe_added_gain) * asked * velocity * c.period, S(0));
+  if (!is_finite(s.added)) s.added = S(0);
   s.velocity = velocity;
   s.slow = s.slow + c.smoothing * (velocity - s.slow);
   if (!is_finite(s.slow)) s.slow = S(0);

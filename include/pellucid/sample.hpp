@@ -52,6 +52,7 @@ enum class SafetyFault : std::uint8_t {
   late_answer,    ///< they answer it too late
   shaking,        ///< the joint goes to and fro for seconds, faster than a person reaches
   unexplained_energy,  ///< the joint gains energy that neither command nor force sensor explains
+  rate,           ///< the control task does not run at its rate
 };
 constexpr const char* safety_fault_names[] = {
     "none",         "configuration", "not_finite",   "stale",        "out_of_order", "velocity",    "stopped",
@@ -59,8 +60,37 @@ constexpr const char* safety_fault_names[] = {
     "muscle",       "lost",          "drive_silent", "drive_effort", "drive_sign",   "drive_stuck", "unexplained",
     "power",        "energy",        "polarity",     "gain",         "integrity",   "push",
     "ringing",      "unanswered",    "late_answer",  "shaking",
-    "unexplained_energy"};
+    "unexplained_energy", "rate"};
 constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
+
+/// What is remembered of a clock of 32 bits, which turns over every 71.6 minutes.
+struct ClockState {
+  std::int64_t last = 0;      ///< what it said last [us]
+  std::int64_t turned = 0;    ///< time of its turns so far [us]
+  std::uint32_t started = 0;  ///< 1: it was read
+};
+constexpr std::int64_t clock_turn = std::int64_t(1) << 32;
+
+/// Whether a clock of 32 bits, with a sign or without, can have said a time.
+constexpr bool is_short(std::int64_t time) noexcept { return time >= -(clock_turn / 2) && time < clock_turn; }
+/// Whether such a clock turned over between two times.
+constexpr bool has_turned(std::int64_t before, std::int64_t after) noexcept {
+  return is_short(before) && is_short(after) && before > after && before - after > clock_turn / 2;
+}
+constexpr std::int64_t later_by(std::int64_t time, std::int64_t passed) noexcept {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(time) + static_cast<std::uint64_t>(passed));
+}
+/// The time of a step on a clock that only goes on [us]: that of a clock of 64 bits as it is. Takes note of it.
+inline std::int64_t unwrapped(ClockState& s, std::int64_t now) noexcept {
+  if (s.started != 0 && has_turned(s.last, now)) s.turned = later_by(s.turned, clock_turn);
+  s.last = now;
+  s.started = 1;
+  return later_by(now, s.turned);
+}
+/// The time of a sample that was taken before that step, on the same clock [us].
+inline std::int64_t sampled_at(const ClockState& s, std::int64_t time) noexcept {
+  return later_by(time, has_turned(time, s.last) ? later_by(s.turned, -clock_turn) : s.turned);
+}
 
 /// What makes a sample too old.
 struct SampleRules {

@@ -24,10 +24,12 @@
 #include "integrity.hpp"
 #include "law.hpp"
 #include "probe_watch.hpp"
+#include "rate_watch.hpp"
 #include "ringing_watch.hpp"
 #include "sensor_watch.hpp"
 #include "shaking_watch.hpp"
 #include "start_up_test.hpp"
+#include "still_watch.hpp"
 #include "unexplained_energy_watch.hpp"
 
 namespace pellucid {
@@ -52,6 +54,8 @@ template <class S> struct SupervisorParams {
   ShakingWatchParams<S> shaking{};
   UnexplainedEnergyParams<S> unexplained{};  ///< watch of what neither command nor force sensor explains
   DriveDelayWatchParams<S> delay{};  ///< watch of how late the drive answers
+  RateWatchParams<S> rate{};         ///< watch of the task's rate
+  StillWatchParams<S> still{};       ///< watch that asks a joint at rest
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     pellucid::walk(p.encoder, visit);
@@ -76,6 +80,8 @@ template <class S> struct SupervisorParams {
     pellucid::walk(p.shaking, visit);
     pellucid::walk(p.unexplained, visit);
     pellucid::walk(p.delay, visit);
+    pellucid::walk(p.rate, visit);
+    pellucid::walk(p.still, visit);
   }
 };
 
@@ -102,6 +108,8 @@ template <class S> struct SupervisorCoefficients {
   ProbeWatchCoefficients<S> probe{};      ///< watch that probes
   UnexplainedEnergyCoefficients<S> unexplained{};  ///< watch of energy that nobody accounts for
   DriveDelayWatchCoefficients<S> delay{};  ///< watch of how late the drive answers
+  RateWatchCoefficients<S> rate{};    ///< watch of the task's rate
+  StillWatchCoefficients<S> still{};  ///< watch that asks a joint at rest
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< largest change of the effort in a period [N m]
@@ -121,12 +129,14 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.probe = coefficients(p.probe, gate.params.period);
   c.unexplained = coefficients(p.unexplained, S(2) * gate.params.period);
   c.delay = coefficients(p.delay, gate.params.period);
+  c.rate = coefficients(p.rate, gate.params.period);
+  c.still = coefficients(p.still);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
   const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 &&
                      c.test.valid != 0 && c.probe.valid != 0 && c.shaking.valid != 0 && c.unexplained.valid != 0 &&
-                     c.delay.valid;
+                     c.delay.valid && c.rate.valid != 0 && c.still.valid != 0;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -205,6 +215,9 @@ template <class S> struct SupervisorState {
   ProbeWatchState<S> probe{};             ///< watch that probes
   UnexplainedEnergyState<S> unexplained{};  ///< energy that nobody accounts for
   DriveDelayWatchState<S> delay{};        ///< watch of how late the drive answers
+  RateWatchState rate{};                  ///< watch of the task's rate
+  StillWatchState<S> still{};             ///< watch that asks a joint at rest
+  ClockState clock{};                     ///< turns of a clock of 32 bits
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
   S other_velocity{};           ///< velocity of the period before [rad/s]
@@ -288,6 +301,7 @@ template <class S> void keep(SupervisorState<S>& s, const SupervisorState<S>& be
   s.challenge = before.challenge;
   s.steps = before.steps;
   s.log = before.log;
+  s.clock = before.clock;
 }
 
 /// Other numbers of the law, from the next period on; what it remembers stays.
@@ -432,7 +446,7 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   follow_drive(c, s, back.joint);
   found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
-    const bool heard = is_new(s.drive_seen, back.drive);
+    const bool heard = is_new(s.drive_seen, back.drive) && can_give(p.drive, back.drive.value);
     if (heard) found = first_of(found, step(c.delay, s.delay, s.drive.asked, back.drive.value));
     found = first_of(found, step(p.drive, s.drive, back.drive.value, velocity_of_drive(c, s), c.period, heard));
   }
@@ -442,6 +456,7 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
     const S asked = S(0.5) * (clamp(s.drive.asked, -p.drive.limit, p.drive.limit) +
                               clamp(s.drive.asked_before, -p.drive.limit, p.drive.limit));
     found = first_of(found, step(c.probe, s.probe, s.encoder.velocity, asked, p.drive.late));
+    found = first_of(found, step(c.still, s.still, s.encoder.equal));
   }
   // Momentum and energy every second period, of both together; ringing every fourth: they are slow.
   const S other = s.other_velocity;
@@ -507,18 +522,19 @@ template <class S> S least_of(const SupervisorState<S>& s) noexcept {
   return is_finite(least) ? least : S(0);
 }
 
-/// A law's effort with the probe's wave on it, within the limits of effort, rate and stops [N m]: the law's own, to the
-/// bit, where there is no wave.
+/// A law's effort with the waves on it that ask drive and encoder, within the limits of effort, rate and stops [N m]: the
+/// law's own, to the bit, where there is no wave and the drive was heard.
 template <class S>
 S with_probe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const SafetyCoefficients<S>& gate, S effort,
              S position) noexcept {
-  const S added = wave(c.probe, s.probe);
-  if (added == S(0)) return effort;
+  const S allowed = bounded(c.probe, s.probe, effort);
+  const S added = wave(c.probe, s.probe) + wave(c.still, s.still);
+  if (added == S(0) && allowed == effort) return effort;
   const S highest = max(c.effort_limit * stop_taper(gate, gate.params.position_max - position), effort);
   const S lowest = min(-c.effort_limit * stop_taper(gate, position - gate.params.position_min), effort);
   const S last = least_of(s);
-  const S total = clamp(clamp(effort + added, lowest, highest), last - c.max_change, last + c.max_change);
-  return abs(total) <= c.effort_limit ? total : effort;
+  const S total = clamp(clamp(allowed + added, lowest, highest), last - c.max_change, last + c.max_change);
+  return abs(total) <= c.effort_limit ? total : allowed;
 }
 
 /// One more period of a stop: whether an operator's token ends it now.
@@ -561,11 +577,23 @@ template <class L, class S> Samples<S> stamped(Supervised<L>& s, const Samples<S
 /// From the next step on it stops, whatever it is doing; before a start, from that on.
 template <class L> void stop(Supervised<L>& s) noexcept { ++s.stops.asked; }
 
-/// One control period of a law under its supervisor, whatever comes in.
-template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Samples<S>& read, const Feedback<S>& back,
-                                                     std::int64_t now) noexcept {
+/// Samples with their times on a clock that only goes on, after the step's own time.
+template <class S> Samples<S> on_clock(const ClockState& clock, const Samples<S>& read) noexcept {
+  Samples<S> made = read;
+  made.position.time = sampled_at(clock, read.position.time);
+  made.torque.time = sampled_at(clock, read.torque.time);
+  made.interaction.time = sampled_at(clock, read.interaction.time);
+  made.muscle.time = sampled_at(clock, read.muscle.time);
+  return made;
+}
+
+/// One control period of a law under its supervisor, whatever comes in. `clock` [us] may have 32 bits and turn over.
+template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Samples<S>& raw, const Feedback<S>& back,
+                                                     std::int64_t clock) noexcept {
   const SupervisorCoefficients<S>& c = s.supervisor;
   SupervisorState<S>& state = s.state;
+  const std::int64_t now = unwrapped(state.clock, clock);
+  const Samples<S> read = on_clock(state.clock, raw);
   ++state.steps;
   if (!says(state.alive, supervisor_alive))
     return {S(0), state.steps, 0, SafetyFault::not_started, Mode::latched, false};
@@ -593,6 +621,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
   if (is_stopped(before)) s.controller.fault = SafetyFault::none;  // what was wrong is written down; what is wrong now?
   Samples<S> samples = believed(s.controller, read, now);
   SafetyFault found = observe(c, state, samples, back);
+  found = first_of(found, step(c.rate, state.rate, now));
   const bool heard = is_heard(samples.position);
   if (!is_stopped(before)) {
     found = first_of(s.controller.fault, found);

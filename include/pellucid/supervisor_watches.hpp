@@ -112,7 +112,7 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
   const bool has_joint = p.joint_expected != 0 && s.joint_started && is_heard(w.read.position) && is_heard(w.back.joint);
   const S apart = has_joint ? w.read.position.value - w.back.joint.value - s.joint_offset : S(0);
 
-  const bool drive_speaks = is_heard(w.back.drive) && w.back.drive.sequence != w.before.drive_seen;
+  const bool drive_speaks = is_heard(w.back.drive) && w.back.drive.sequence != w.before.drive_seen && can_give(p.drive, w.back.drive.value);
   const bool drive_watches = p.drive.expected != 0;
   DriveWatchState<S> drive = w.before.drive;
   if (drive_watches && drive_speaks) account(p.drive, drive, w.back.drive.value, velocity_of_drive(w.c, s), w.c.period);
@@ -142,6 +142,10 @@ auto walk_watches(const WatchedPeriod<S>& w, const WatchedState<S>& shown, V&& v
            {"range", unit::coordinate, W::size, F::range, "distance of the position from the middle of its range"}},
       Show{was_fast ? count(s.encoder.equal) : S(0), count(p.encoder.freeze_samples),
            {"encoder_freeze", unit::one, W::above, F::frozen, "equal readings in a row after a fast motion"}},
+      Show{count(s.encoder.equal), where(carries && w.c.still.growth > S(0), S(3) * count(p.still.samples)),
+           {"encoder_still", unit::one, W::above, F::frozen, "equal readings in a row, although a wave asked the joint"}},
+      Show{s.rate.count == 0 ? S(0) : S(1e-6) * static_cast<S>(age_of(later_by(s.clock.last, s.clock.turned), s.rate.began)), where(p.rate.samples != 0, S(1e-6) * count(w.c.rate.most)),
+           {"rate", unit::time, W::above, F::rate, "time that the periods took whose mean is judged"}},
       Show{apart, where(has_joint, p.joint_tolerance),
            {"joint_difference", unit::coordinate, W::size, F::disagreement, "difference of the two encoders since the start"}},
       Show{count(s.joint_silent), where(p.joint_expected != 0, count(p.drive.cycles) + S(1)),

@@ -617,7 +617,15 @@ def export(
         tuple[float, float] | None, typer.Option(metavar="KG M", help="Load in the hand and its distance.")
     ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Period of the controller [s].")] = None,
-    probe: Annotated[bool, typer.Option("--probe", help="Ask drive and encoder with a small wave of effort.")] = False,
+    probe: Annotated[
+        bool | None,
+        typer.Option(
+            "--probe/--no-probe", help="Ask drive and encoder with a small wave; usual where the drive is not measured."
+        ),
+    ] = None,
+    unmeasured: Annotated[
+        bool, typer.Option("--unmeasured", help="Accept a drive that is neither measured nor asked.")
+    ] = False,
     allow_outside: Outside = False,
     accept_stale: Stale = False,
     overwrite: Annotated[
@@ -636,7 +644,7 @@ def export(
         tell("building the controller", 0.1)
         asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
-            study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe,
+            study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe, unmeasured=unmeasured,
             allow_outside=allow_outside, accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
         muscles = made.is_file()

@@ -16,7 +16,7 @@ import pellucid
 from pellucid.controllers.control_law import LAWS as LAW_KINDS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.export.c_folder import numbers_in, write_c_folder
-from pellucid.controllers.export.controller_values import ControllerValues
+from pellucid.controllers.export.controller_values import ControllerValues, protect_wearer
 from pellucid.controllers.export.export import values_for
 from pellucid.controllers.instruments import Instruments
 from pellucid_lab.safety.worn_robot import LAWS
@@ -40,19 +40,19 @@ FORCE_SENSOR_RANGE_NM = 25.0
 """Range of the elbow's force sensor."""
 
 UNMEASURED = Instruments()
-"""Instruments of an export of which the study says nothing."""
+"""Instruments of an export of which the study says nothing: its drive is asked by a probe."""
+
+BLIND = Instruments(probe=False, shaking=False)
+"""The same where a probe was refused and shaking is not watched: `--no-probe --unmeasured`, and ``shaking = false``."""
 
 DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM)
 """Instruments of an elbow whose drive measures its current by a sensor that it does not regulate on."""
-
-PROBED = Instruments(drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM, probe=True)
-"""Instruments of an elbow whose drive measures nothing, and which probes."""
 
 MEASURED_AND_PROBED = replace(DRIVE_MEASURED, probe=True)
 """Instruments of an elbow whose drive measures its current, and which probes."""
 
 INSTRUMENT_SETS: Mapping[str, Instruments] = {
-    "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "probe": PROBED,
+    "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "blind": BLIND,
     "drive_measured_and_probe": MEASURED_AND_PROBED,
 }  # fmt: skip
 """Instruments by the name that the rows have."""
@@ -158,6 +158,7 @@ class Exports:
                 worn_by["participant"] = PARTICIPANT_NAME
             values = values_for(pellucid.open(self.elbow), controller=name, **worn_by)
             values = replace(values, instruments=INSTRUMENT_SETS[instruments])
+            values = protect_wearer(values, unmeasured=instruments == "blind")
             out = write_c_folder("elbow", values, self.folder / f"{name}-{instruments}")
             self._made[name, instruments] = self._compiled(name, instruments, out, values, self.elbow_constants)
         return self._made[name, instruments]

@@ -26,6 +26,7 @@ constexpr double table_stiffness = 400.0, table_damping = 10.0, table_limit = 60
 constexpr double stuck_torque = 5.0, wrong_offset = 3.0, rail_force = 30.0, rail_emg = 60.0, triple_limit = 15.0;  // N m
 constexpr double fault_spasm_torque = 15.0, fault_spasm_s = 0.3, sine_frequency_hz = 2.5;
 constexpr double table_s = 0.4, spasm_least_s = 0.1, spasm_most_s = 0.3;              // durations of mishaps
+constexpr double rest_before_s = 1.5, rest_after_s = 4.0;  // of a wearer whose encoder freezes at rest
 constexpr double felt_s = 0.1;                     // until a wearer reacts to what the arm has hit
 constexpr double recent_s = 0.5;                   // what an alarm is told with
 constexpr double lasting_rate = 5.0;               // of what lasts [1/s]
@@ -144,7 +145,7 @@ enum Event { reach, brace, impact, load, spasm, doffing };
 class Simulation {
  public:
   Simulation(const Run& run, std::vector<float>& work, std::vector<float>& effort)
-      : r(run), habits(run.seed, 1), noise(run.seed, 2), mishaps(run.seed, 3), reference_work(work), reference_effort(effort) {
+      : r(run), habits(run.seed, 1), noise(run.seed, 2), mishaps(run.seed, 3), jitters(run.seed, 4), reference_work(work), reference_effort(effort) {
     std::memset(&memory, 0, sizeof memory);
     switch_on();
     kind = static_cast<Fault>(static_cast<int>(std::max(r.kind, 0.0)));
@@ -305,7 +306,8 @@ class Simulation {
     if (life && out.challenge != 0 && now - alarm_at > reset_after_s) token = out.challenge;
     Reference& mover = strapped > 0.0 || r.worn == 0.0 ? (r.worn != 0.0 ? wanted : hand) : hand;
     const bool ready = r.passive == 0.0 && law_since >= 0.0 && now - law_since > settle_s && !(life && out.fault != 0);
-    if (ready && now >= next_task && now >= doff_until) {
+    const bool pauses_for_fault = kind == Fault::encoder_frozen_at_rest && now > r.onset - rest_before_s && now < r.onset + rest_after_s;
+    if (ready && !pauses_for_fault && now >= next_task && now >= doff_until) {
       if (tasks > 0) {
         distance += std::fabs((r.worn != 0.0 ? limb : link) - mover.q);
         ++pauses;
@@ -322,7 +324,8 @@ class Simulation {
   void plan(Reference& mover) {
     const double target = habits.between(r.target_low, r.target_high);
     const double drawn = habits.between(r.fastest_duration, r.slowest_duration);
-    const int shape = std::min(static_cast<int>(habits.uniform() * shape_count), shape_count - 1);
+    const int drawn_shape = std::min(static_cast<int>(habits.uniform() * shape_count), shape_count - 1);
+    const int shape = r.reaching != 0.0 && drawn_shape == 5 ? 0 : drawn_shape;
     const double pause = habits.between(0.2, r.longest_pause);
     const double way = std::fabs(target - mover.q);
     double least = fastest_of_shape[shape] * way / (r.speed_share * r.velocity_limit);
@@ -424,13 +427,18 @@ class Simulation {
     double force = round_to(r.force_gain * force_filter + r.force_offset + r.force_noise * noises[1], r.force_quantum);
     double current = round_to(r.current_gain * measured(current_filter) + r.current_offset + r.current_noise * noises[2],
                               r.current_quantum);
+    if (begins_now && kind == Fault::current_spike) {
+      const double size = (0.2 + 5.0 * static_cast<double>(fault_state / 7 % 1000) / 1000.0) * r.drive_limit;
+      current += odd ? -size : size;
+    }
     const double muscles = muscle_now >= 0.0 ? r.emg_flexor_gain * muscle_now : r.emg_extensor_gain * muscle_now;
     emg += r.period / (r.emg_lag + r.period) * (muscles * (1.0 + r.emg_noise * noises[3]) - emg);
     double muscle_reading = round_to(emg + r.emg_offset, r.emg_quantum);
     // Behind a spring the second encoder is the motor's.
     double joint = round_to(r.spring_stiffness > 0.0 ? geared : link, r.encoder_quantum);
     ++ticks;
-    std::int64_t clock = static_cast<std::int64_t>(std::llround(1e6 * (now + 1.0)));
+    std::int64_t clock = static_cast<std::int64_t>(std::llround(1e6 * (now + 1.0) + r.clock_start + 1e6 * r.clock_jitter * (2.0 * jitters.uniform() - 1.0)));
+    if (r.clock_bits == 32.0) clock = static_cast<std::int64_t>(static_cast<std::uint32_t>(clock));
     pellucid_input input{};
     input.token = token;
     sample(input.position, encoder, clock);
@@ -454,8 +462,18 @@ class Simulation {
     // A spring shows its own torque: the sensor that its torque loop regulates on.
     sample(input.torque, round_to(r.current_gain * drive_effort + r.current_offset, r.current_quantum), clock);
 #endif
-    const bool hangs = on && (kind == Fault::task_hangs || (kind == Fault::cycle_overrun && since < 0.03));
+    const bool hangs = on && (kind == Fault::task_hangs || (kind == Fault::cycle_overrun && since < 0.03) ||
+                              (kind == Fault::rate_half && ticks % 2 != 0) || (kind == Fault::rate_quarter && ticks % 4 != 0));
     if (!hangs) pellucid_step(&memory.context, &input, &out);
+    if (on && kind == Fault::rate_twice) pellucid_step(&memory.context, &input, &out);
+    if (on && kind == Fault::rate_double) {
+      // Half a period later, with samples of their own.
+      const std::int64_t half = static_cast<std::int64_t>(0.5e6 * r.period);
+      pellucid_sample* const read[] = {&input.position, &input.drive, &input.joint};
+      for (pellucid_sample* one : read) one->time_us += half, one->sequence += 1;
+      input.now_us += half;
+      pellucid_step(&memory.context, &input, &out);
+    }
     const bool power = pellucid_watchdog_step(&memory.watchdog, out.steps, out.enable, watchdog_patience) != 0;
     off = power ? 0 : off + 1;
     const double asked_now = r.passive != 0.0 ? 0.0 : clamp(static_cast<double>(out.effort), -r.drive_limit, r.drive_limit);
@@ -471,7 +489,7 @@ class Simulation {
 
   void sample(pellucid_sample& into, double value, std::int64_t clock) const {
     into.value = static_cast<float>(value);
-    into.sequence = ticks;
+    into.sequence = 2 * ticks;
     into.time_us = clock - static_cast<std::int64_t>(1e6 * sample_age_s);
     into.valid = 1;
   }
@@ -484,7 +502,7 @@ class Simulation {
     const auto at = [](std::size_t byte) { return reinterpret_cast<unsigned char*>(memory.context.storage) + byte; };
     static const MemoryMap map = memory_map();
     switch (kind) {
-      case Fault::encoder_frozen: q.value = held_position.value; break;
+      case Fault::encoder_frozen: case Fault::encoder_frozen_at_rest: q.value = held_position.value; break;
       case Fault::encoder_repeats: q = held_position; break;
       case Fault::encoder_nan: q.value = std::nanf(""); break;
       case Fault::encoder_jump: q.value += sign; break;
@@ -548,7 +566,7 @@ class Simulation {
       case Fault::drive_triple: case Fault::drive_triple_unseen: case Fault::drive_triple_at_start:
         return clamp(3.0 * asked, -triple_limit, triple_limit);
       case Fault::drive_double: return clamp(2.0 * asked, -triple_limit, triple_limit);
-      case Fault::drive_sine: return asked + r.amplitude * std::sin(2.0 * pi * sine_frequency_hz * since);
+      case Fault::drive_sine: case Fault::drive_lies: return asked + r.amplitude * std::sin(2.0 * pi * sine_frequency_hz * since);
       case Fault::drive_stuck: return odd ? -stuck_torque : stuck_torque;
       case Fault::drive_holds: return holds;
       case Fault::drive_dead: return 0.0;
@@ -562,6 +580,7 @@ class Simulation {
     switch (kind) {
       case Fault::drive_reversed_at_start: return -effort;
       case Fault::drive_triple_at_start: case Fault::drive_triple_unseen: return effort / 3.0;
+      case Fault::drive_lies: return effort - r.amplitude * std::sin(2.0 * pi * sine_frequency_hz * since);
       case Fault::current_zero: return 0.0;
       case Fault::current_offset: return effort + (odd ? -wrong_offset : wrong_offset);
       default: return effort;
@@ -737,7 +756,7 @@ class Simulation {
   }
 
   const Run r;
-  Random habits, noise, mishaps;
+  Random habits, noise, mishaps, jitters;
   std::vector<float>&reference_work, &reference_effort;
   Fault kind = Fault::none;
   bool life = false, is_reference = false, on = false, begins_now = false, odd = false, alarmed = false, aligning = false;

@@ -125,6 +125,10 @@ namespace foreign {
   X(probe_answer_middle_imaginary, "1", "part of an answer to the probe at commissioning")                             \
   X(probe_answer_high_real, "1", "part of an answer to the probe at commissioning")                                    \
   X(probe_answer_high_imaginary, "1", "part of an answer to the probe at commissioning")                               \
+  X(reaching, "1", "1: the wearer never goes to and fro, but reaches and rests")                                        \
+  X(clock_jitter, "s", "largest error of each time stamp, either way")                                                \
+  X(clock_start, "us", "time of the controller's clock at the start")                                                  \
+  X(clock_bits, "1", "32: the controller's clock wraps after so many bits; 0: it does not")                             \
   X(traced, "1", "1: tell what the controller sees in every second period")                                            \
   X(passive, "1", "1: no power and limp muscles, to check the plant's energy")
 
@@ -138,7 +142,9 @@ namespace foreign {
   X(current_offset) X(wearer_spasm) X(wearer_faints) X(wearer_blocked) X(strap_opens) X(clock_ahead) X(clock_back)     \
   X(samples_late) X(cycle_overrun) X(task_hangs) X(law_memory) X(supervisor_memory) X(mode_memory) X(law_state)        \
   /* ---- */                                                                                                           \
-  X(drive_double) X(drive_sine)
+  X(drive_double) X(drive_sine)                                                                                       \
+  /* ---- faults that only rows of their own try */                                                                   \
+  X(drive_lies) X(current_spike) X(encoder_frozen_at_rest) X(rate_half) X(rate_quarter) X(rate_double) X(rate_twice)
 
 /// What a run tells: X(name, unit, meaning).
 #define FOREIGN_RESULTS(X)                                                                                             \

@@ -76,7 +76,22 @@ EXTRA_KINDS: Mapping[str, FaultKind] = {
 """Faults that docs/safety.md's first table does not have."""
 
 KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in FAULT_KINDS} | EXTRA_KINDS
-"""Every fault by name."""
+"""Every fault by name that all laws are tried with."""
+
+SPECIAL_KINDS: Mapping[str, FaultKind] = {
+    kind.name: kind
+    for kind in (
+        FaultKind("drive_lies", "drive", "the drive adds a sine of 2.5 Hz, and says that it does not", "", False, False,
+                  "a wearer could move so"),
+        FaultKind("current_spike", "drive", "one reading of the drive is wrong", "", False, False, ""),
+        FaultKind("encoder_frozen_at_rest", "sensor", "the encoder freezes while the wearer rests", "", False, False, ""),
+        FaultKind("rate_half", "clock", "the task runs every second period", "", False, False, ""),
+        FaultKind("rate_quarter", "clock", "the task runs every fourth period", "", False, False, ""),
+        FaultKind("rate_double", "clock", "the task runs twice as often", "", False, False, ""),
+        FaultKind("rate_twice", "clock", "the task is called twice a period with the same samples", "", False, False, ""),
+    )
+}  # fmt: skip
+"""Faults that only rows of their own try."""
 
 
 @dataclass(frozen=True)
@@ -237,11 +252,11 @@ def fault_runs(
         base |= commissioned_numbers(law, base, seed, index)
     runs, said = [{**base, "kind": 0.0, "seconds": ONSETS_S[1] + WATCH_S + REFERENCE_TAIL_S}], []
     for name in kinds:
-        kind = KINDS[name]
+        kind = (KINDS | SPECIAL_KINDS)[name]
         if not can_have(law, kind):
             continue
         number = FAULT_NAMES.index(name)
-        for amplitude in SINE_AMPLITUDES_NM if name == "drive_sine" else (0.0,):
+        for amplitude in amplitudes_of(name):
             rng = np.random.default_rng([seed, index, number, sum(map(ord, law.name))])
             onset = 0.0 if kind.at_start else round(float(rng.uniform(*ONSETS_S)) / base["period"]) * base["period"]
             drawn = float(rng.integers(1, 2**48))
@@ -249,6 +264,11 @@ def fault_runs(
                          "amplitude": amplitude})  # fmt: skip
             said.append((name, amplitude))
     return runs, said
+
+
+def amplitudes_of(kind: str) -> tuple[float, ...]:
+    """Return the amplitudes with which a fault is tried [N m]; 0 for a fault without one."""
+    return {"drive_sine": SINE_AMPLITUDES_NM, "drive_lies": SINE_AMPLITUDES_NM[-1:]}.get(kind, (0.0,))
 
 
 def try_faults(

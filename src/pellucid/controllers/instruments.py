@@ -73,11 +73,16 @@ class Instruments:
     start_up_answer : float or None
         Work of the start-up test's wave at commissioning, with a drive known to be right [J]. None uses bounds for any
         robot, which allow a gain that is wrong by a factor of up to three.
-    probe : bool
-        Whether a small wave of effort may test encoder and drive while the law runs.
+    probe : bool or None
+        Whether a small wave of effort may test encoder and drive while the law runs. None: an export decides, by
+        whether the drive is measured; elsewhere it does not.
     probe_answer : sequence of float or None
         Answers to the probe's three waves at commissioning, with a drive and an encoder known to be right: real and
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
+
+    shaking : bool
+        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach. An export asks
+        for it; a wearer who stirs, polishes or walks needs it off.
 
     Raises
     ------
@@ -112,8 +117,9 @@ class Instruments:
     force_offset: float | None = None
     emg_range: float = 40.0
     start_up_answer: float | None = None
-    probe: bool = False
+    probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
+    shaking: bool = True
 
     def __post_init__(self):
         if self.probe_answer is not None:

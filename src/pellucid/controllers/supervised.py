@@ -42,8 +42,10 @@ PROBE_WINDOW_S = 0.12
 MAX_PROBE_PERIOD_S = 0.002
 """Longest control period at which a law may probe: the highest wave then has more than four samples a cycle."""
 
-MAX_PROBE_SHARE = 0.1
-"""Largest value of the whole wave, as a share of the law's effort limit [1]."""
+MAX_PROBE_SHARE = 0.15
+"""Largest value of the whole wave, as a share of the law's effort limit [1].
+
+An elbow's compensation, whose limit is the effort that it needs, takes 0.13."""
 
 PROBE_CREST = math.sqrt(5.0)
 """Largest value of the whole wave, relative to the amplitude of one of its three waves [1]."""
@@ -76,6 +78,12 @@ MAX_UNHEARD_S = 0.1625
 """Time at the velocity limit whose way is the longest that the joint may go while its drive is not heard.
 
 It is 1.3 rad for a limit of 8 rad/s, a fifth more than healthy wearers needed on foreign plants of the tuning seeds."""
+
+
+MAX_UNHEARD_ENERGY_J = 4.0
+"""Energy that a drive with three times the gain may add while it is not heard, before the law's effort is 0 [J].
+
+Until the power is off it adds some more; what a wearer gets is to stay below 5 J."""
 
 
 PROBE_ANSWER_ERROR = 0.1
@@ -134,7 +142,7 @@ def probe_numbers(
     ------
     PellucidError
         If the control rate is below 500 Hz, the inertia is not known, or the wave that the encoder can resolve is
-        larger than a tenth of the effort limit.
+        larger than `MAX_PROBE_SHARE` of the effort limit.
     """
     if period > MAX_PROBE_PERIOD_S * (1.0 + 1e-9):
         raise PellucidError(
@@ -147,8 +155,8 @@ def probe_numbers(
     needed = wanted * max(math.sqrt(MIN_PROBE_SIGNAL_TO_NOISE / signal), MIN_PROBE_ACCELERATION / PROBE_ACCELERATION)
     if needed > largest:
         raise PellucidError(
-            f"probe: found a wave of {PROBE_CREST * needed:.3g} (SI) that inertia and encoder need, expected at most a "
-            f"tenth of the effort limit, {MAX_PROBE_SHARE * limit:.3g}"
+            f"probe: found a wave of {PROBE_CREST * needed:.3g} (SI) that inertia and encoder need, expected at most "
+            f"{MAX_PROBE_SHARE:g} of the effort limit, {MAX_PROBE_SHARE * limit:.3g}"
         )
     amplitude = max(needed, min(wanted, largest))
     samples = probe_samples(period)
@@ -161,6 +169,7 @@ def probe_numbers(
         "probe_noise": resolution / PROBE_READING_ERRORS,
         "probe_moving": max(MIN_PROBE_SPEED, PROBE_SPEED_MARGIN * speed),
         "probe_travel": MAX_UNHEARD_S * speed_limit,
+        "probe_energy": MAX_UNHEARD_ENERGY_J,
     }
 
 
@@ -172,6 +181,15 @@ POSITION_RANGE_MARGIN = 0.15
 
 MAX_GRIP_DECELERATION = 500.0
 """Largest deceleration of a joint that somebody grips [rad/s^2 or m/s^2]."""
+
+RATE_WINDOW_S = 0.25
+"""Time over which the mean interval of the control task is judged: a task that is half as fast is found within 0.45 s."""
+
+RATE_TOLERANCE = 0.2
+"""Largest relative difference of that mean from the period [1]."""
+
+STILL_S = 0.5
+"""Time of equal readings after which a wave asks the joint. It grows for as long, and is whole for as long again."""
 
 ENCODER_FREEZE_S = 0.02
 """An encoder is frozen if its value has not changed for this time although the joint moves."""
@@ -852,6 +870,8 @@ def supervision_of(
         "power_limit": effort * speed,
         "budget_power": 0.0,
         "test_rest": max(2.0, round(TEST_REST_S / period)),
+        "rate_samples": max(10.0, round(RATE_WINDOW_S / period)),
+        "rate_tolerance": RATE_TOLERANCE,
         "degrades": float(v.get("gravity_share", 1.0) > 0.5),
     }
     if math.isfinite(speed):
@@ -909,6 +929,9 @@ def supervision_of(
             "test_samples": float(wave.samples),
             "test_least": wave.least,
             "test_most": wave.most,
+            "still_samples": max(2.0, round(STILL_S / period)),
+            "still_effort": wave.effort,
+            "still_half_wave": float(wave.samples),
         }
     if instruments.start_up_answer is not None:
         made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)

@@ -38,7 +38,8 @@ class ExportRequest:
     load: tuple[float, float] | None = None
     held: tuple[float, float] | None = None
     period: float | None = None
-    probe: bool = False
+    probe: bool | None = None
+    unmeasured: bool = False
     allow_outside: bool = False
     overwrite: bool = False
 

@@ -108,10 +108,13 @@ class InstrumentsTable(StudyTable):
         Largest torque in the EMG calibration [effort].
     start_up_answer : float or None
         Work of the start-up test's wave at commissioning [J].
-    probe : bool
-        Whether a small wave of effort may test encoder and drive while the law runs.
+    probe : bool or None
+        Whether a small wave of effort may test encoder and drive while the law runs; None: where the drive is not
+        measured.
     probe_answer : tuple of float or None
         Answers to the probe's three waves at commissioning: real and imaginary part of each, shape (6,) [1].
+    shaking : bool
+        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach.
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -122,8 +125,9 @@ class InstrumentsTable(StudyTable):
     spring_stiffness: PositiveStiffness | None = None
     emg_range: PositiveEffort | None = None
     start_up_answer: PositiveWork | None = None
-    probe: bool = False
+    probe: bool | None = None
     probe_answer: tuple[float, float, float, float, float, float] | None = None
+    shaking: bool = True
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:
         """Return this table with those keys of `common` that it does not say."""

@@ -93,7 +93,9 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "checksums": values.checksums,
         "notes": values.all_notes,
         "instruments": values.listed_instruments,
-        "unmeasured": "" if values.instruments.drive else warn_of_unmeasured_drive(),
+        "unmeasured": ""
+        if values.instruments.drive
+        else warn_of_unmeasured_drive(values.supervised.supervision["probe_effort"] > 0.0),
         "period": values.numbers["period"],
         "supervision": values.supervised.supervision,
         "supervisor": model_fields("supervisor"),

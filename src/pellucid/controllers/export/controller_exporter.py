@@ -8,7 +8,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -27,7 +26,7 @@ from .c_folder import (
     template_path,
     write_c_folder,
 )
-from .controller_values import ControllerValues, joint_values, tree_values
+from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
 from .tree_folder import write_tree_folder
 
@@ -83,13 +82,9 @@ class LawExporter(ControllerExporter):
     def export(self, request: ExportRequest) -> Path:
         """Write the folder of the law."""
         study, out = request.study, self.folder(request)
-        law = self.values(request)
-        if request.probe:
-            law = replace(law, instruments=replace(law.instruments, probe=True))
-            if not law.supervised.supervision["probe_effort"] > 0.0:
-                raise PellucidError(
-                    f"export of {study.name}: found probe, expected none: a law that drives a spring has none"
-                )
+        law = protect_wearer(
+            self.values(request), probe=request.probe, unmeasured=request.unmeasured, place=f"export of {study.name}"
+        )
         named = request.controller or self.default_name
         wearer = None if self.named_by_cards else request.participant
         with own_folder(out, study, named, law.cards, participant=wearer, overwrite=request.overwrite):
@@ -148,7 +143,7 @@ class ArmExporter(ControllerExporter):
     """A controller that carries a robot of several joints."""
 
     order: ClassVar[int] = 10
-    unused: ClassVar[tuple[str, ...]] = ("slider", "participant", "exponents", "load", "held", "probe")
+    unused: ClassVar[tuple[str, ...]] = ("slider", "participant", "exponents", "load", "held", "probe", "unmeasured")
     why_unused: ClassVar[str] = "this robot has several joints"
 
     def fits(self, request: ExportRequest) -> bool:

@@ -37,6 +37,7 @@ from ..joint_compensation import (
 )
 from ..study.rig_instruments import rig_instruments
 from ..supervised import SupervisedLaw, supervised
+from ..supervisor_faults import UNMEASURED_FAULTS
 from ..tree_laws import TreeLaw, carried, full_compensation, transparent
 from ..worn import watched_worn
 from .instruments_listing import ListedInstrument, list_instruments
@@ -48,26 +49,25 @@ NO_START_UP_TEST_NOTE = (
 """Note in the exported README if the controller has no test at start-up."""
 
 NO_ANSWER_NOTE = (
-    "The start-up test is not commissioned: it accepts a gain that is wrong by a factor of up to three. To measure its "
-    "answer, check the drive by hand, let the robot start on a wearer who is at ease, and log position and effort of "
-    "each period. The work in J is the sum of effort times the next change of the position over the first half of the "
-    "wave, where the effort is positive; if the joint hardly moves there, over the second half. State the mean of ten "
-    "starts as start_up_answer in [rig.instruments], and export again."
+    "The start-up test is not commissioned: it accepts a gain that is wrong by a factor of up to three. Log time, "
+    "position and effort of ten starts on a wearer who is at ease; pellucid commission --log states their answer as "
+    "start_up_answer in [rig.instruments]. Then export again."
 )
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
 PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
-    "felt. It judges their answers against those that you state as probe_answer in [rig.instruments]."
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a soft hum "
+    "and feels a faint tingling while the law runs; tell them before. Their answers are judged against those that you "
+    "state as probe_answer in [rig.instruments]."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
 UNCOMMISSIONED_PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz, which can be heard and "
-    "felt. It takes what they answer in the first movement after each start for right: a drive that is wrong from the "
-    "start is then found by the test at start-up only. To state what is right, check the drive by hand, let a wearer "
-    "who is at ease move the joint for twenty seconds, read pellucid_probe_answer, state the six numbers as "
-    "probe_answer in [rig.instruments], and export again."
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a soft hum "
+    "and feels a faint tingling while the law runs; tell them before. The probe takes what they answer in the first "
+    "movement after each start for right: a drive that is wrong from the start is then found by the test at start-up "
+    "only. pellucid commission measures what is right on the robot and states it as probe_answer in "
+    "[rig.instruments]; then export again."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are not known."""
 
@@ -131,9 +131,44 @@ class ControllerValues:
             watched_worn(self.control_law, self.instruments)
             if LAWS[self.law].drives_spring
             else supervised(
-                self.control_law, instruments=self.instruments, body=self.body, rest_friction=self.rest_friction
+                self.control_law,
+                instruments=self.instruments,
+                body=self.body,
+                rest_friction=self.rest_friction,
+                shaking=self.instruments.shaking,
             )
         )
+
+
+def protect_wearer(
+    values: ControllerValues, *, probe: bool | None = None, unmeasured: bool = False, place: str = "export"
+) -> ControllerValues:
+    """Return the law with a supervisor that knows its drive: by a measurement, or by a probe.
+
+    `probe` is what a caller asks for; None: what the instruments say, and where they say nothing, a probe if the drive
+    is not measured. `unmeasured` accepts a law with neither. Errors begin with `place`.
+    """
+    instruments, spring = values.instruments, LAWS[values.law].drives_spring
+    asked = instruments.probe if probe is None else probe
+    probes = not (instruments.drive or spring) if asked is None else asked
+    made = replace(values, instruments=replace(instruments, probe=probes))
+    if probes and spring:
+        raise PellucidError(f"{place}: found probe, expected none: a law that drives a spring has none")
+    if not (probes or instruments.drive or unmeasured):
+        raise PellucidError(
+            f"{place}: found a drive that is neither measured nor asked by a probe, expected [rig.instruments."
+            f"drive_sensor]{' or spring_stiffness' if spring else ', or a probe'}; or --unmeasured (unmeasured=True), "
+            f"with which these faults of the drive are not found: {'; '.join(UNMEASURED_FAULTS)}"
+        )
+    if probes:
+        try:
+            _ = made.supervised
+        except PellucidError as error:
+            raise PellucidError(
+                f"{place}: {error}. Without a probe state how the drive is measured, in [rig.instruments.drive_sensor]; "
+                "or accept that many of its faults are not found: --no-probe --unmeasured"
+            ) from None
+    return made
 
 
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:

@@ -30,7 +30,8 @@ def export(
     load: tuple[float, float] | None = None,
     held: tuple[float, float] | None = None,
     period: float | None = None,
-    probe: bool = False,
+    probe: bool | None = None,
+    unmeasured: bool = False,
     allow_outside: bool = False,
     accept_stale: bool = False,
     overwrite: bool = False,
@@ -72,9 +73,12 @@ def export(
     period : float or None
         Period of the controller [s]; None for 1 ms, or for that of the recordings of an orthosis, of EMG, or of a
         CEINMS subject.
-    probe : bool
+    probe : bool or None
         Whether a small wave of effort asks drive and encoder while a law of one joint runs, so that a drive that does
-        not measure its effort is watched too. The study's instruments may say so as well.
+        not measure its effort is watched too. None: as the study's instruments say; where they say nothing, it asks if
+        the drive is not measured.
+    unmeasured : bool
+        Whether a law may be written whose drive is neither measured nor asked. Many of its faults are then not found.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
     accept_stale : bool
@@ -90,8 +94,8 @@ def export(
     Raises
     ------
     PellucidError
-        If `to` is not known, a card is missing, outside or stale, the study has no controller that can be exported, or
-        the folder holds another one.
+        If `to` is not known, a card is missing, outside or stale, the study has no controller that can be exported,
+        the folder holds another one, or the drive is neither measured nor can be asked, without `unmeasured`.
 
     Examples
     --------
@@ -107,13 +111,13 @@ def export(
         study = replace(study, accept_stale=True)
     request = ExportRequest(
         study, to, out, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
-        load=load, held=held, period=period, probe=probe, allow_outside=allow_outside, overwrite=overwrite,
+        load=load, held=held, period=period, probe=probe, unmeasured=unmeasured, allow_outside=allow_outside, overwrite=overwrite,
     )  # fmt: skip
     return find_exporter(request).export(request)
 
 
 def warn_of_export(folder: Path) -> str:
-    """Return what the supervisor in an exported `folder` does not find without a measurement of the drive.
+    """Return what the supervisor in an exported `folder` finds without a measurement of the drive, and what not.
 
     The text is empty if the drive is measured, and for a folder without the supervisor of one joint.
     """
@@ -121,7 +125,7 @@ def warn_of_export(folder: Path) -> str:
         numbers = read_constants(folder)
     except PellucidError:
         return ""
-    return "" if numbers["drive_expected"] == 1.0 else warn_of_unmeasured_drive()
+    return "" if numbers["drive_expected"] == 1.0 else warn_of_unmeasured_drive(numbers["probe_effort"] > 0.0)
 
 
 def values_for(study: Study, **options: object) -> ControllerValues:

@@ -68,4 +68,7 @@ def list_instruments(
         answered = used.probe_answer is not None
         value = "stated" if answered else "not measured"
         lines.append(ListedInstrument("answer to the probe at commissioning", value, answered))
+    if not spring:
+        watched = "yes" if used.shaking else "no"
+        lines.append(ListedInstrument("watch for shaking, to and fro for seconds", watched, not used.shaking))
     return tuple(lines)

@@ -20,6 +20,7 @@ INSTRUMENT_KEYS: Mapping[str, str] = {
     "start_up_answer": "start_up_answer",
     "probe": "probe",
     "probe_answer": "probe_answer",
+    "shaking": "shaking",
 }
 """Field of `Instruments` for each key of ``[rig.instruments]``."""
 

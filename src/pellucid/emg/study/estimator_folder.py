@@ -278,7 +278,7 @@ class EstimatorExporter(ControllerExporter):
     """An estimator of torque from EMG, which is no law and has no safety gate."""
 
     order: ClassVar[int] = 20
-    unused: ClassVar[tuple[str, ...]] = ("slider", "exponents", "load", "held", "probe")
+    unused: ClassVar[tuple[str, ...]] = ("slider", "exponents", "load", "held", "probe", "unmeasured")
     why_unused: ClassVar[str] = "torque from EMG has none"
 
     def fits(self, request: ExportRequest) -> bool:

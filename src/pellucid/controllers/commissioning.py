@@ -1,0 +1,292 @@
+"""What a robot answers at its commissioning: sign, gain and delay of its drive, the start-up test and the probe.
+
+Sign, gain and delay come from starts of a robot that nobody wears, whose inertia is identified. With a smooth window φ
+that is 0 at both ends, the balance of a joint that slides needs no derivative of its position q:
+
+    J ∫ q φ'' = g ∫ u(t − d) φ − c ∫ sign(q') φ + b ∫ q φ' − k ∫ φ,
+
+with effort u that was asked for, gain g, delay d, friction c and b, and what gravity is where the start began, k. All are
+found by least squares over all windows of all starts, d by a search. The work of the start-up test and the answers of the
+probe are the supervisor's own numbers: the log is played through the controller again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .._errors import PellucidError
+from .supervised import SupervisedLaw
+
+MIN_STARTS = 3
+"""Smallest number of starts of which a spread can be told."""
+
+WINDOW_S = 0.016
+"""Duration of a window over which the balance is taken: shorter than half a wave of the start-up test."""
+
+MEAN_S = 0.016
+"""Time over which the speed is averaged that says whether the joint slides."""
+
+AFTER_WAVE_S = 0.1
+"""Time after the wave in which a joint still slides."""
+
+LONGEST_DELAY_S = 0.03
+"""Largest delay of a drive that is looked for."""
+
+DELAY_STEP_S = 0.25e-3
+"""Distance of the delays that are tried."""
+
+MIN_SLIDING_SHARE = 0.02
+"""A joint slides from this share of its largest speed in the start on [1]."""
+
+MAX_UNEXPLAINED_SHARE = 0.1
+"""Largest share of the squared balance that may be left: more where a rotor swings before a soft transmission [1]."""
+
+MAX_GAIN_ERROR = 0.15
+"""Largest relative difference of the measured gain from what the study states, beyond which the drive is not right [1]."""
+
+MIN_PROBE_WINDOWS = 20
+"""Smallest number of windows of a moving joint from which the probe's answers are taken."""
+
+MAX_EFFORT_DIFFERENCE = 0.02
+"""Largest difference of the logged effort from that of the controller on the same positions, over its limit [1]."""
+
+
+@dataclass(frozen=True)
+class StartLog:
+    """What a controller read and asked for from one start on, once a period."""
+
+    name: str  # where it is from
+    time: np.ndarray  # shape (n,) [s]
+    position: np.ndarray  # shape (n,) [rad or m]
+    effort: np.ndarray  # asked for in each period, shape (n,) [N m or N]
+    others: Mapping[str, np.ndarray] = field(default_factory=dict)  # further sensors by name, each shape (n,)
+
+
+@dataclass(frozen=True)
+class DriveCheck:
+    """Sign, gain and delay of a drive, from starts of a robot that nobody wears."""
+
+    sign: int  # 1 where an effort moves the joint as stated, -1 where it is reversed
+    gain: float  # effort given over effort asked for, its size; NaN where the motion is no rigid body's [1]
+    gain_spread: float  # standard deviation over starts [1]
+    delay: float  # from the command to the effort [s]
+    starts: int
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the drive gives what it is asked for, as far as the motion tells."""
+        return self.sign > 0 and not abs(self.gain - 1.0) > MAX_GAIN_ERROR
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What start-up test and probe are to be held to."""
+
+    start_up: float | None  # mean work of the test's wave [J]; None where there is no test
+    start_up_spread: float  # standard deviation over starts [J]
+    probe: tuple[float, ...] | None  # answers to the three waves, shape (6,) [1]; None where too little moved
+    probe_windows: int
+    starts: int
+
+
+def drive_check(starts: Sequence[StartLog], inertia: float) -> DriveCheck:
+    """Return sign, gain and delay of a drive from starts of a robot with an `inertia` [kg m^2 or kg].
+
+    Raises
+    ------
+    PellucidError
+        If there are fewer than `MIN_STARTS` in which the joint moves.
+    """
+    if not inertia > 0.0:
+        raise PellucidError(f"commission: found an inertia of {inertia:g}, expected a known one above 0")
+    moved = [start for start in map(_wave_alone, starts) if start is not None]
+    if len(moved) < MIN_STARTS:
+        raise PellucidError(
+            f"commission: found {len(moved)} starts in which an effort moves the joint, expected at least {MIN_STARTS}"
+        )
+    delays = np.arange(0.0, LONGEST_DELAY_S, DELAY_STEP_S)
+    windows = [_windows(start) for start in moved]
+    costs = [_solved([_rows(w, inertia, delay) for w in windows])[1] for delay in delays]
+    best = int(np.argmin(costs))
+    delay = float(delays[best])
+    if 0 < best < len(delays) - 1:
+        before, at, after = costs[best - 1 : best + 2]
+        bend = before - 2.0 * at + after
+        delay += DELAY_STEP_S * (0.5 * (before - after) / bend if bend > 0.0 else 0.0)
+    found = _solved([_rows(w, inertia, delay) for w in windows])[0]
+    each = [_solved([_rows(w, inertia, delay)])[0][0] for w in windows]
+    sides = np.concatenate([_rows(w, inertia, delay)[:, 0] for w in windows])
+    left = _solved([_rows(w, inertia, delay) for w in windows])[1] / float(np.sum(sides**2))
+    works = list(map(_first_work, moved))
+    sign = 1 if np.median(works) > 0.0 else -1
+    told = left <= MAX_UNEXPLAINED_SHARE and sign * found[0] > 0.0
+    gain = abs(float(found[0])) if told else math.nan
+    return DriveCheck(sign, gain, float(np.std(each, ddof=1)), delay, len(moved))
+
+
+def _first_work(start: StartLog) -> float:
+    """Return the work of a wave's first half [J]: that of the second may be negative where the drive is late."""
+    pushed = np.flatnonzero(start.effort)
+    first = int(pushed[0])
+    turned = np.flatnonzero(start.effort[first:] * start.effort[first] < 0.0)
+    end = first + int(turned[0]) if turned.size else int(pushed[-1]) + 1
+    return float(np.sum(start.effort[first : end - 1] * np.diff(start.position[first:end])))
+
+
+def _wave_alone(start: StartLog) -> StartLog | None:
+    """Return the part of a start in which its first wave moves the joint; None where there is none."""
+    pushed = np.flatnonzero(start.effort)
+    if pushed.size == 0:
+        return None
+    period = float(np.median(np.diff(start.time)))
+    first = int(pushed[0])
+    rests = np.flatnonzero(start.effort[first:] == 0.0)
+    last = first + (int(rests[0]) if rests.size else len(start.effort) - first)
+    end = min(last + round(AFTER_WAVE_S / period), len(start.time))
+    kept = slice(max(first - round(2.0 * WINDOW_S / period), 0), end)
+    cut = replace(start, time=start.time[kept], position=start.position[kept], effort=start.effort[kept], others={})
+    return cut if np.ptp(cut.position) > 0.0 and len(cut.time) > 4 * round(WINDOW_S / period) else None
+
+
+@dataclass(frozen=True)
+class _Windows:
+    start: StartLog
+    period: float
+    first: np.ndarray  # first sample of each window, shape (w,)
+    shape: np.ndarray  # φ, shape (k,)
+    slope: np.ndarray  # φ', shape (k,) [1/s]
+    bend: np.ndarray  # φ'', shape (k,) [1/s^2]
+    way: np.ndarray  # sign of the motion, shape (w,)
+
+
+def _windows(start: StartLog) -> _Windows:
+    period = float(np.median(np.diff(start.time)))
+    size = max(round(WINDOW_S / period), 8)
+    x = np.arange(1, size) / size
+    shape = np.sin(math.pi * x) ** 4
+    slope = 4.0 * np.sin(math.pi * x) ** 3 * np.cos(math.pi * x) * math.pi / (size * period)
+    bend = (math.pi / (size * period)) ** 2 * (
+        12.0 * (np.sin(math.pi * x) * np.cos(math.pi * x)) ** 2 - 4.0 * np.sin(math.pi * x) ** 4
+    )
+    # A rotor swings before a soft transmission: what slides is the mean.
+    width = max(round(MEAN_S / period), 1)
+    speeds = np.convolve(np.gradient(start.position, period), np.ones(width) / width, "same")
+    least = MIN_SLIDING_SHARE * np.abs(speeds).max()
+    first, way = [], []
+    for i in range(0, len(start.position) - size, max(size // 4, 1)):
+        own = speeds[i : i + size]
+        if np.abs(own).min() > least and (np.all(own > 0.0) or np.all(own < 0.0)):
+            first.append(i + 1)
+            way.append(float(np.sign(own[0])))
+    return _Windows(start, period, np.array(first, int), shape, slope, bend, np.array(way))
+
+
+def _rows(windows: _Windows, inertia: float, delay: float) -> np.ndarray:
+    """Return the balance of every window as rows: left side, effort, friction, viscous friction, gravity, (w, 5)."""
+    start, size = windows.start, len(windows.shape)
+    if windows.first.size == 0:
+        return np.zeros((0, 5))
+    index = windows.first[:, None] + np.arange(size)
+    position = start.position[index] - start.position[windows.first][:, None]
+    times = start.time[index] - delay
+    # The command is held for a period.
+    held = np.clip(np.searchsorted(start.time, times, "right") - 1, 0, None)
+    share = np.clip((times - start.time[held]) / windows.period, 0.0, 1.0)
+    ahead = np.clip(held + 1, None, len(start.effort) - 1)
+    effort = start.effort[held] * (1.0 - share) + start.effort[ahead] * share
+    dt = windows.period
+    return np.column_stack((
+        inertia * dt * (position @ windows.bend),
+        dt * (effort @ windows.shape),
+        -windows.way * dt * windows.shape.sum(),
+        dt * (position @ windows.slope),
+        np.full(len(windows.first), -dt * windows.shape.sum()),
+    ))  # fmt: skip
+
+
+def _solved(rows: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+    """Return gain, friction and gravity of each start by least squares, and the sum of squares that is left."""
+    starts = [one for one in rows if len(one)]
+    if not starts:
+        return np.zeros(3), math.inf
+    # Friction is everywhere the same, gravity that of each start.
+    apart = [
+        np.column_stack((one[:, 1:4], *(one[:, 4] * (i == k) for k in range(len(starts)))))
+        for i, one in enumerate(starts)
+    ]
+    left, right = np.concatenate([one[:, 0] for one in starts]), np.concatenate(apart)
+    scale = np.linalg.norm(right, axis=0)
+    scale[scale == 0.0] = 1.0
+    found = np.linalg.lstsq(right / scale, left, rcond=1e-9)[0] / scale
+    return found, float(np.sum((left - right @ found) ** 2))
+
+
+def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
+    """Return the answers of a robot's start-up test and probe, by playing its starts through its law again.
+
+    Raises
+    ------
+    PellucidError
+        If a log lacks a sensor of the law, or its efforts are not those that the law asks for on its positions.
+    """
+    works, probed, windows = [], [], []
+    for start in starts:
+        running, asked = law.start(), np.empty(len(start.time))
+        missing = [name for name in law.sensors[1:] if name not in start.others and name in _required(law)]
+        if missing:
+            raise PellucidError(f"{start.name}: found no column {missing[0]}, which the law reads")
+        sensors = [start.others.get(name) for name in law.sensors[1:]]
+        drive, joint = start.others.get("drive"), start.others.get("joint")
+        for k, time in enumerate(start.time):
+            others = [None if one is None else float(one[k]) for one in sensors]
+            asked[k] = running.step(
+                float(time), float(start.position[k]), *others,
+                drive=None if drive is None else float(drive[k]), joint=None if joint is None else float(joint[k]),
+            )  # fmt: skip
+        limit = law.values["effort_limit"]
+        apart = float(np.abs(asked - start.effort).max())
+        if apart > MAX_EFFORT_DIFFERENCE * limit:
+            raise PellucidError(
+                f"{start.name}: found efforts that differ by {apart:.3g} from those of the controller on the same "
+                f"positions ({running.fault} in {running.mode}), expected a log of the controller that export writes: "
+                "its columns time, position and effort of each period"
+            )
+        work = _wave_work(law, start)
+        if work is not None:
+            works.append(work)
+        answer, count = running.probe_answer
+        if count:
+            probed.append(answer)
+            windows.append(count)
+    probe = None
+    if sum(windows) >= MIN_PROBE_WINDOWS:
+        probe = tuple(map(float, np.average(probed, axis=0, weights=windows)))
+    mean = float(np.mean(works)) if works and law.supervision["test_effort"] > 0.0 else None
+    spread = float(np.std(works, ddof=1)) if len(works) > 1 else 0.0
+    return Answers(mean, spread, probe, int(sum(windows)), len(works))
+
+
+def _required(law: SupervisedLaw) -> tuple[str, ...]:
+    """Return the names of the sensors without which a law does nothing."""
+    optional = {"interaction": law.sensed, "muscle": law.emg}
+    return tuple(name for name in law.sensors if optional.get(name, True))
+
+
+def _wave_work(law: SupervisedLaw, start: StartLog) -> float | None:
+    """Return the work of the start-up wave of one start [J], as the core counts it; None where there was no wave."""
+    half, period = round(law.supervision["test_samples"]), law.values["period"]
+    pushed = np.flatnonzero(start.effort)
+    if pushed.size == 0 or pushed[0] + 2 * half >= len(start.time) or pushed[0] < 2:
+        return None
+    first = int(pushed[0])
+    resting = start.position[max(first - 64, 0) : first + 1]
+    drift = float(resting[-1] - resting[0]) / (len(resting) - 1) / period if len(resting) > 1 else 0.0
+    moved = np.diff(start.position[first : first + 2 * half + 1]) - drift * period
+    work = np.cumsum(start.effort[first : first + 2 * half] * moved)
+    middle = float(work[half - 1])
+    hardly = abs(middle) < law.supervision["test_least"]
+    return float(work[-1]) - middle if hardly else middle
