@@ -479,8 +479,8 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   const S weight = carries ? s.body.weight : S(0);
   found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, weight, s.body.drag));
   if (carries) found = first_of(found, step(c.shaking, s.shaking, velocity));
-  // The wave at start-up is no loop that rings, however slow a heavy machine makes it.
-  if ((s.steps & 2u) == 0 || now == Mode::start_up) return found;
+  // The wave at start-up is no loop that rings, however slow a heavy machine makes it, nor is the one that asks a joint at rest.
+  if ((s.steps & 2u) == 0 || now == Mode::start_up || s.still.amplitude > S(0)) return found;
   return first_of(found, step(c.ringing, s.ringing, effort));
 }
 

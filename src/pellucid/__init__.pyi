@@ -10,6 +10,7 @@ from .controllers.controller import controller as controller
 from .controllers.controller import controllers as controllers
 from .controllers.export.export import export as export
 from .controllers.instruments import Instruments as Instruments
+from .controllers.study.commission import commission as commission
 from .controllers.study.incident import incident as incident
 from .controllers.supervised import supervised as supervised
 from .emg.estimators.calibrate_muscles import calibrate_muscles as calibrate_muscles

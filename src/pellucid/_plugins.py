@@ -29,6 +29,7 @@ PLUGIN_GROUPS = {
     "pellucid.papers": "a package whose folders have printed.toml and paper.py each",
     "pellucid.study_sources": "a function (folder, name) that starts a study; its entry's name is its option of init",
     "pellucid.devices": "a function (conditions, place, seed) that returns the setup of a live session's engine",
+    "pellucid.robots": "a function (folder) that returns a function (worn, period) for its virtual robot, or None",
     "pellucid.commands": "a function that adds its commands to the Typer application it is given",
 }
 """What an entry point of each group must load."""

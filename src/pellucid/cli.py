@@ -677,6 +677,51 @@ def export(
     print_line(console, f"{made}: read README.md there. Next: make -C {quote(str(made))} check")
 
 
+@app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid commission my-elbow --log start*.csv"))
+def commission(
+    folder: Folder,
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILES...]", help="Further files after --log.", show_default=False)
+    ] = None,
+    log: Annotated[
+        list[Path] | None,
+        typer.Option("--log", metavar="FILES...", help="Logs of starts, nobody strapped in: time, position, effort."),
+    ] = None,
+    worn: Annotated[
+        list[Path] | None, typer.Option("--worn", metavar="FILE", help="The same on a wearer at ease; repeatable.")
+    ] = None,
+    udp: Annotated[
+        str | None, typer.Option("--udp", metavar="HOST:PORT", help="Listen there for the robot, and start it.")
+    ] = None,
+    controller: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The controller that will be exported.")
+    ] = None,
+    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
+    wearer: Annotated[
+        bool, typer.Option("--wearer/--no-wearer", help="Whether somebody wears the robot for the answers.")
+    ] = True,
+    allow_outside: Outside = False,
+    accept_stale: Stale = False,
+) -> None:
+    """Measure drive and answers of a robot for its export."""
+    from .controllers.study.commission import commission as run
+
+    study = _opened(folder, None, allow_outside, accept_stale)
+    if (log or files or worn) and udp:
+        raise PellucidError("commission: found --log and --udp, expected one of them")
+    with show_progress() as tell:
+        tell("starting the robot" if not (log or files) else "reading the starts", 0.2)
+        done = run(
+            study, logs=[*(log or []), *(files or [])], worn_logs=worn or [], udp=udp, controller=controller,
+            participant=participant, wearer=wearer, ask=lambda text: typer.prompt(text, default="", show_default=False),
+        )  # fmt: skip
+    console = make_console()
+    for line in done.lines():
+        print_line(console, line)
+    if not done.drive.is_right:
+        raise typer.Exit(1)
+
+
 @app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid incident incident.bin"))
 def incident(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File that the recorder of a controller wrote.")],

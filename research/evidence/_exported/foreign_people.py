@@ -336,6 +336,8 @@ def draw_run(law: ExportedLaw, index: int, seed: int) -> dict[str, float]:
         "test_least": 0.0,
         "test_most": 0.0,
         "shaking_limit": 0.0,
+        "probe_travel": 0.0,
+        "probe_scale": 0.0,
         "reaching": 0.0,
         "clock_jitter": 0.0,
         "clock_start": 0.0,

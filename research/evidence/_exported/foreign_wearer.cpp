@@ -277,6 +277,8 @@ class Simulation {
       config.probe_answer_high_real = static_cast<float>(r.probe_answer_high_real);
       config.probe_answer_high_imaginary = static_cast<float>(r.probe_answer_high_imaginary);
     }
+    if (r.probe_travel > 0.0) config.probe_travel = static_cast<float>(r.probe_travel);
+    if (r.probe_scale > 0.0) config.probe_effort *= static_cast<float>(r.probe_scale);
     if (r.shaking_limit > 0.0) config.shaking_limit = static_cast<float>(r.shaking_limit);
     pellucid_init(&memory.context, &config);
   }

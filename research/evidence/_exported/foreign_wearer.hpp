@@ -125,6 +125,8 @@ namespace foreign {
   X(probe_answer_middle_imaginary, "1", "part of an answer to the probe at commissioning")                             \
   X(probe_answer_high_real, "1", "part of an answer to the probe at commissioning")                                    \
   X(probe_answer_high_imaginary, "1", "part of an answer to the probe at commissioning")                               \
+  X(probe_travel, "rad", "way that the joint may go while its drive is not heard; 0: as exported")                   \
+  X(probe_scale, "1", "effort of the probe over the exported one; 0: as exported")                                  \
   X(reaching, "1", "1: the wearer never goes to and fro, but reaches and rests")                                        \
   X(clock_jitter, "s", "largest error of each time stamp, either way")                                                \
   X(clock_start, "us", "time of the controller's clock at the start")                                                  \

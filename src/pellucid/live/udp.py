@@ -38,7 +38,8 @@ class Asked:
     effort: float  # [N m]
 
 
-def _sum(data: bytes) -> int:
+def packet_sum(data: bytes) -> int:
+    """Return the checksum of a packet without its last word."""
     return layout.checksum(np.frombuffer(data, "<u8"))
 
 
@@ -57,7 +58,7 @@ def pack_reading(sequence: int, time_us: int, values: Mapping[str, float]) -> by
     valid = sum(1 << i for i, name in enumerate(layout.VALUE_NAMES) if name in values)
     numbers = [float(values.get(name, 0.0)) for name in layout.VALUE_NAMES]
     words = READING_FORMAT.pack(READING_MAGIC, sequence & 0xFFFFFFFF, valid, 0, time_us, *numbers, 0)[:-8]
-    return words + struct.pack("<Q", _sum(words))
+    return words + struct.pack("<Q", packet_sum(words))
 
 
 def unpack_asked(data: bytes) -> Asked | None:
@@ -65,7 +66,7 @@ def unpack_asked(data: bytes) -> Asked | None:
     if len(data) != ASKED_FORMAT.size:
         return None
     magic, beat, enable, answers, time_us, effort, total = ASKED_FORMAT.unpack(data)
-    if magic != ASKED_MAGIC or total != _sum(data[:-8]):
+    if magic != ASKED_MAGIC or total != packet_sum(data[:-8]):
         return None
     return Asked(beat, bool(enable), answers, time_us, effort)
 

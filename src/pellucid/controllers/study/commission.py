@@ -1,0 +1,244 @@
+"""`commission` of a study: measure on the robot what its exported supervisor is to hold drive and encoder to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..._atomic import write_text_atomically
+from ..._errors import PellucidError
+from ..._plugins import load_plugins
+from ...files.readers.read import read_columns
+from ...numerics.arguments import with_checked_arguments
+from ...study.study import Study
+from ..commissioning import Answers, DriveCheck, Robot, StartLog, answers, drive_check, record_starts
+from ..control_law import LAWS
+from ..export.controller_values import protect_wearer
+from ..export.export import values_for
+from ..supervised import SupervisedLaw
+
+START_COUNT = 10
+"""Number of starts of a commissioning."""
+
+LOG_COLUMNS = ("time", "position", "effort")
+"""Columns that a log of starts must have, SI: one row for each period of the controller."""
+
+MIN_PAUSE_PERIODS = 20
+"""A gap in a log's time of this many periods, or a step back, begins another start."""
+
+MIN_START_ROWS = 100
+"""Shortest start of a log in rows; less is none."""
+
+INSTRUMENTS_HEADER = "[rig.instruments]"
+"""Table of study.toml that the answers are written to."""
+
+
+@dataclass(frozen=True)
+class Commissioning:
+    """What a commissioning measured, and what it wrote.
+
+    Attributes
+    ----------
+    source : str
+        Where the starts are from: ``"virtual robot"``, ``"logs"`` or ``"udp"``.
+    drive : DriveCheck
+        Sign, gain and delay of the drive.
+    answers : Answers
+        What start-up test and probe are to be held to.
+    written : tuple of str
+        Keys that were written into ``[rig.instruments]``; none where the drive is not right.
+    """
+
+    source: str
+    drive: DriveCheck
+    answers: Answers
+    written: tuple[str, ...]
+
+    def lines(self) -> tuple[str, ...]:
+        """Return what to tell a person, a line each."""
+        drive, found = self.drive, self.answers
+        gain = "not told: the rotor swings before a soft transmission"
+        if np.isfinite(drive.gain):
+            gain = f"{drive.gain:.3f} of what is stated (standard deviation {drive.gain_spread:.3f})"
+        made = [
+            f"{self.source}: {drive.starts} starts",
+            f"sign: {'right' if drive.sign > 0 else 'reversed: exchange the leads, or the sign in [rig.drive]'}",
+            f"gain: {gain}",
+            f"delay: {1e3 * drive.delay:.1f} ms from command to effort",
+        ]
+        if found.start_up is not None:
+            made.append(f"start_up_answer: {found.start_up:.4g} J (standard deviation {found.start_up_spread:.2g} J)")
+        if found.probe is not None:
+            made.append(f"probe_answer: {', '.join(f'{x:.3g}' for x in found.probe)} ({found.probe_windows} windows)")
+        made += [f"note: {note}" for note in found.notes]
+        if self.written:
+            made.append(f"study.toml: wrote {', '.join(self.written)} into {INSTRUMENTS_HEADER}; export again")
+        else:
+            made.append("study.toml: nothing written")
+        return tuple(made)
+
+
+def _nobody_to_ask(question: str) -> None:
+    """Go on at once: whoever calls the function has done what the question is about."""
+
+
+@with_checked_arguments
+def commission(
+    study: Study,
+    *,
+    logs: Sequence[Path] = (),
+    worn_logs: Sequence[Path] = (),
+    udp: str | None = None,
+    controller: str | None = None,
+    participant: str | None = None,
+    wearer: bool = True,
+    ask: Callable[[str], None] = _nobody_to_ask,
+) -> Commissioning:
+    """Measure sign, gain and delay of a drive, and what start-up test and probe are held to, and write that down.
+
+    Ten starts of the robot that nobody wears tell sign, gain and delay, for its inertia is identified. Ten starts on a
+    wearer at ease and twenty seconds of motion tell the answers of test and probe. They go into ``[rig.instruments]`` of
+    study.toml, from which `export` takes them. Where the drive is not right, nothing is written.
+
+    Parameters
+    ----------
+    study : Study
+        Identified study of one joint.
+    logs : sequence of Path
+        Logs of the exported controller on the robot that nobody wears: columns ``time``, ``position`` and ``effort`` and
+        further sensors of the law, SI, a row for each period; starts are apart by a gap in the time. None of logs and
+        `udp`: the study's virtual robot.
+    worn_logs : sequence of Path
+        The same on a wearer at ease. None: the answers are taken from `logs`.
+    udp : str or None
+        ``HOST:PORT`` to listen at for the robot, by the packets of a live session.
+    controller, participant : str or None
+        The controller that will be exported, as `export` takes them.
+    wearer : bool
+        Whether somebody wears the robot for the answers, where the starts are played here.
+    ask : callable
+        Called with a sentence before power is applied; returns when that is done.
+
+    Returns
+    -------
+    Commissioning
+        What was measured and written.
+
+    Raises
+    ------
+    PellucidError
+        If the law drives a spring, a log lacks a column, too few starts move the joint, or the robot is not there.
+
+    Examples
+    --------
+    Commission the virtual robot of an identified study:
+
+    >>> import pellucid as pl
+    >>> done = pl.commission(pl.open("my-elbow"))
+    >>> done.drive.sign
+    1
+    """
+    values = values_for(study, controller=controller, participant=participant)
+    if LAWS[values.law].drives_spring:
+        raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a drive at the joint")
+    law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
+    if logs or worn_logs:
+        source = "logs"
+        empty = read_starts(logs or worn_logs)
+        worn = read_starts(worn_logs) if worn_logs else empty
+    else:
+        source = "udp" if udp else "virtual robot"
+        empty, worn = _play(study, law, udp, wearer, ask)
+    drive = drive_check(empty, law.supervision["body_inertia"])
+    found = answers(law, worn)
+    written = state_answers(study.folder / "study.toml", found) if drive.is_right else ()
+    return Commissioning(source, drive, found, written)
+
+
+def _play(
+    study: Study, law: SupervisedLaw, udp: str | None, wearer: bool, ask: Callable[[str], None]
+) -> tuple[list[StartLog], list[StartLog]]:
+    """Return starts without and with a wearer, played on the robot at an address, or on the study's virtual one."""
+    if udp:
+        from ...live.udp_robot import UdpRobot
+
+        ask("Nobody may be strapped in, and the joint must be free to move. Press Enter to apply power.")
+        with UdpRobot(udp) as robot:
+            empty = record_starts(robot, law, START_COUNT, worn=False)
+            if not wearer:
+                return empty, empty
+            ask("Strap in a wearer who is at ease, to move the joint for 20 s from the tenth start. Press Enter.")
+            return empty, record_starts(robot, law, START_COUNT, worn=True)
+    made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
+    make = next((one for one in made if one is not None), None)
+    if make is None:
+        raise PellucidError(
+            f"commission of {study.name}: found neither a virtual robot nor logs, expected --log FILE or --udp HOST:PORT"
+        )
+    robot_of: Callable[[bool, float], Robot] = make
+    period = law.values["period"]
+    empty = record_starts(robot_of(False, period), law, START_COUNT, worn=False)
+    return empty, record_starts(robot_of(True, period), law, START_COUNT, worn=True) if wearer else empty
+
+
+def read_starts(paths: Sequence[Path]) -> list[StartLog]:
+    """Return the starts of logs, each from where the time of a log begins, has a gap or steps back."""
+    made = []
+    for path in map(Path, paths):
+        columns = {
+            re.sub(r"\s*[\[(].*$", "", name).strip().lower(): values
+            for name, values in read_columns(path).values.items()
+            if isinstance(values, np.ndarray)
+        }
+        missing = [name for name in LOG_COLUMNS if name not in columns]
+        if missing:
+            raise PellucidError(
+                f"{path}: found columns {', '.join(list(columns)[:8])}, expected {', '.join(LOG_COLUMNS)}: no {missing[0]}"
+            )
+        time = columns["time"]
+        bad = next((name for name in LOG_COLUMNS if not np.isfinite(columns[name]).all()), None)
+        if bad is not None or time.size < MIN_START_ROWS:
+            what = f"{time.size} rows" if bad is None else f"a {bad} that is no number"
+            raise PellucidError(f"{path}: found {what}, expected at least {MIN_START_ROWS} rows of numbers")
+        steps = np.diff(time)
+        period = float(np.median(steps))
+        if not period > 0.0:
+            raise PellucidError(f"{path}: found a time that does not rise, expected seconds")
+        cuts = np.flatnonzero((steps > MIN_PAUSE_PERIODS * period) | (steps <= 0.0)) + 1
+        for first, last in zip((0, *cuts), (*cuts, time.size), strict=True):
+            if last - first >= MIN_START_ROWS:
+                kept = {name: values[first:last] for name, values in columns.items()}
+                position, effort = kept.pop("position"), kept.pop("effort")
+                made.append(StartLog(f"{path.name} from row {first + 1}", kept.pop("time"), position, effort, kept))
+    return made
+
+
+def state_answers(path: Path, found: Answers) -> tuple[str, ...]:
+    """Write answers into ``[rig.instruments]`` of a study.toml, and return the keys that were written."""
+    lines = {}
+    if found.start_up is not None:
+        lines["start_up_answer"] = (
+            f'"{found.start_up:.5g} J"  # mean of {found.starts} starts, standard deviation {found.start_up_spread:.2g} J'
+        )
+    if found.probe is not None:
+        numbers = ", ".join(f"{x:.5g}" for x in found.probe)
+        lines["probe_answer"] = f"[{numbers}]  # from {found.probe_windows} windows of a moving joint"
+    if lines:
+        write_text_atomically(path, with_keys(path.read_text(encoding="utf-8"), INSTRUMENTS_HEADER, lines))
+    return tuple(lines)
+
+
+def with_keys(text: str, header: str, lines: dict[str, str]) -> str:
+    """Return the text of a TOML file in which a table has these keys; the table is made where there is none."""
+    rows = text.splitlines()
+    start = next((i for i, row in enumerate(rows) if row.split("#")[0].strip() == header), None)
+    made = [f"{key} = {value}" for key, value in lines.items()]
+    if start is None:
+        return "\n".join([*rows, "", header, *made]) + "\n"
+    end = next((i for i in range(start + 1, len(rows)) if rows[i].lstrip().startswith("[")), len(rows))
+    own = [row for row in rows[start + 1 : end] if not re.match(rf"\s*({'|'.join(lines)})\s*=", row)]
+    return "\n".join([*rows[: start + 1], *made, *own, *rows[end:]]) + "\n"
