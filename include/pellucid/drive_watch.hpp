@@ -101,8 +101,9 @@ void account(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given
   const S accuracy = p.gain * abs(meant) + p.offset;
   const S added = (given - meant) * moved - accuracy * abs(moved), before = s.kinetic;
   s.kinetic = S(0.5) * p.inertia * velocity * velocity;
-  const bool is_alone = s.outside == 0 && s.agreed >= lone_reading_gap && !(abs(given - asked) <= may_stray(p, s));
-  const S counted = is_alone ? S(0) : s.outside != 0 ? added + s.waiting : added;
+  const bool is_outside = !(abs(given - asked) <= may_stray(p, s));
+  const bool is_alone = is_outside && s.outside == 0 && s.agreed >= lone_reading_gap;
+  const S counted = is_alone ? S(0) : is_outside ? added + s.waiting : added;
   s.waiting = is_alone ? max(added, S(0)) : S(0);
   s.agreed = is_alone ? 0 : s.agreed < lone_reading_gap ? s.agreed + 1 : s.agreed;
   s.surplus = max((S(1) - p.forget) * s.surplus + counted, S(0));

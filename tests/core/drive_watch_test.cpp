@@ -72,9 +72,35 @@ template <class S> void drive_readings() {
   check(p::step(watch, state, S(0), S(0), S(1), true) == F::drive_effort, "but not what no drive can add");
 }
 
+/// One reading alone that is outside stops nobody; two in a row count as before, and what no drive can give is no reading.
+template <class S> void lone_readings() {
+  p::DriveWatchParams<S> watch;
+  watch.expected = 1;
+  watch.tolerance = S(0.5);
+  watch.surplus = S(0.05);
+  watch.limit = S(13);
+  const auto surplus_after = [&](int spikes) {
+    p::DriveWatchState<S> state;
+    for (int k = 0; k < 20; ++k) {
+      const S given = k >= 10 && k < 10 + spikes ? S(12) : S(0);
+      if (p::step(watch, state, given, S(5), S(1e-3), true) != F::none) return S(1);
+    }
+    return state.surplus;
+  };
+  check(surplus_after(1) == S(0), "a reading alone adds nothing");
+  check(surplus_after(2) == S(1), "two in a row add what both would");
+  p::DriveWatchState<S> often;
+  F found = F::none;
+  for (int k = 0; k < 40 && found == F::none; ++k) found = p::step(watch, often, k % 2 == 0 ? S(12) : S(0), S(5), S(1e-3), true);
+  check(found == F::drive_effort, "but every second one is no chance");
+  check(p::can_give(watch, S(13)) && !p::can_give(watch, S(20)) && !p::can_give(watch, S(-20)), "what it can give");
+}
+
 }  // namespace
 
 int main() {
+  lone_readings<double>();
+  lone_readings<float>();
   drive_readings<double>();
   drive_readings<float>();
   return failures();

@@ -80,6 +80,6 @@ int main() {
   repeats();
   whole<double>();
   whole<float>();
-  check(p::safety_fault_count == static_cast<std::size_t>(F::unexplained_energy) + 1, "every fault has a name");
+  check(p::safety_fault_count == static_cast<std::size_t>(F::rate) + 1, "every fault has a name");
   return failures();
 }

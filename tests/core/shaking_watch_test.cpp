@@ -13,14 +13,25 @@ using F = p::SafetyFault;
 
 template <class S> void all() {
   const p::ShakingWatchParams<S> usual;
-  check(usual.recent == S(10) && usual.memory == S(0.5), "a tenth of a second, and two seconds");
-  const auto valid = [](S recent, S memory) {
-    return p::coefficients(p::ShakingWatchParams<S>{S(1), recent, memory}, S(0.5)).valid != 0;
+  check(usual.recent == S(12) && usual.memory == S(0.7) && usual.slow == S(6), "a twelfth of a second, a second and a half, and a sixth");
+  const auto valid = [](S recent, S memory, S slow = S(0)) {
+    return p::coefficients(p::ShakingWatchParams<S>{S(1), recent, memory, slow}, S(0.5)).valid != 0;
   };
+  check(valid(S(1), S(1), S(1.75)) && !valid(S(1), S(1), S(2)) && !valid(S(1), S(1), S(-1)), "nor the slow part");
+  // A drift under it hides nothing: to and fro about any mean velocity is the same.
+  const auto slow = p::coefficients(p::ShakingWatchParams<S>{S(1), S(12), S(0.7), S(6)}, S(0.002));
+  p::ShakingWatchState<S> still, moving;
+  for (int k = 0; k < 3000; ++k) {
+    const S fast = k / 100 % 2 == 0 ? S(1) : S(-1);
+    p::step(slow, still, fast);
+    p::step(slow, moving, S(3) + fast);
+  }
+  check_close(moving.mean, still.mean, S(0.02), "about any mean velocity");
+  check(still.mean > S(0.05), "and it is shaking");
   check(valid(S(1.75), S(1.75)), "filters that are slower than the period");
   check(!valid(S(2), S(1)) && !valid(S(1), S(2)) && !valid(S(2.5), S(1)) && !valid(S(1), S(2.5)), "and not as fast");
   check(!valid(S(-1), S(1)) && !valid(S(1), S(-1)), "nor backwards");
-  const auto c = p::coefficients(p::ShakingWatchParams<S>{S(0.375), S(1), S(0.5)}, S(0.5));
+  const auto c = p::coefficients(p::ShakingWatchParams<S>{S(0.375), S(1), S(0.5), S(0)}, S(0.5));
   check(c.following == S(0.5) && c.forgetting == S(0.25) && c.limit == S(0.375), "as given");
   for (const S way : {S(-1), S(1)}) {
     p::ShakingWatchState<S> s;

@@ -133,8 +133,8 @@ template <class S> void faults() {
   });
   answers<S>(F::stopped, M::damped_stop, 1, [](R& r, int) { p::stop(r.law); });
   answers<S>(F::integrity, M::zero, 1, [](R& r, int) { r.law.state.doing.word ^= 2u; });
-  answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
-  answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
+  answers<S>(F::integrity, M::zero, 300, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
+  answers<S>(F::integrity, M::zero, 300, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
   // What the law remembers changes in its own period alone, and is looked at before each.
   answers<S>(F::integrity, M::zero, 1, [](R& r, int k) {
     if (k == 0) r.law.controller.state.gate.output = r.law.controller.state.gate.output + S(0.001);

@@ -28,18 +28,19 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pellucid._errors import PellucidError
-from pellucid.controllers.supervised import SUPERVISOR_NAMES
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS
 from pellucid_lab.safety.worn_robot import LAWS
 from research.benchmarks._size import sized
 
+from .._commissioned import commissioned_rows
 from .exports import DATASET_EXPORTS, INSTRUMENT_SETS, RIG_EXPORTS, ExportedLaw, Exports
 from .motion_bounds import bound_lines, measure_bounds
 from .table import table_lines
 from .trials import (
     KINDS,
     MIN_EFFECT_J,
+    SINE_AMPLITUDES_NM,
     ForeignLife,
     ForeignTrial,
     live,
@@ -60,11 +61,32 @@ PLANT_COUNT = sized(20, smallest=1)
 EXPORTED_LAWS: tuple[str, ...] = sized(LAWS, smallest=("transparent", "compensation"))
 """Controllers of the elbow that are exported."""
 
-HEALTHY_HOURS = sized(25.0, smallest=0.02)
-"""Healthy use of all laws and plants together [h]."""
+HEALTHY_HOURS = sized(48.0, smallest=0.02)
+"""Healthy use of all laws and plants together, with a measured drive, and as much without [h]."""
 
-PROBE_HEALTHY_HOURS = sized(8.0, smallest=0.02)
-"""Healthy use of all laws with the probe together [h]."""
+JITTER_HOURS = sized(24.0, smallest=0.02)
+"""Healthy use with stamps that jitter, on a clock of 32 bits that turns over [h]."""
+
+STAMP_JITTER_S = 0.2e-3
+"""Largest error of a stamp, either way."""
+
+SOFT_ROBOT_COUNT = sized(600, smallest=2)
+"""Number of robots, half of them with a soft transmission, whose law hears a force sensor."""
+
+SOFT_LIFE_S = sized(20.0, smallest=10.0)
+"""Duration of the life of one of them."""
+
+SPIKED_WEARER_COUNT = sized(120, smallest=2)
+"""Number of wearers whose drive has one wrong reading."""
+
+RATE_KINDS = ("rate_half", "rate_quarter", "rate_double", "rate_twice")
+"""Wrong rates of the control task."""
+
+CLOCK_FAULTS = ("rate", "jump", "stale", "out_of_order", "overspeed", "velocity")
+"""Faults that a wrong clock would raise."""
+
+OSCILLATION_FAULTS = ("ringing", "shaking", "power", "energy", "velocity", "overspeed", "drive_effort")
+"""Faults that a loop raises which swings by itself."""
 
 HEALTHY_LIFE_S = sized(900.0, smallest=30.0)
 """Duration of one healthy life."""
@@ -90,11 +112,16 @@ MAX_PROBED_EXCESS_J = 5.0
 SINE_SETS: Mapping[str, str] = {
     "drive_measured": "the drive's current",
     "force_sensor": "a force sensor, which the law hears",
-    "encoder_alone": "encoder alone",
-    "probe": "encoder and probe",
-    "shaking": "encoder alone, and the watch for shaking",
+    "encoder_alone": "encoder alone: no probe, no watch for shaking",
+    "shaking": "encoder, probe and watch for shaking, as exported by default",
 }
 """What there is to find an added sine with, in words, by the name that the rows have."""
+
+SPIKE_EFFECT_S = 0.1
+"""A stop within this time of a wrong reading is its doing."""
+
+FROZEN_PATIENCE_S = 2.0
+"""Time within which an encoder that freezes at rest must be found."""
 
 WORST_KINDS = ("drive_reversed", "drive_triple", "drive_stuck", "drive_dead")
 """Faults of which the first line of an export without a drive measurement warns."""
@@ -128,7 +155,7 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
         try:
             made.append(made_exports().law(name, instruments))
         except PellucidError:
-            if not INSTRUMENT_SETS[instruments].probe:
+            if instruments != "unmeasured" and not INSTRUMENT_SETS[instruments].probe:
                 raise
     return tuple(made)
 
@@ -136,7 +163,8 @@ def made_laws(instruments: str) -> tuple[ExportedLaw, ...]:
 @cache
 def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
     """Return every fault under every law on every plant, with a set of instruments by name."""
-    kinds = {"probe": PROBED_KINDS, "drive_measured_and_probe": QUIET_KINDS}.get(instruments, tuple(KINDS))
+    some = {"drive_measured_and_probe": QUIET_KINDS, "blind": (*WORST_KINDS, "drive_sine")}
+    kinds = some.get(instruments, tuple(KINDS))
     jobs = [
         partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
     ]
@@ -144,12 +172,10 @@ def fault_trials(instruments: str, seed: int = JUDGED_SEED) -> tuple[ForeignTria
 
 
 @cache
-def sine_trials(instruments: str, seed: int = JUDGED_SEED, shaking: bool = False) -> tuple[ForeignTrial, ...]:
-    """Return trials of an added sine alone under every law on every plant, with a set of instruments by name."""
+def special_trials(instruments: str, kinds: tuple[str, ...], seed: int = JUDGED_SEED) -> tuple[ForeignTrial, ...]:
+    """Return trials of faults that only rows of their own try, under every law on every plant."""
     jobs = [
-        partial(try_faults, law, index, seed, ("drive_sine",), shaking=shaking)
-        for law in made_laws(instruments)
-        for index in range(PLANT_COUNT)
+        partial(try_faults, law, index, seed, kinds) for law in made_laws(instruments) for index in range(PLANT_COUNT)
     ]
     return tuple(trial for trials in play_all(jobs) for trial in trials if not trial.early)
 
@@ -159,15 +185,15 @@ def uncommissioned_probe_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, 
     """Return what a probe is there to find, by a probe that must first learn what its robot answers."""
     jobs = [
         partial(try_faults, law, index, seed, PROBED_KINDS, commissioned=False)
-        for law in made_laws("probe")
+        for law in made_laws("unmeasured")
         for index in range(PLANT_COUNT)
     ]
     return tuple(trial for trials in play_all(jobs) for trial in trials)
 
 
 def unsensed_laws() -> tuple[ExportedLaw, ...]:
-    """Return the laws without a force sensor, as `export` writes them by default."""
-    return tuple(law for law in made_laws("unmeasured") if "interaction" not in law.uses)
+    """Return the laws without a force sensor, as `export` writes them where neither probe nor shaking is watched."""
+    return tuple(law for law in made_laws("blind") if "interaction" not in law.uses)
 
 
 @cache
@@ -180,19 +206,26 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
 
     return {
         "drive_measured": tuple(sines("drive_measured")),
-        "force_sensor": tuple(trial for trial in sines("unmeasured") if trial.law not in unsensed),
-        "encoder_alone": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
-        "probe": tuple(trial for trial in sine_trials("probe", seed) if trial.law in unsensed),
-        "shaking": tuple(trial for trial in sine_trials("unmeasured", seed, True) if trial.law in unsensed),
+        "force_sensor": tuple(trial for trial in sines("blind") if trial.law not in unsensed),
+        "encoder_alone": tuple(trial for trial in sines("blind") if trial.law in unsensed),
+        "shaking": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
     }
 
 
 @cache
-def healthy_lives(instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS) -> tuple[ForeignLife, ...]:
-    """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own."""
+def healthy_lives(
+    instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS, reaching: bool = False, jitter: bool = False
+) -> tuple[ForeignLife, ...]:
+    """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own.
+
+    Wearers who are `reaching` never go to and fro. With `jitter` stamps jitter on a clock of 32 bits that turns over.
+    """
+    changed = {"reaching": float(reaching)}
+    if jitter:
+        changed |= {"clock_jitter": STAMP_JITTER_S, "clock_bits": 32.0, "clock_start": 2.0**32 - 20e6}
     made = made_laws(instruments)
     count = max(round(3600.0 * hours / HEALTHY_LIFE_S), len(made))
-    jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S) for i in range(count)]
+    jobs = [partial(live, made[i % len(made)], i, seed, HEALTHY_LIFE_S, **changed) for i in range(count)]
     return tuple(play_all(jobs))
 
 
@@ -204,26 +237,23 @@ def starts(seed: int = JUDGED_SEED) -> dict[str, list[ForeignLife]]:
     return dict(zip(made, play_all(jobs), strict=True))
 
 
-def has_probe() -> bool:
-    """Return whether the supervisor of this version has a probe."""
-    return any(name.startswith("probe_") for name in SUPERVISOR_NAMES)
-
-
 def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
     """Yield every figure."""
     for instruments in ("drive_measured", "unmeasured"):
         yield from fault_rows(instruments, fault_trials(instruments, seed))
-    if has_probe():
-        yield from probe_rows(fault_trials("probe", seed))
-        yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
-        yield from probe_life_rows(healthy_lives("probe", seed, PROBE_HEALTHY_HOURS))
-        yield from quiet_rows(fault_trials("drive_measured_and_probe", seed))
-    else:
-        yield row("safety.exported.probe.found", None, "%", "the supervisor has no probe")
-        yield row("safety.exported.probe.worst_excess_energy", None, "J", "the supervisor has no probe")
-    yield from sine_rows(fault_trials("unmeasured", seed))
+    yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
+    yield from quiet_rows(fault_trials("drive_measured_and_probe", seed))
+    yield from blind_rows(fault_trials("blind", seed))
+    yield from shaking_rows(fault_trials("unmeasured", seed))
     yield from sine_set_rows(sines_by_instruments(seed))
-    yield from life_rows(healthy_lives("drive_measured", seed))
+    yield from life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed))
+    yield from life_rows("safety.exported.unmeasured.reaching", healthy_lives("unmeasured", seed, reaching=True))
+    yield from life_rows("safety", healthy_lives("drive_measured", seed))
+    yield from life_rows("safety.reaching", healthy_lives("drive_measured", seed, reaching=True))
+    yield from rate_rows(seed)
+    yield from special_rows(seed)
+    yield from soft_rows(seed)
+    yield from commissioned_rows()
     yield from start_rows(starts(seed))
     yield from spring_rows(spring_trials(seed))
 
@@ -328,24 +358,81 @@ def quiet_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
         yield worst_row(f"{name}.worst_excess_energy", own)
 
 
-def probe_life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
-    """Yield the figures of healthy lives with the probe."""
-    false = Counter((alarm.fault, alarm.law) for life in lives for alarm in life.alarms if not alarm.wanted)
-    words = "; ".join(f"{fault} {law} {count}" for (fault, law), count in false.most_common(6)) or "none"
-    yield row("safety.exported.probe.false_alarms", sum(false.values()), "1", words)
-    hours = sum(life.running for life in lives)
-    yield row("safety.exported.probe.healthy_hours", hours, "h", f"with law and probe in force, {len(lives)} lives")
+def blind_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield what an export finds with neither a measurement of the drive nor a probe: what `--unmeasured` accepts."""
+    for kind in WORST_KINDS:
+        own = [trial for trial in trials if trial.kind == kind and not trial.early]
+        yield row(f"safety.exported.blind.{kind}.found", found_share(own), "%", f"of {len(own)}")
+        yield worst_row(f"safety.exported.blind.{kind}.worst_excess_energy", own)
 
 
-def sine_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
-    """Yield the figures of a sine of 2.5 Hz that a drive adds which measures nothing."""
+def shaking_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
+    """Yield the figures of a sine of 2.5 Hz that a drive adds which measures nothing, as exported by default."""
     own = [trial for trial in trials if trial.kind == "drive_sine" and not trial.early]
-    yield worst_row("safety.exported.added_sine.worst_excess_energy", own, "drive not measured")
+    largest = [trial for trial in own if trial.amplitude == max(SINE_AMPLITUDES_NM)]
+    name, note = "safety.exported.unmeasured.shaking", f"a sine of {max(SINE_AMPLITUDES_NM):g} N m at 2.5 Hz"
+    yield row(f"{name}.found", found_share(largest), "%", f"{note}; {len(largest)} runs")
+    yield worst_row(f"{name}.worst_excess_energy", largest, note)
     for amplitude in sorted({trial.amplitude for trial in own}):
         some = [trial for trial in own if trial.amplitude == amplitude]
-        found = sum(trial.is_found for trial in some)
-        yield worst_row(f"safety.exported.added_sine.of_{amplitude:g}_newton_metres.worst_excess_energy", some,
-                        f"found in {found} of {len(some)}")  # fmt: skip
+        yield row(f"{name}.of_{amplitude:g}_newton_metres.found", found_share(some), "%", f"of {len(some)}")
+        yield worst_row(f"{name}.of_{amplitude:g}_newton_metres.worst_excess_energy", some)
+
+
+def rate_rows(seed: int) -> Iterator[ResultRow]:
+    """Yield the figures of control tasks at a wrong rate, and of healthy ones whose stamps jitter."""
+    trials = special_trials("drive_measured", RATE_KINDS, seed)
+    yield row("safety.rate.found", found_share(trials), "%", f"of {len(trials)} runs; {', '.join(RATE_KINDS)}")
+    late = max((trial.found for trial in trials if trial.is_found), default=None)
+    yield row("safety.rate.detected_after", late, "s", "at the latest")
+    lives = healthy_lives("drive_measured", seed, JITTER_HOURS, reaching=True, jitter=True)
+    false = Counter(a.fault for life in lives for a in life.alarms if not a.wanted and a.fault in CLOCK_FAULTS)
+    words = ", ".join(f"{fault} {count}" for fault, count in false.most_common()) or "none"
+    yield row("safety.rate.false", sum(false.values()), "1",
+              f"{words}; stamps off by up to {1e3 * STAMP_JITTER_S:g} ms on a clock of 32 bits that turns over")  # fmt: skip
+    yield row("safety.rate.healthy_hours", sum(life.running for life in lives), "h", f"{len(lives)} lives")
+
+
+def special_rows(seed: int) -> Iterator[ResultRow]:
+    """Yield the figures of a spike in the drive's reading, of an encoder that freezes at rest, of a drive that lies."""
+    laws = made_laws("drive_measured")
+    spikes = [
+        trial
+        for index in range(SPIKED_WEARER_COUNT)
+        for trial in try_faults(laws[index % len(laws)], index, seed, ("current_spike",))
+        if not trial.early
+    ]
+    near = [trial for trial in spikes if trial.is_found and trial.found < SPIKE_EFFECT_S]
+    words = ", ".join(f"{fault} {count}" for fault, count in Counter(t.fault for t in near).most_common()) or "none"
+    yield row("safety.spike.stopped", len(near), "1",
+              f"of {len(spikes)} wearers within {SPIKE_EFFECT_S:g} s of one wrong reading: {words}")  # fmt: skip
+    for instruments in ("unmeasured", "drive_measured"):
+        frozen = special_trials(instruments, ("encoder_frozen_at_rest",), seed)
+        late = max((trial.found for trial in frozen if trial.is_found), default=None)
+        name = "safety.frozen_encoder" if instruments == "unmeasured" else "safety.frozen_encoder.drive_measured"
+        found = sum(trial.is_found and trial.found <= FROZEN_PATIENCE_S for trial in frozen)
+        yield row(f"{name}.detected_or_unarmed", 100.0 * found / len(frozen) if frozen else None, "%",
+                  f"of {len(frozen)} wearers who rest; found within {FROZEN_PATIENCE_S:g} s")  # fmt: skip
+        yield row(f"{name}.detected_after", late, "s", "at the latest")
+    lies = special_trials("drive_measured", ("drive_lies",), seed)
+    yield row("safety.drive_lies.found", found_share(lies), "%", f"of {len(lies)} runs; a sine of 5 N m at 2.5 Hz")
+    yield worst_row("safety.drive_lies.worst_excess_energy", lies)
+
+
+def soft_rows(seed: int) -> Iterator[ResultRow]:
+    """Yield on how many robots the loop about a force sensor swings by itself."""
+    laws = [law for law in made_laws("drive_measured") if "interaction" in law.uses]
+    jobs = [
+        partial(live, laws[index % len(laws)], index, seed, SOFT_LIFE_S, mishaps=False, reaching=1.0)
+        for index in range(SOFT_ROBOT_COUNT)
+    ]
+    lives = list(play_all(jobs))
+    swings = [
+        life for life in lives if any(not a.wanted and a.fault in OSCILLATION_FAULTS for a in life.alarms)
+    ]
+    words = ", ".join(f"{life.law} plant {life.plant}" for life in swings[:6]) or "none"
+    yield row("safety.soft.oscillating", len(swings), "1", words)
+    yield row("safety.soft.robots", len(lives), "1", f"{len(laws)} laws that hear a force sensor, wearers who reach")
 
 
 def sine_set_rows(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[ResultRow]:
@@ -373,18 +460,18 @@ def sine_lines(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[str]:
             )
 
 
-def life_rows(lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
-    """Yield the figures of healthy lives; every alarm that a person would want has its line."""
+def life_rows(name: str, lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
+    """Yield the figures of healthy lives under a `name`; every alarm that a person would want has its line."""
     false = [alarm for life in lives for alarm in life.alarms if not alarm.wanted]
     wanted = [alarm for life in lives for alarm in life.alarms if alarm.wanted]
     most = Counter((alarm.fault, alarm.law) for alarm in false).most_common(6)
     words = "; ".join(f"{fault} {law} {count}" for (fault, law), count in most) or "none"
     hours = sum(life.running for life in lives)
-    yield row("safety.false_alarms", len(false), "1", words)
+    yield row(f"{name}.false_alarms", len(false), "1", words)
     what = "sudden stops, impacts, loads, spasms, donning and doffing"
-    yield row("safety.healthy_hours", hours, "h", f"with the law in force, {len(lives)} lives; {what}")
+    yield row(f"{name}.healthy_hours", hours, "h", f"with the law in force, {len(lives)} lives; {what}")
     reasons = Counter(alarm.wanted for alarm in wanted).most_common()
-    yield row("safety.wanted_alarms", len(wanted), "1", "; ".join(f"{why} {count}" for why, count in reasons))
+    yield row(f"{name}.wanted_alarms", len(wanted), "1", "; ".join(f"{why} {count}" for why, count in reasons))
 
 
 def start_rows(started: dict[str, list[ForeignLife]]) -> Iterator[ResultRow]:
@@ -422,9 +509,7 @@ def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
     measured: dict[str, Sequence[ForeignTrial]] = {
         name: fault_trials(name, seed) for name in ("drive_measured", "unmeasured")
     }
-    if has_probe():
-        for name in ("probe", "drive_measured_and_probe"):
-            measured[name] = fault_trials(name, seed)
+    measured["drive_measured_and_probe"] = fault_trials("drive_measured_and_probe", seed)
     measured["knee-orthosis"] = spring_trials(seed)
     yield from table_lines(measured)
     yield "#### A sine of 2.5 Hz that a drive adds"
