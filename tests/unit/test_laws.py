@@ -85,7 +85,8 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
         moved += effort != 0.0
     assert moved > 100
     # What no input of this law can show is left out: an estimator that is slow to believe a jump has no velocity, and
-    # an effort that changes fast enough hides that the drive's does not. A probe learns for longer than a vector lasts.
+    # an effort that changes fast enough hides that the drive's does not. A probe learns for longer than a vector lasts,
+    # and a mean rate is judged over more periods.
     unseen = {
         "configuration",
         "not_started",
@@ -95,6 +96,7 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
         "unanswered",
         "late_answer",
         "shaking",
+        "rate",
     }
     shown_by = {"interaction": ("force_sensor", "unexplained_energy"), "muscle": ("muscle",)}
     unseen |= {fault for sensor, faults in shown_by.items() if sensor not in law.sensors for fault in faults}

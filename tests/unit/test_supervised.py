@@ -148,13 +148,13 @@ def test_from_a_study_to_a_supervised_law(make_study):
 
 @pytest.mark.parametrize(("frequency", "fault"), [(0.35, "none"), (2.5, "shaking")])
 def test_a_joint_that_goes_to_and_fro_for_seconds_loses_its_power(frequency, fault):
-    """At the same peak speed of 1 rad/s, as fast as a hand reaches to and fro, and as fast as a wearer shakes."""
+    """At the same peak speed of 1.4 rad/s, as fast as a hand reaches to and fro, and as fast as a wearer shakes."""
     law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
     free = dict.fromkeys(("wearer_torque", "wearer_push", "push_limit", "power_limit", "budget_store"), np.inf)
     safe = supervised(law, start_up=False, shaking=True, ringing_limit=np.inf, **free)
     rate = 2.0 * np.pi * frequency
     for i in range(5000):
-        safe.step(1e-3 * i, 0.5 + (1.0 - np.cos(rate * 1e-3 * i)) / rate)
+        safe.step(1e-3 * i, 0.5 + 1.4 * (1.0 - np.cos(rate * 1e-3 * i)) / rate)
     assert (safe.fault, safe.enable) == (fault, fault == "none")
 
 

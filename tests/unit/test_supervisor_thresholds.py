@@ -80,11 +80,13 @@ def test_every_threshold_of_a_joint():
         "test_most": 2.5 * 2.0 * (wave * 0.032 / math.pi) ** 2 / INERTIA, "degrades": 1.0, "moving_speed": 0.2,
         "rest_speed": 0.3, "reset_delay": 1.0, "healthy_samples": 500.0, "probe_effort": 0.0, "probe_samples": 120.0,
         "probe_inertia": 0.0, "probe_noise": 0.0, "probe_moving": 0.1, "probe_evidence": 25.0,
-        "probe_travel": math.inf, "probe_answer_error": 0.0, **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
-        "shaking_limit": math.inf, "shaking_recent": 10.0, "shaking_memory": 0.5,
+        "probe_travel": math.inf, "probe_energy": math.inf, "probe_answer_error": 0.0, **dict.fromkeys(PROBE_ANSWER_NAMES, 0.0),
+        "shaking_limit": math.inf, "shaking_recent": 12.0, "shaking_memory": 0.7, "shaking_slow": 6.0,
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
         "unexplained_memory": 0.1, "drive_delay": math.inf, "drive_delay_rate": 0.08 * EFFORT,
         "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4, "drive_delay_share": 0.5,
+            "rate_samples": 250.0, "rate_tolerance": 0.2, "still_samples": 500.0, "still_effort": wave,
+            "still_half_wave": 32.0,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
 
@@ -155,7 +157,7 @@ def test_counts_and_filters_by_the_period(period, freeze, quiet, rest, samples):
     assert s["test_samples"] == samples
     assert s["residual_bandwidth"] == pytest.approx(min(40.0, 0.2 / period))
     assert s["residual_slow"] == pytest.approx(min(5.0, 0.05 / period))
-    for name, usual in (("recent", 10.0), ("memory", 0.5)):
+    for name, usual in (("recent", 12.0), ("memory", 0.7), ("slow", 6.0)):
         assert s[f"shaking_{name}"] == pytest.approx(min(usual, 0.2 / period))
     for name, usual in (("slowest", 20.0), ("fastest", 100.0), ("memory", 3.0)):
         assert s[f"ringing_{name}"] == pytest.approx(min(usual, 0.2 / period))

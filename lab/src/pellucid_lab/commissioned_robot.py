@@ -101,9 +101,10 @@ class VirtualRobot:
         return math.atan2(-self._numbers.gravity_cosine, self._numbers.gravity_sine) if self._numbers.gravity_sine else 0.0
 
     def read(self) -> tuple[float, Mapping[str, float]]:
-        """Return the time [s] and the encoder's reading [rad or m]."""
+        """Return the time [s], the readings of both encoders [rad or m] and of the drive [N m or N]."""
         quantum = self._numbers.resolution
-        return self._period * self._ticks, {"position": quantum * round(self._position / quantum)}
+        position = quantum * round(self._position / quantum)
+        return self._period * self._ticks, {"position": position, "joint": position, "drive": self._efforts[0]}
 
     def write(self, effort: float, *, enable: bool) -> None:
         """Go on for a period under an effort [N m or N]."""
@@ -117,9 +118,10 @@ class VirtualRobot:
         n = self._numbers
         level = max(n.coulomb, 1e-6)
         stiffness = level / BRISTLE_TRAVEL
-        self._bristle += dt * (self._velocity - stiffness * abs(self._velocity) / level * self._bristle)
+        bending = self._velocity - stiffness * abs(self._velocity) / level * self._bristle
+        self._bristle += dt * bending
         damping = math.sqrt(stiffness * n.inertia)
-        resist = stiffness * self._bristle + 0.5 * damping * self._velocity + n.viscous * self._velocity
+        resist = stiffness * self._bristle + damping * bending + n.viscous * self._velocity
         weight = n.gravity_sine * math.sin(self._position) + n.gravity_cosine * math.cos(self._position)
         pull = 0.0
         if self._worn:

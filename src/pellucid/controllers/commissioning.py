@@ -40,10 +40,10 @@ LONGEST_DELAY_S = 0.03
 DELAY_STEP_S = 0.25e-3
 """Distance of the delays that are tried."""
 
-MIN_SLIDING_SHARE = 0.02
+MIN_SLIDING_SHARE = 0.1
 """A joint slides from this share of its largest speed in the start on [1]."""
 
-MAX_UNEXPLAINED_SHARE = 0.1
+MAX_UNEXPLAINED_SHARE = 0.02
 """Largest share of the squared balance that may be left: more where a rotor swings before a soft transmission [1]."""
 
 MAX_GAIN_ERROR = 0.15
@@ -362,6 +362,8 @@ def _record_start(robot: Robot, law: SupervisedLaw, name: str, periods: int, *, 
         for sensor, value in said.items():
             read.setdefault(sensor, [math.nan] * k).append(value)
     robot.write(0.0, enable=False)
+    if not efforts.any() and running.fault != "none":
+        raise PellucidError(f"{name}: found the fault {running.fault} before any effort, expected a healthy robot at rest")
     whole = {sensor: np.array(values) for sensor, values in read.items() if len(values) == periods}
     if "position" not in whole:
         raise PellucidError(f"{name}: found periods without a position, expected one in each")

@@ -161,9 +161,13 @@ UNMEASURED_FAULTS = (
 in the worst run."""
 
 PROBED_FAULTS = (
-    "its polarity is reversed: found in 280 of 280, up to 2.6 J",
+    "its polarity is reversed: 278 of 278, up to 2.4 J",
+    "it gives three times the effort: 277 of 277, up to 2.7 J",
+    "it is stuck at an effort: 276 of 276, up to 6.9 J",
+    "it gives no effort: 276 of 276, up to 1.0 J",
+    "it adds a sine of 5 N m at 2.5 Hz: 276 of 276, up to 6.3 J",
 )
-"""The same where the supervisor probes and was commissioned."""
+"""The same where the supervisor probes, was commissioned and watches for shaking."""
 
 MEASURED_FAULTS_FOUND_S = 1.61
 """Time in which all of these were found with a measurement of the drive [s]."""

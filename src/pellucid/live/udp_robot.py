@@ -63,9 +63,11 @@ class UdpRobot:
             raise PellucidError(
                 f"udp: found no reading at {self._address} for {READING_TIMEOUT_S:g} s, expected one in each period"
             ) from None
+        self._socket.setblocking(False)
         with suppress(BlockingIOError):
             while len(packets) < MAX_PACKETS:
-                packets.append(self._socket.recvfrom(256, socket.MSG_DONTWAIT))
+                packets.append(self._socket.recvfrom(256))
+        self._socket.settimeout(READING_TIMEOUT_S)
         for data, peer in reversed(packets):
             if len(data) != READING_FORMAT.size:
                 continue

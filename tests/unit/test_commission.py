@@ -1,0 +1,139 @@
+"""Commissioning: sign, gain and delay of a drive from starts, and what is written into study.toml."""
+
+import math
+import re
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pellucid
+from pellucid._errors import PellucidError
+from pellucid.controllers.commissioning import Answers, StartLog, answers, drive_check, record_starts
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.study.commission import read_starts, state_answers, with_keys
+from pellucid.controllers.supervised import supervised
+from pellucid.live.udp import UdpBoard
+from pellucid.live.udp_robot import UdpRobot
+from pellucid_lab.commissioned_robot import JointNumbers, VirtualRobot
+from research.evidence._commissioned import draw_robot, play_start
+
+NUMBERS = {
+    "inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 10.0,
+    "rate_limit": 1000.0, "velocity_limit": 8.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005,
+    "period": 0.001,
+}  # fmt: skip
+JOINT = JointNumbers(0.05, 1.5, 0.0, 0.25, 0.02, 0.6, 5e-5)
+
+
+def law(**instruments):
+    given = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
+    body = dict.fromkeys(("gravity_cosine", "offset"), 0.0) | {"inertia": 0.05, "gravity_sine": 1.5, "coulomb": 0.2}
+    return supervised(given, instruments=Instruments(probe=True, **instruments), body=body)
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_a_rigid_robots_drive_is_told(index):
+    robot = replace(draw_robot(index, 3), rotor_share=0.0)
+    found = drive_check([play_start(robot, index, k, 3) for k in range(5)], robot.model_inertia)
+    assert found.sign == np.sign(robot.gain)
+    assert found.gain == pytest.approx(abs(robot.gain), rel=0.08)
+    assert found.delay == pytest.approx(robot.delay + robot.lag, abs=2.5e-3)
+    assert found.is_right == (robot.gain > 0.0 and abs(found.gain - 1.0) <= 0.15)
+
+
+def test_before_a_soft_transmission_the_sign_alone_is_told():
+    robot = replace(draw_robot(1, 3), rotor_share=0.2)
+    robot = replace(robot, stiffness=robot.inertia * 0.16 * (2.0 * math.pi * 35.0) ** 2)
+    found = drive_check([play_start(robot, 1, k, 3) for k in range(4)], robot.model_inertia)
+    assert found.sign == np.sign(robot.gain)
+    assert math.isnan(found.gain)
+
+
+def test_starts_that_move_nothing_are_refused():
+    still = StartLog("s", 1e-3 * np.arange(300), np.zeros(300), np.zeros(300))
+    with pytest.raises(PellucidError, match="found 0 starts in which an effort moves the joint, expected at least 3"):
+        drive_check([still] * 5, 0.05)
+    with pytest.raises(PellucidError, match="expected a known one above 0"):
+        drive_check([still] * 5, 0.0)
+
+
+def test_a_virtual_robot_is_commissioned():
+    safe = law()
+    empty = record_starts(VirtualRobot(JOINT, worn=False, period=1e-3), safe, 4, worn=False)
+    found = drive_check(empty, 0.05)
+    assert (found.sign, found.is_right) == (1, True)
+    assert found.gain == pytest.approx(1.0, abs=0.05)
+    worn = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), safe, 2, worn=True)
+    told = answers(safe, worn)
+    assert told.start_up > 0.0
+    assert len(told.probe) == 6
+    assert told.notes == ()
+    # What was told is what the supervisor then takes for right.
+    commissioned = law(start_up_answer=told.start_up, probe_answer=told.probe)
+    again = record_starts(VirtualRobot(JOINT, worn=True, period=1e-3), commissioned, 1, worn=True)
+    assert np.abs(again[0].effort[-500:]).max() > 0.1
+
+
+def test_another_controllers_log_tells_no_answer_of_the_probe():
+    robot = replace(draw_robot(0, 3), rotor_share=0.0)
+    told = answers(law(), [play_start(robot, 0, k, 3) for k in range(3)])
+    assert (told.start_up, told.probe) == (None, None)
+    assert any("not those of the exported controller" in note for note in told.notes)
+
+
+def test_logs_are_cut_into_starts(tmp_path):
+    path = tmp_path / "starts.csv"
+    rows = [(t, 0.1 * math.sin(t), 0.0) for t in 1e-3 * np.arange(400)]
+    rows += [(t + 3.0, x, 0.0) for t, x, _ in rows]
+    path.write_text("time [s],position [rad],effort [N*m]\n" + "".join(f"{t:.6f},{x:.6f},{u}\n" for t, x, u in rows))
+    assert [len(start.time) for start in read_starts([path])] == [400, 400]
+    path.write_text("time,position\n0,0\n0.001,0\n")
+    with pytest.raises(PellucidError, match=r"starts.csv: found columns time, position, expected .*: no effort"):
+        read_starts([path])
+
+
+def test_answers_are_written_with_their_spread(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text('[rig]\nmotion = "rotary"\n\n[rig.instruments]\nprobe = true\nprobe_answer = [1, 2]\n\n[channels]\n')
+    assert state_answers(path, Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10)) == (
+        "start_up_answer", "probe_answer",
+    )  # fmt: skip
+    text = path.read_text()
+    assert text.count("probe_answer") == 1
+    assert "standard deviation 0.001 J" in text
+    assert text.index("start_up_answer") < text.index("[channels]")
+    assert with_keys("[rig]\n", "[rig.instruments]", {"probe": "true"}) == "[rig]\n\n[rig.instruments]\nprobe = true\n"
+
+
+def test_a_robot_behind_udp(tmp_path):
+    with UdpRobot("127.0.0.1:0") as robot:
+        board = UdpBoard(robot._socket.getsockname())
+        board.send(1000, position=0.25)
+        board.send(2000, position=0.5)
+        time.sleep(0.05)
+        assert robot.read() == (0.002, {"position": 0.5})
+        robot.write(1.5, enable=True)
+        time.sleep(0.05)
+        (asked,) = board.receive()
+        assert (asked.effort, asked.enable, asked.answers) == (1.5, True, 2)
+        threading.Timer(0.1, lambda: board.send(3000, position=0.75)).start()
+        assert robot.read()[1] == {"position": 0.75}
+    board.close()
+    with pytest.raises(PellucidError, match="found the address nowhere, expected HOST:PORT"):
+        UdpRobot("nowhere")
+
+
+def test_a_spring_is_refused_and_a_virtual_study_is_commissioned(tmp_path):
+    pellucid.init(tmp_path / "bench", rig="bench-joint")
+    pellucid.simulate(tmp_path / "bench")
+    study = pellucid.open(tmp_path / "bench")
+    pellucid.identify(study).save(study)
+    done = pellucid.commission(pellucid.open(tmp_path / "bench"))
+    assert done.drive.is_right
+    assert "start_up_answer" in done.written
+    assert re.search(r"^sign: right$", "\n".join(done.lines()), re.M)
+    pellucid.export(pellucid.open(tmp_path / "bench"))
