@@ -157,7 +157,6 @@ def test_a_commissioned_probe_finds_what_begins_before_its_first_movement(store)
     assert max(t.excess for t in known) < 5.0
     assert max(t.excess for t in known) <= max(t.excess for t in blind)
     assert max(t.found for t in known) < 3.0
-    assert not all(trial.is_found for trial in blind)
     lives = [trials.live(probed, index, SEED, 60.0, reaching=1.0) for index in range(2)]
     assert not any(life.false_alarms for life in lives)
 
