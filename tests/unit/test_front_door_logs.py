@@ -114,7 +114,7 @@ def test_a_command_alone_is_asked_for(tmp_path):
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])
     assert "command_followed" in {question.key for question in proposed(path).asked}
     tried = try_log([path], out=tmp_path / "page")
-    assert tried.verdict == "unsure"
+    assert tried.verdict == "cannot say"
     assert try_log([path], out=tmp_path / "sure", answers={"command_followed": "yes"}).verdict == "yes"
 
 
