@@ -54,7 +54,7 @@ use = "{use}"
 def drawings_of(page):
     """Return every drawing of a page by name: that of its answer and those of its sections."""
     found = [drawing for section in page.sections for drawing in section.drawings]
-    return {drawing.name: drawing for drawing in (page.answer.figure, *found)}
+    return {drawing.name: drawing for drawing in (page.figure, *found)}
 
 
 def grouped(seconds, *, seed=0, muscles=made_muscles.MUSCLES):

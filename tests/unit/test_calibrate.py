@@ -174,8 +174,12 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     assert rows["leg.knee.ridge.rmse"].unit == "N*m"
     assert 0.0 <= min(said) <= max(said) <= 1.0
     assert [trace.recording for trace in found.traces] == ["judged", "rest"]
-    assert found.headline.startswith("EMG is worth it over angles alone for knee on judged")
-    assert " knee: off by " in found.headline
+    # How well torque is estimated comes first, then whether EMG adds to angles.
+    assert found.headline.startswith("knee: off by ")
+    assert " EMG is worth it over angles alone for knee on judged" in found.headline
+    assert found.answer.verdict == "yes"
+    assert [part.verdict for part in found.answer.parts] == ["yes"] * 3
+    assert {number.unit for number in found.answer.numbers} == {"N*m", "1"}
     assert " by ridge regression" in found.headline
     # Every recording that judges is told of, not the first alone.
     assert "on the 2 recordings that were not fitted" in found.headline

@@ -141,7 +141,7 @@ def test_the_report_says_and_draws_it(tmp_path, whole, found):
     text = write_page(tmp_path / "report", made).read_text(encoding="utf-8")
     assert "The straps" in text
     assert "m g l sin" in text
-    names = {d.name for section in made.sections for d in section.drawings} | {made.answer.figure.name}
+    names = {d.name for section in made.sections for d in section.drawings} | {made.figure.name}
     assert names == {"gravity", "response", "limbs", "straps", "strap_S1", "mismatch_S1"}
     assert all((tmp_path / "report" / f"{name}.svg").exists() for name in names)
 

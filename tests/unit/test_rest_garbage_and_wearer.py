@@ -266,8 +266,8 @@ def test_static_postures_give_the_weight(make_study, rng):
     assert [row.split for row in found.rows if ".rms." in row.id] == ["fitted", "heldout"]
     assert found.judged[0][1] == pytest.approx(1.5 * np.sin(0.5) + 0.05, abs=0.01)
     page = posture_page(study, found)
-    assert page.answer.figure is not None
-    assert page.answer.figure.name == "postures"
+    assert page.figure is not None
+    assert page.figure.name == "postures"
     assert page.headline.startswith("Weight 1.5")
     assert "between −52 and 57 deg" in page.headline
 

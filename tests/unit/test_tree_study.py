@@ -140,7 +140,7 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     row = rows[f"{found.study}.best.predicts.joint_2"]
     assert row.value == 1.0
     assert row.note.startswith("elbow: yes: ")
-    assert "yes for 2" in found.headline
+    assert found.answer.verdict == "yes"
     (table,) = (t for t in found.tables if t.title.startswith("Joints, whether"))
     assert table.rows[0][:2] == ("shoulder", "yes")
     assert "effort error" in table.rows[0][2]
@@ -149,7 +149,7 @@ def test_each_joint_has_an_answer_in_every_output(study, found):
     assert "of the fitted rows alone" in resting.joint_answers[1].reason
     page = tree_page.page(study, found)
     assert any(section.id == "joints" and section.tables for section in page.sections)
-    assert "The model predicts 2 of 2 joints" in page.headline
+    assert "The model predicts 2 of 2 joints" in page.said
 
 
 def test_a_result_predicts_simulates_and_scores(found):
