@@ -115,7 +115,7 @@ def test_a_joint_that_is_predicted_badly_is_answered_with_no(robot, recorded):
     other = swing(robot, 2)
     other["effort"] = other["effort"] + np.array([0.0, 3.0]) * np.sign(np.sin(40.0 * other["time"]))[:, None]
     fit = pl.fit_robot(robot, recorded, held_out=other, **(OPTIONS | {"lowpass": "20 Hz"}))
-    assert [each.answer for each in fit.answers] == ["yes", "no"]
+    assert [each.verdict for each in fit.answers] == ["yes", "no"]
     assert fit.answers[1].reason.endswith("more than 20 %")
 
 

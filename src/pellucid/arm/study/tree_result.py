@@ -494,7 +494,7 @@ def tree_rows_of(found: TreeResult) -> Iterator[ResultRow]:
         yield replace(of, id=f"{head}.mean", value=e.mean, unit="%", note=f"mean over joints; {note}")
     for k, answer in enumerate(found.joint_answers, 1):
         value = {"yes": 1.0, "no": 0.0}.get(answer.verdict)
-        note = f"{answer.joint}: {answer}"
+        note = f"{answer.name}: {answer}"
         yield replace(kept, id=f"{found.study}.best.predicts.joint_{k}", value=value, note=note)
     for recording, (use, each) in errors_by_recording(found).items():
         of = plain if use == "fit" else kept
