@@ -21,6 +21,7 @@ from ..._atomic import remove_leftovers, write_text_atomically
 from ..._given import csv_cell, visible_text
 from ...files.recording import Recording
 from ...models.estimates import Parameter
+from ...study.answer import answer_lines
 from ...study.pages.quantities import MINUS_SIGN, unit_text
 from ...study.procedures.print_result import latex, latex_text
 from ...study.procedures.procedure import quiet
@@ -87,7 +88,7 @@ def write_paper(study: Study, *, on_progress: Callable[[str, float], None] | Non
     for part in ("figures", "tables"):
         (folder / part).mkdir(parents=True, exist_ok=True)
         remove_leftovers(folder / part)
-    drawings = [drawing for _, page in found for section in page.sections for drawing in section.drawings]
+    drawings = [drawing for _, page in found for drawing in page.drawings]
     for drawing in drawings:
         drawing.save(folder / "figures", with_pdf=True)
     tables = paper_tables([result for result, _ in found])
@@ -174,7 +175,7 @@ def methods_text(study: Study, results: Sequence[Result], recordings: Sequence[R
     if conditions:
         sentences.append(f"Conditions were {latex_text(', '.join(conditions))}.")
     for result in results:
-        sentences.append(latex_text(f"By pellucid {result.command}: {_one_sentence(result.headline)}"))
+        sentences.append(latex_text(f"By pellucid {result.command}: {' '.join(answer_lines(result.answer))}"))
         processing = next((said for card in result.cards.values() if (said := getattr(card, "processing", ""))), "")
         if processing:
             sentences.append(latex_text(f"Signals were processed as follows: {_one_sentence(processing)}"))
