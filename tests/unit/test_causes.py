@@ -198,6 +198,8 @@ def test_every_cause_has_words_and_a_finding():
     assert set(WORDS) == set(CAUSE_NAMES)
     sentence = cause_sentence(Cause("parallel_spring", 0.21, "N*m/rad", 0.34))
     assert sentence == "A parallel spring of 0.21 N·m/rad explains 34 % of the residual: hose or cable?"
+    small = cause_sentence(Cause("parallel_spring", 0.21, "N*m/rad", 0.004))
+    assert "explains less than 1 % of the residual" in small
 
 
 def test_results_and_verdicts_have_the_cause():

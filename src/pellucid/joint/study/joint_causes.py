@@ -64,8 +64,9 @@ def cause_sentence(cause: Cause) -> str:
     """Return a cause with its size and share in one sentence."""
     words = WORDS[cause.name]
     size = f"{number(words.scale * cause.size, digits=2)} {unit_text(words.unit or cause.unit)}".rstrip()
-    share = f"explains {100.0 * cause.share:.0f} % of the residual" if np.isfinite(cause.share) else "is in the data"
-    return f"{words.subject.format(size)} {share}: {words.example}?"
+    share = "less than 1" if cause.share < 0.01 else f"{100.0 * cause.share:.0f}"
+    does = f"explains {share} % of the residual" if np.isfinite(cause.share) else "is in the data"
+    return f"{words.subject.format(size)} {does}: {words.example}?"
 
 
 def causes_of(study: Study, fit: FamilyFit, data: Stack[Motion], spring: ParallelSpring) -> tuple[Cause, ...]:
