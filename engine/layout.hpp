@@ -39,6 +39,21 @@ enum class State : std::uint8_t {
   ended,     ///< the engine has ended in order
 };
 
+constexpr std::size_t state_count = 5;
+/// The table of transitions, by the state before and after a cycle. A law begins from idle alone, so that nothing that
+/// stopped runs again without having been reset, and nothing that was disarmed without having been armed.
+constexpr bool transitions[state_count][state_count] = {
+    //            idle   running changing stopped ended
+    /* idle */ {true, true, false, true, true},
+    /* running */ {true, true, true, true, true},
+    /* changing */ {true, false, true, false, true},
+    /* stopped */ {true, true, true, true, true},
+    /* ended */ {false, false, false, false, true},
+};
+constexpr bool may_follow(State before, State after) noexcept {
+  return transitions[static_cast<std::size_t>(before)][static_cast<std::size_t>(after)];
+}
+
 /// What the virtual wearer is asked to do.
 enum class TaskKind : std::uint32_t {
   hold,      ///< stay at the last target

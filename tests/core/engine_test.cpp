@@ -1,10 +1,8 @@
 // The engine's cycle on a device that is played: who may arm it, what stops it, what a stop survives, and that nothing
 // in it asks for memory. Beside it the clock and the packets of a device behind a network.
-#include "check.hpp"
-#include "law_numbers.hpp"
+#include "engine_bench.hpp"
 
 #include "../../engine/host_clock.hpp"
-#include "../../engine/loop.hpp"
 #include "../../engine/udp_packets.hpp"
 
 #include <cstdlib>
@@ -28,94 +26,10 @@ namespace {
 namespace p = pellucid;
 using engine::State;
 
-constexpr std::int64_t period = 1000000;
-
-/// A joint that moves as the test says.
-class Played : public engine::Device {
- public:
-  std::string open() override { return ""; }
-  void read(std::uint64_t cycle, std::int64_t, engine::Reading& reading) noexcept override {
-    const auto time = static_cast<std::int64_t>(cycle) * 1000;
-    const auto sequence = static_cast<std::uint32_t>(cycle);
-    reading.samples.position = {position, time, sequence, heard};
-    reading.samples.torque = reading.samples.interaction = reading.samples.muscle = {0.0, time, sequence, true};
-    reading.drive = {asked.effort, time, sequence, true};
-    reading.joint = {position, time, sequence, true};
-    reading.is_new = true;
-  }
-  void write(const engine::Asked& what) noexcept override { asked = what; }
-  void close() noexcept override { closed = true; }
-  void wear(bool on) noexcept override { worn = on; }
-  void give(const engine::Task& task, double) noexcept override { target = task.target; }
-  double position = 0.5, target = 0;
-  bool heard = true, closed = false, worn = true;
-  engine::Asked asked{};
-};
-
-engine::Condition condition(const char* name, bool powered) {
-  engine::Condition made;
-  made.name = name;
-  if (!powered) {
-    made.worn = false;
-    return made;
-  }
-  made.kind = "joint";
-  const auto params = typical_params<p::JointCompensationParams<double>>();
-  made.numbers.resize(p::field_count<p::JointCompensationParams<double>>);
-  p::to_numbers(params, made.numbers.data());
-  p::SupervisorParams<double> rules;
-  rules.healthy_samples = 10;
-  rules.reset_delay = 0.01;
-  made.supervisor.resize(p::field_count<p::SupervisorParams<double>>);
-  p::to_numbers(rules, made.supervisor.data());
-  const std::string wrong = made.make();
-  check(wrong.empty(), wrong.c_str());
-  return made;
-}
-
-/// An engine on memory of its own, stepped by hand.
-struct Bench {
-  std::unique_ptr<unsigned char[]> memory{new unsigned char[engine::region_bytes]()};
-  engine::Settings settings;
-  engine::Region region;
-  Played device;
-  engine::Command command{};
-  std::unique_ptr<engine::Loop> loop;
-  std::uint64_t cycle = 0;
-  std::int64_t silent_from = std::numeric_limits<std::int64_t>::max();
-
-  explicit Bench(std::uint32_t run_before = 0) {
-    settings.conditions = {condition("a", true), condition("b", true), condition("free", false)};
-    region.use(memory.get());
-    region.header().period = period;
-    command.run = run_before;
-    send();
-    loop = std::make_unique<engine::Loop>(settings, device, region);
-  }
-  void send() {
-    ++command.sequence;
-    command.heartbeat = static_cast<std::int64_t>(cycle) * period;
-    std::uint64_t words[sizeof command / 8];
-    std::memcpy(words, &command, sizeof command);
-    command.checksum = words[sizeof command / 8 - 1] = engine::checksum(words);
-    std::memcpy(memory.get() + engine::command_offset, words, sizeof words);
-  }
-  void step(int cycles = 1) {
-    for (int i = 0; i < cycles; ++i) {
-      ++cycle;
-      const std::int64_t deadline = static_cast<std::int64_t>(cycle) * period;
-      if (deadline < silent_from) send();
-      loop->cycle(cycle, deadline + 20000, deadline);
-    }
-  }
-  engine::Record& last() { return region.record(region.header().records.load()); }
-  void arm() {
-    command.run = 0;
-    step(2);
-    command.run = 1;
-    step(2);
-  }
-};
+using bench::Bench;
+using bench::condition;
+using bench::period;
+using bench::Played;
 
 bool is_safe(Bench& bench) { return bench.loop->state() == State::stopped || bench.loop->state() == State::idle; }
 
