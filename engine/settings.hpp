@@ -3,7 +3,7 @@
 //   pellucid-engine 1
 //   period_ns 1000000
 //   late_ns 500000
-//   session_timeout_s 1
+//   session_timeout_s 0.5
 //   device virtual-elbow
 //   numbers person 25 0x1.8p+1 ...      a device's numbers, by name
 //   condition FC directional 1          name, law, whether the robot is worn; its numbers follow

@@ -8,6 +8,7 @@
   ahead or back, silence, an engine that does not run, a session that is silent, and a source of EMG that is killed and
   started again. Safe is a supervisor that has stopped within the stated bound and stays so until the operator's reset;
   where the law needs nothing of what was lost, it is one that runs on within its limits.
+- states: sequences of actions on the engine's state, every short one on a simulated clock and drawn ones on processes.
 - killed: engine, recorder and session at random moments. After each the file of the trial is read with pyxdf as it
   lies there, and what the region held at that moment and the file does not is lost. A killed session's processes must
   end by themselves.
@@ -55,6 +56,7 @@ from pellucid_lab.pointing.conditions import identify_cards
 from pellucid_lab.session_devices import VIRTUAL_MAX_GAP_S, bridge_stalls
 from research.benchmarks._size import sized
 
+from ._engine_states import PATH_LENGTH, REAL_PATH_COUNT, REAL_PATH_LENGTH, explore, try_on_processes
 from ._live_session import begin_motion, rest, session_setup
 
 PAIR_COUNT = sized(5, smallest=1)
@@ -69,7 +71,7 @@ FAULT_COUNT = sized(64, smallest=8)
 FAULT_INTERVAL_S = sized(10.0, smallest=5.0)
 """Time from one fault to the next."""
 
-KILL_COUNT = sized(21, smallest=3)
+KILL_COUNT = sized(42, smallest=3)
 """Number of kills: a third each of engine, session and recorder."""
 
 KILL_WINDOW_S = sized((1.0, 4.0), smallest=(0.5, 1.0))
@@ -99,8 +101,8 @@ MAX_AGE_CYCLES = 4
 SAFE_CYCLES = 2
 """Cycles after which an output must be safe where nothing else is stated."""
 
-STATED_BOUNDS_S = {"frozen": 0.022, "session_silent": 1.05}
-"""Bounds of faults that nobody can see at once: 20 ms of motion without a change, and 1 s without a session."""
+STATED_BOUNDS_S = {"frozen": 0.022, "session_silent": 0.55}
+"""Bounds of faults that nobody can see at once: 20 ms of motion without a change, and 0.5 s without a session."""
 
 FROZEN_SPEED_RAD_S = 0.55
 """Speed above which an encoder is frozen in the tests: its watch sees a frozen one from 0.5 rad/s on."""
@@ -548,6 +550,26 @@ def kill_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     yield _row("killed.lost_for_good", gaps, "1", "records that a trial lacks after its recorder was started again")
     note = f"processes that still ran {ORPHAN_PATIENCE_S:g} s after their session was killed"
     yield _row("killed.left_running", len(left), "1", note)
+    yield _row("interrupted.count", len(readable), "1", "the same recordings")
+    yield _row("interrupted.readable", 100.0 * readable.count(True) / len(readable), "%", "as they lay there")
+    yield _row("interrupted.lost", largest, "s", f"largest; {said}")
+
+
+def state_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
+    """Try sequences of actions on the engine's state."""
+    found = explore()
+    with LiveEngine.start(session_setup(cards), folder / "states") as engine:
+        wrong = list(try_on_processes(engine))
+    for sentence in wrong[:5]:
+        tell(sentence)
+    note = f"every sequence of {PATH_LENGTH} of 12 actions, from power-on and from a law that runs, on a simulated clock"
+    yield _row("states.paths", found.get("paths"), "1", note)
+    yield _row("states.paths_on_engine", REAL_PATH_COUNT, "1", f"drawn, {REAL_PATH_LENGTH} actions each, real processes")
+    violations = found["violations"] + len(wrong) if found else None
+    yield _row("states.violations", violations, "1", "lease, stop, table, finite, whole")
+    yield _row("powered_without_lease", found.get("powered_s"), "s", "after the last sign of life, simulated clock")
+    yield _row("stop_to_no_effort", found.get("stop_ms"), "ms",
+               "from a stop to the end of the law's own effort; a damped stop then only acts against the motion")  # fmt: skip
 
 
 def _record_gaps(path: Path) -> int:
@@ -690,6 +712,7 @@ PARTS = {
     "soak": Part(soak_rows, 300.0 + PAIR_COUNT * (2.5 * RUN_S + 60.0)),
     "faults": Part(fault_rows, 300.0 + FAULT_COUNT * (FAULT_INTERVAL_S + 8.0)),
     "killed": Part(kill_rows, 300.0 + KILL_COUNT * 40.0),
+    "states": Part(state_rows, 600.0 + 2.0 * REAL_PATH_COUNT),
     "udp": Part(udp_rows, 300.0 + 3.0 * UDP_S),
     "pages": Part(page_rows, 900.0),
     "replay": Part(replay_rows, 1200.0),

@@ -52,7 +52,7 @@ SESSION_FILE = "session.xdf"
 START_TIMEOUT_S = 20.0
 """Longest time that an engine may take to begin."""
 
-COMMAND_TIMEOUT_S = 0.5
+COMMAND_TIMEOUT_S = 0.4
 """Longest time that an engine may take to see a command: shorter than the silence after which it stops its law."""
 
 ENGINE_SILENCE_S = 0.05

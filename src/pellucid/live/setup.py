@@ -25,7 +25,7 @@ from ..controllers.supervised import SupervisedLaw
 DEFAULT_LATE_SHARE = 0.5
 """A cycle is late if it begins later after its deadline than this share of the period [1]."""
 
-SESSION_TIMEOUT_S = 1.0
+SESSION_TIMEOUT_S = 0.5
 """A law stops if its session gave no sign of life for this time."""
 
 

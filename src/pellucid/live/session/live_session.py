@@ -76,7 +76,7 @@ SETTLED_S = 0.3
 ARMED_PHASES = (Phase.preparing, Phase.running)
 """Phases in which a law may be armed; in every other one it is disarmed."""
 
-OPERATOR_AWAY_S = 2.0
+OPERATOR_AWAY_S = 0.5
 """A law is disarmed, and its trial ends, after this time without a sign of life from an operator's page [s]."""
 
 SAVING_LIMIT_S = 10.0

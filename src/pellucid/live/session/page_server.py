@@ -57,10 +57,10 @@ MAX_FRAME_CUES = 20
 MAX_PAGE_TIME_MS = 1e8
 """Largest time that a page may tell [ms]: it has then been open for a day."""
 
-PAGE_SILENCE_S = 1.0
-"""An operator's page that gave no sign of life for this time does not answer [s]; it gives five a second."""
+PAGE_SILENCE_S = 0.4
+"""An operator's page that gave no sign of life for this time does not answer [s]; it gives ten a second."""
 
-PING_INTERVAL_S = 0.4
+PING_INTERVAL_S = 0.1
 """Time between two pings to a program that is connected as an operator and sends no signs of life [s]."""
 
 MAX_QUEUED_BYTES = 4_000_000

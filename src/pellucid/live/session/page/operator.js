@@ -139,7 +139,7 @@ function drawCharts() {
 addEventListener("resize", () => { for (const each of charts) each.chart.setSize({ width: each.box.clientWidth, height: each.chart.height }); });
 
 session.onText = (told) => {
-  if (told.type === "state") { state = told; showState(); session.send({ type: "alive" }); }
+  if (told.type === "state") { state = told; showState(); }
   if (told.type === "plan") showPlan(told.rows);
   if (told.type === "health") showHealth(told);
   if (told.type === "refused") refuse(told.why);
@@ -303,3 +303,5 @@ $("report").href = `/report?token=${encodeURIComponent(session.token)}`;
 buildCharts();
 setInterval(drawCharts, DRAW_INTERVAL_MS);
 session.connect("operator");
+// The lease: a law keeps its power only while this page renews it.
+setInterval(() => session.send({ type: "alive" }), 100);
