@@ -15,6 +15,7 @@ import os
 import resource
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -70,6 +71,19 @@ MUSCLE_FILES = {
 }
 
 
+SLOW_FILE_BYTES = 40_000
+"""Size of a file that is made to be slow [B]."""
+
+SLOW_LIMIT_S = 1800.0
+"""Longest time for all of them [s]."""
+
+SLOW_SECONDS_PER_MB = 2.0
+"""Largest processor time of a parser for a megabyte [s]; a smaller file has as much."""
+
+SLOW_MB_PER_MB = 500.0
+"""Largest memory of a parser for a megabyte [MB]."""
+
+
 def rows() -> Iterator[ResultRow]:
     """Of the damage, of kills and full disks, and of commands at once."""
     before = {name: os.environ.get(name) for name in ("PELLUCID_TRACEBACK", "PATH", "OPENBLAS_NUM_THREADS")}
@@ -99,6 +113,26 @@ def _rows(scratch: Path) -> Iterator[ResultRow]:
     n, note = _told([o for o in broken if o.said or o.died])
     yield _row("broken_after_kill", n, f"{count}; {note}" if note else count)
     yield _row("rows_lost", lost_rows(scratch), f"{ROUND_COUNT} rounds of four commands at once")
+    yield from slow_rows()
+
+
+def slow_rows() -> Iterator[ResultRow]:
+    """Yield how many parsers took more time or memory than in proportion to a file that was made to be slow."""
+    program = Path(__file__).parents[2] / "tests" / "property" / "bounded_run.py"
+    words = [sys.executable, str(program), str(SLOW_FILE_BYTES)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=SLOW_LIMIT_S)
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    megabytes = max(1e-6 * SLOW_FILE_BYTES, 1.0)
+    slow = [
+        f"{name} {seconds:.1f} s {grown:.0f} MB"
+        for name, seconds, grown, _, broken in told
+        if seconds > SLOW_SECONDS_PER_MB * megabytes or grown > SLOW_MB_PER_MB * megabytes or broken
+    ]
+    if done.returncode != 0:
+        slow.append(f"ended after {told[-1][0] if told else 'the first file'}")
+    yield _row("slow_inputs", len(told), f"files of {SLOW_FILE_BYTES} B: deep nesting, long tokens, many columns, huge counts")
+    yield _row("slow_parsers", len(slow), "; ".join(slow[:5]) or
+               f"above {SLOW_SECONDS_PER_MB:g} s or {SLOW_MB_PER_MB:g} MB a megabyte, at least of one")  # fmt: skip
 
 
 def _row(name: str, value: float, note: str = "") -> ResultRow:

@@ -744,6 +744,19 @@ def incident(
     print_line(console, f"Page: {page}")
 
 
+@app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid repair trial.xdf --out whole.xdf"))
+def repair(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="XDF file whose recorder was stopped.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="File to write, instead of the file itself.")
+    ] = None,
+) -> None:
+    """Make a recording that ends badly a whole file."""
+    from .files.repair import repair as run
+
+    print_line(make_console(), run(file, out).line())
+
+
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid audit logs/*.csv"))
 def audit(
     files: Annotated[list[Path], typer.Argument(metavar="FILES...", help="Logs of any format, or folders of them.")],

@@ -85,6 +85,7 @@ COMMANDS = [
     "export",
     "commission",
     "incident",
+    "repair",
     "audit",
     "live",
     "paper",

@@ -7,7 +7,9 @@ which law to run, which target there is, and when to record.
 from __future__ import annotations
 
 import math
+import shutil
 import time
+from contextlib import suppress
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass, field
@@ -78,6 +80,15 @@ ARMED_PHASES = (Phase.preparing, Phase.running)
 
 OPERATOR_AWAY_S = 0.5
 """A law is disarmed, and its trial ends, after this time without a sign of life from an operator's page [s]."""
+
+MIN_FREE_BYTES = 500e6
+"""Room on the disk that a trial needs before it begins [B]: some eight minutes at a megabyte a second."""
+
+MIN_FREE_BYTES_RUNNING = 100e6
+"""Room on the disk below which a trial ends [B], so that its file can be sealed."""
+
+ROOM_LOOK_INTERVAL_S = 1.0
+"""Time between two looks at the disk [s]."""
 
 SAVING_LIMIT_S = 10.0
 """Longest time for a recording to be completed [s]: a recorder that was killed begins again within some 3 s."""
@@ -218,6 +229,7 @@ class LiveSession:
         self._recorder_started_at = -math.inf
         self._blocked_since: float | None = None  # since when no trial can begin in a session without a person [s]
         self._operator_left: float | None = None
+        self._free_bytes, self._room_seen_at = math.inf, -math.inf
         self._at_angle_since: float | None = None
         self._job: Future | None = None
         self._status: Any = None
@@ -603,8 +615,21 @@ class LiveSession:
             return "the engine has ended" if self._state == "ended" else "the engine is silent"
         if self._recorder_problem:
             return f"the recorder {self._recorder_problem}"
+        if why := self._lacks_room(now):
+            return why
         away = self._operator_left is not None and now - self._operator_left > OPERATOR_AWAY_S
         return "no operator's page was open" if away and not self.unattended else ""
+
+    def _lacks_room(self, now: float) -> str:
+        """Return why the disk of the recordings has no room for a trial, or to go on with one; empty if it has."""
+        if now - self._room_seen_at > ROOM_LOOK_INTERVAL_S:
+            self._room_seen_at = now
+            with suppress(OSError):  # where nobody can tell, the recorder says what is wrong
+                self._free_bytes = shutil.disk_usage(self.study.folder).free
+        needed = MIN_FREE_BYTES_RUNNING if self.phase in ARMED_PHASES else MIN_FREE_BYTES
+        if self._free_bytes >= needed:
+            return ""
+        return f"the disk has {1e-6 * self._free_bytes:.0f} MB free and needs {1e-6 * needed:.0f} MB"
 
     def _engine_is_lost(self, now: float) -> bool:
         """Return whether the engine runs no law now; without a law a short silence is a gap of the recording."""
