@@ -1,6 +1,6 @@
 """Virtual robots with drawn signs, gains and delays, which `pellucid.controllers.commissioning` is to find.
 
-The plant shares nothing with the core and the model that the law has: friction on bristles with a Stribeck rise, a rotor
+The plant shares nothing with the core and the law's model: friction on bristles with a Stribeck rise, a rotor
 before a soft transmission, a drive with dead time and a lag of its current loop, an encoder with a quantum and noise.
 Nothing of `pellucid` but the wave that a start plays is used here.
 """
@@ -110,7 +110,8 @@ def play_start(robot: DrawnRobot, index: int, start: int, seed: int = SEED) -> S
             resist = stiffness * bristle + damping * bending + robot.viscous * speed
             weight = robot.gravity * math.sin(link)
             if rotor > 0.0:
-                twist = robot.stiffness * (motor - link) + 0.1 * math.sqrt(robot.stiffness * rotor) * (motor_speed - link_speed)
+                damped = 0.1 * math.sqrt(robot.stiffness * rotor) * (motor_speed - link_speed)
+                twist = robot.stiffness * (motor - link) + damped
                 motor_speed += dt * (given - resist - twist) / rotor
                 link_speed += dt * (twist - weight) / (robot.inertia - rotor)
                 motor += dt * motor_speed

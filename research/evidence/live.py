@@ -562,14 +562,14 @@ def state_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
         wrong = list(try_on_processes(engine))
     for sentence in wrong[:5]:
         tell(sentence)
-    note = f"every sequence of {PATH_LENGTH} of 12 actions, from power-on and from a law that runs, on a simulated clock"
+    note = f"every sequence of {PATH_LENGTH} of 12 actions, from power-on and a running law, on a simulated clock"
     yield _row("states.paths", found.get("paths"), "1", note)
-    yield _row("states.paths_on_engine", REAL_PATH_COUNT, "1", f"drawn, {REAL_PATH_LENGTH} actions each, real processes")
+    yield _row("states.paths_on_engine", REAL_PATH_COUNT, "1", f"drawn, {REAL_PATH_LENGTH} actions, real processes")
     violations = found["violations"] + len(wrong) if found else None
     yield _row("states.violations", violations, "1", "lease, stop, table, finite, whole")
     yield _row("powered_without_lease", found.get("powered_s"), "s", "after the last sign of life, simulated clock")
     yield _row("stop_to_no_effort", found.get("stop_ms"), "ms",
-               "from a stop to the end of the law's own effort; a damped stop then only acts against the motion")  # fmt: skip
+               "from a stop to the end of the law's effort; a damped stop then acts against the motion")  # fmt: skip
 
 
 def _record_gaps(path: Path) -> int:

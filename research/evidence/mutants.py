@@ -257,7 +257,8 @@ def score_rows(verdicts: Sequence[Verdict]) -> Iterator[ResultRow]:
     told = [m for m in survivors if not reason_of(m)]
     explained = [f"{described(m)} ({reason_of(m)})" for m in survivors if reason_of(m)]
     counted = len(verdicts) - len(explained)
-    yield _row("count", len(verdicts) - len(explained), f"not equivalent, of {len(verdicts)} tried, seed {SEED}, of {len(all_mutants())}")
+    note = f"not equivalent, of {len(verdicts)} tried, seed {SEED}, of {len(all_mutants())}"
+    yield _row("count", len(verdicts) - len(explained), note)
     killed = 100.0 * (counted - len(told)) / max(counted, 1)
     yield _row("killed", killed, f"of {counted} that are not equivalent", "%")
     yield _row("survivors", len(told), "; ".join(map(described, told)))

@@ -644,7 +644,8 @@ def export(
         tell("building the controller", 0.1)
         asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
-            study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe, unmeasured=unmeasured,
+            study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe,
+            unmeasured=unmeasured,
             allow_outside=allow_outside, accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
         muscles = made.is_file()

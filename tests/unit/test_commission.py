@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from research.evidence._commissioned import draw_robot, play_start
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -19,7 +20,6 @@ from pellucid.controllers.supervised import supervised
 from pellucid.live.udp import UdpBoard
 from pellucid.live.udp_robot import UdpRobot
 from pellucid_lab.commissioned_robot import JointNumbers, VirtualRobot
-from research.evidence._commissioned import draw_robot, play_start
 
 NUMBERS = {
     "inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 10.0,
@@ -98,7 +98,8 @@ def test_logs_are_cut_into_starts(tmp_path):
 
 def test_answers_are_written_with_their_spread(tmp_path):
     path = tmp_path / "study.toml"
-    path.write_text('[rig]\nmotion = "rotary"\n\n[rig.instruments]\nprobe = true\nprobe_answer = [1, 2]\n\n[channels]\n')
+    text = '[rig]\nmotion = "rotary"\n\n[rig.instruments]\nprobe = true\nprobe_answer = [1, 2]\n\n[channels]\n'
+    path.write_text(text)
     assert state_answers(path, Answers(0.02, 0.001, (1.0, 0.0, 2.0, 0.0, 3.0, 0.0), 40, 10)) == (
         "start_up_answer", "probe_answer",
     )  # fmt: skip

@@ -174,7 +174,8 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
     folder = pellucid.export(study)
     assert read_constants(folder)["probe_effort"] > 0.0
     assert "so it is asked by a probe" in warn_of_export(folder)
-    with pytest.raises(PellucidError, match=r"neither measured nor asked .* --unmeasured .* polarity is reversed: found"):
+    said = r"neither measured nor asked .* --unmeasured .* polarity is reversed: found"
+    with pytest.raises(PellucidError, match=said):
         pellucid.export(study, probe=False)
     blind = pellucid.export(study, probe=False, unmeasured=True, overwrite=True)
     assert read_constants(blind)["probe_effort"] == 0.0
@@ -204,7 +205,8 @@ def test_a_clock_of_32_bits_may_turn_over(study, tmp_path):
 
 
 def test_a_probe_is_refused_where_the_controller_is_too_slow(study):
-    with pytest.raises(PellucidError, match=r"probe: found a control rate of 250 Hz, expected at least 500 Hz.*--no-probe --unmeasured"):
+    said = r"probe: found a control rate of 250 Hz, expected at least 500 Hz.*--no-probe --unmeasured"
+    with pytest.raises(PellucidError, match=said):
         pellucid.export(study, probe=True, period=0.004)
     assert not (study.folder / "controller").exists()
 

@@ -299,7 +299,7 @@ def test_bounds_without_a_force_sensor_leave_more_than_the_bar(transparent, monk
     assert len(list(motion_bounds.bound_lines(made))) == 2 + len(made)
 
 
-# --- what an export does that cannot see its drive ----------------------------------------------------------------------
+# --- what an export does that cannot see its drive -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

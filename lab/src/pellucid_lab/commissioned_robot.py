@@ -1,4 +1,4 @@
-"""The virtual robot of a study that is commissioned: its joint, alone or on a wearer at ease. An entry point's function.
+"""The virtual robot of a study that is commissioned: its joint, alone or on a wearer at ease. An entry point.
 
 The joint is the rig's as one rigid body, with friction on bristles, which no model of the core has.
 """
@@ -98,7 +98,8 @@ class VirtualRobot:
         self._efforts = [0.0] * (DELAY_PERIODS + 1)
 
     def _hanging(self) -> float:
-        return math.atan2(-self._numbers.gravity_cosine, self._numbers.gravity_sine) if self._numbers.gravity_sine else 0.0
+        sine, cosine = self._numbers.gravity_sine, self._numbers.gravity_cosine
+        return math.atan2(-cosine, sine) if sine else 0.0
 
     def read(self) -> tuple[float, Mapping[str, float]]:
         """Return the time [s], the readings of both encoders [rad or m] and of the drive [N m or N]."""

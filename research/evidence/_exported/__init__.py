@@ -214,7 +214,11 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
 
 @cache
 def healthy_lives(
-    instruments: str, seed: int = JUDGED_SEED, hours: float = HEALTHY_HOURS, reaching: bool = False, jitter: bool = False
+    instruments: str,
+    seed: int = JUDGED_SEED,
+    hours: float = HEALTHY_HOURS,
+    reaching: bool = False,
+    jitter: bool = False,
 ) -> tuple[ForeignLife, ...]:
     """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own.
 
@@ -389,7 +393,7 @@ def rate_rows(seed: int) -> Iterator[ResultRow]:
     false = Counter(a.fault for life in lives for a in life.alarms if not a.wanted and a.fault in CLOCK_FAULTS)
     words = ", ".join(f"{fault} {count}" for fault, count in false.most_common()) or "none"
     yield row("safety.rate.false", sum(false.values()), "1",
-              f"{words}; stamps off by up to {1e3 * STAMP_JITTER_S:g} ms on a clock of 32 bits that turns over")  # fmt: skip
+              f"{words}; stamps off by up to {1e3 * STAMP_JITTER_S:g} ms, a clock of 32 bits turns over")  # fmt: skip
     yield row("safety.rate.healthy_hours", sum(life.running for life in lives), "h", f"{len(lives)} lives")
 
 

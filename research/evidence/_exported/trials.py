@@ -84,11 +84,11 @@ SPECIAL_KINDS: Mapping[str, FaultKind] = {
         FaultKind("drive_lies", "drive", "the drive adds a sine of 2.5 Hz, and says that it does not", "", False, False,
                   "a wearer could move so"),
         FaultKind("current_spike", "drive", "one reading of the drive is wrong", "", False, False, ""),
-        FaultKind("encoder_frozen_at_rest", "sensor", "the encoder freezes while the wearer rests", "", False, False, ""),
+        FaultKind("encoder_frozen_at_rest", "sensor", "the encoder freezes at rest", "", False, False, ""),
         FaultKind("rate_half", "clock", "the task runs every second period", "", False, False, ""),
         FaultKind("rate_quarter", "clock", "the task runs every fourth period", "", False, False, ""),
         FaultKind("rate_double", "clock", "the task runs twice as often", "", False, False, ""),
-        FaultKind("rate_twice", "clock", "the task is called twice a period with the same samples", "", False, False, ""),
+        FaultKind("rate_twice", "clock", "the task is called twice a period", "", False, False, ""),
     )
 }  # fmt: skip
 """Faults that only rows of their own try."""

@@ -5,9 +5,9 @@ that is 0 at both ends, the balance of a joint that slides needs no derivative o
 
     J ∫ q φ'' = g ∫ u(t − d) φ − c ∫ sign(q') φ + b ∫ q φ' − k ∫ φ,
 
-with effort u that was asked for, gain g, delay d, friction c and b, and what gravity is where the start began, k. All are
-found by least squares over all windows of all starts, d by a search. The work of the start-up test and the answers of the
-probe are the supervisor's own numbers: the log is played through the controller again.
+with effort u that was asked for, gain g, delay d, friction c and b, and what gravity is where the start began, k. All
+are found by least squares over all windows of all starts, d by a search. The work of the start-up test and the answers
+of the probe are the supervisor's own numbers: the log is played through the controller again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MAX_UNEXPLAINED_SHARE = 0.02
 """Largest share of the squared balance that may be left: more where a rotor swings before a soft transmission [1]."""
 
 MAX_GAIN_ERROR = 0.15
-"""Largest relative difference of the measured gain from what the study states, beyond which the drive is not right [1]."""
+"""Largest relative difference of the measured gain from the stated one of a drive that is right [1]."""
 
 MAX_WAVE_DIFFERENCE = 0.05
 """Largest difference of a logged wave's height from that of the start-up test, relative to it [1]."""
@@ -233,8 +233,8 @@ def _solved(rows: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
 def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
     """Return the answers of a robot's start-up test and probe, by playing its starts through its law again.
 
-    The probe's answer is told of starts whose efforts are those that the law asks for on their positions, and the work of
-    the test of those whose wave is the law's.
+    The probe's answer is told of starts whose efforts are those that the law asks for on their positions, and the work
+    of the test of those whose wave is the law's.
 
     Raises
     ------
@@ -261,9 +261,10 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
         is_own = apart <= MAX_EFFORT_DIFFERENCE * law.values["effort_limit"]
         work = _wave_work(law, start)
         first = np.flatnonzero(start.effort)[:1]
-        peak = np.abs(start.effort[int(first[0]) :][: round(law.supervision["test_samples"])]).max() if first.size else 0.0
+        half = round(law.supervision["test_samples"])
+        peak = float(np.abs(start.effort[int(first[0]) :][:half]).max()) if first.size else 0.0
         if wave > 0.0 and abs(peak - wave) > MAX_WAVE_DIFFERENCE * wave:
-            notes[f"the wave of a start has {peak:.3g}, that of the exported controller {wave:.3g}: its work is not told"] = None
+            notes[f"the wave of a start has {peak:.3g}, the exported controller's {wave:.3g}: no work is told"] = None
         elif work is not None:
             works.append(work)
         answer, count = running.probe_answer
@@ -271,7 +272,7 @@ def answers(law: SupervisedLaw, starts: Sequence[StartLog]) -> Answers:
             probed.append(answer)
             windows.append(count)
         elif not is_own:
-            notes["efforts are not those of the exported controller on the same positions: no answer of the probe"] = None
+            notes["efforts are not those of the exported controller: no answer of the probe"] = None
     probe = None
     if sum(windows) >= MIN_PROBE_WINDOWS:
         probe = tuple(map(float, np.average(probed, axis=0, weights=windows)))
@@ -332,7 +333,7 @@ PAUSE_S = 0.3
 def record_starts(robot: Robot, law: SupervisedLaw, count: int, *, worn: bool) -> list[StartLog]:
     """Start a `law` on a robot `count` times, and return what was read and asked for.
 
-    Where nobody wears the robot, each start ends with its wave, whatever that shows. Of a `worn` one the last start goes on
+    Where nobody wears the robot, each start ends with its wave, whatever that shows. Of a `worn` one the last goes on
     for `MOVED_S`.
     """
     played = law if worn else law.changed(**WHATEVER_IT_SHOWS)
@@ -363,7 +364,7 @@ def _record_start(robot: Robot, law: SupervisedLaw, name: str, periods: int, *, 
             read.setdefault(sensor, [math.nan] * k).append(value)
     robot.write(0.0, enable=False)
     if not efforts.any() and running.fault != "none":
-        raise PellucidError(f"{name}: found the fault {running.fault} before any effort, expected a healthy robot at rest")
+        raise PellucidError(f"{name}: found the fault {running.fault} before any effort, expected a robot at rest")
     whole = {sensor: np.array(values) for sensor, values in read.items() if len(values) == periods}
     if "position" not in whole:
         raise PellucidError(f"{name}: found periods without a position, expected one in each")

@@ -77,8 +77,8 @@ MIN_PROBE_SPEED = 0.1
 MAX_UNHEARD_S = 0.0875
 """Time at the velocity limit whose way is the longest that the joint may go while its drive is not heard.
 
-It is 0.7 rad for a limit of 8 rad/s. On foreign plants of 20261105 no healthy wearer had an alarm of it in 10 h, but four
-in spasms; of 179 drives stuck at 5 N m one gave more than 5 J, 5.2 J."""
+It is 0.7 rad for a limit of 8 rad/s. On foreign plants of 20261105 no healthy wearer had an alarm of it in 10 h, but
+four in spasms; of 179 drives stuck at 5 N m one gave more than 5 J, 5.2 J."""
 
 
 MAX_UNHEARD_ENERGY_J = 4.0
@@ -184,7 +184,7 @@ MAX_GRIP_DECELERATION = 500.0
 """Largest deceleration of a joint that somebody grips [rad/s^2 or m/s^2]."""
 
 RATE_WINDOW_S = 0.25
-"""Time over which the mean interval of the control task is judged: a task that is half as fast is found within 0.45 s."""
+"""Time over which the mean interval of the control task is judged: one that is half as fast is found in 0.45 s."""
 
 RATE_TOLERANCE = 0.2
 """Largest relative difference of that mean from the period [1]."""

@@ -52,7 +52,7 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
         ("out_of_order",), "a number or a time went backwards, or lies in the future", _POWER_OFF, _CHECK_CLOCK
     ),
     SupervisorFault(
-        ("rate",), "the mean interval of the task differs from the period by more than a fifth", _POWER_OFF, _CHECK_CLOCK
+        ("rate",), "the mean interval of the task is off the period by more than a fifth", _POWER_OFF, _CHECK_CLOCK
     ),
     SupervisorFault(
         ("overspeed", "velocity"),
@@ -182,8 +182,9 @@ def warn_of_unmeasured_drive(probes: bool) -> str:
         return (
             "The drive measures nothing that the supervisor could compare with its command, so it is asked by a probe, "
             f"which the wearer may feel. On virtual wearers faults of such a drive were found: "
-            f"{'; '.join(PROBED_FAULTS)}. With a measurement all were found within {1e3 * MEASURED_FAULTS_FOUND_S:g} ms, "
-            f"{MEASURED_FAULTS_ENERGY_J:g} J at most: state it in [rig.instruments.drive_sensor] and export again."
+            f"{'; '.join(PROBED_FAULTS)}. With a measurement all were found within "
+            f"{1e3 * MEASURED_FAULTS_FOUND_S:g} ms, {MEASURED_FAULTS_ENERGY_J:g} J at most: state it in "
+            "[rig.instruments.drive_sensor] and export again."
         )
     return (
         "The drive measures nothing that the supervisor could compare with its command. On virtual wearers many faults "

@@ -64,7 +64,8 @@ def repair(path: Path, out: Path | None = None) -> Repair:
     """
     path = Path(path)
     if path.suffix.lower() not in REPAIRED_ENDINGS:
-        raise RecordingError(f"{path}: found the ending {path.suffix or 'none'}, expected {', '.join(REPAIRED_ENDINGS)}")
+        ending, known = path.suffix or "none", ", ".join(REPAIRED_ENDINGS)
+        raise RecordingError(f"{path}: found the ending {ending}, expected {known}")
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     lost = lost_end(path)

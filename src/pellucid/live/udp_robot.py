@@ -1,4 +1,4 @@
-"""A robot behind a network that is commissioned: its readings and what it is asked, by the packets of a live session."""
+"""A robot behind a network that is commissioned: what it reads and is asked, by the packets of a live session."""
 
 from __future__ import annotations
 
@@ -95,5 +95,7 @@ class UdpRobot:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()

@@ -56,14 +56,14 @@ NO_ANSWER_NOTE = (
 """Note in the exported README if the start-up test has no answer of a commissioning."""
 
 PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a soft hum "
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a hum "
     "and feels a faint tingling while the law runs; tell them before. Their answers are judged against those that you "
     "state as probe_answer in [rig.instruments]."
 )
 """Note in the exported README if the supervisor probes and its answers at commissioning are known."""
 
 UNCOMMISSIONED_PROBE_NOTE = (
-    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a soft hum "
+    "The controller asks drive and encoder with small waves of effort of 42, 75 and 108 Hz. The wearer hears a hum "
     "and feels a faint tingling while the law runs; tell them before. The probe takes what they answer in the first "
     "movement after each start for right: a drive that is wrong from the start is then found by the test at start-up "
     "only. pellucid commission measures what is right on the robot and states it as probe_answer in "
@@ -165,7 +165,7 @@ def protect_wearer(
             _ = made.supervised
         except PellucidError as error:
             raise PellucidError(
-                f"{place}: {error}. Without a probe state how the drive is measured, in [rig.instruments.drive_sensor]; "
+                f"{place}: {error}. Without a probe state a measurement in [rig.instruments.drive_sensor]; "
                 "or accept that many of its faults are not found: --no-probe --unmeasured"
             ) from None
     return made

@@ -111,7 +111,8 @@ def export(
         study = replace(study, accept_stale=True)
     request = ExportRequest(
         study, to, out, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
-        load=load, held=held, period=period, probe=probe, unmeasured=unmeasured, allow_outside=allow_outside, overwrite=overwrite,
+        load=load, held=held, period=period, probe=probe, unmeasured=unmeasured, allow_outside=allow_outside,
+        overwrite=overwrite,
     )  # fmt: skip
     return find_exporter(request).export(request)
 

@@ -101,15 +101,15 @@ def commission(
     """Measure sign, gain and delay of a drive, and what start-up test and probe are held to, and write that down.
 
     Ten starts of the robot that nobody wears tell sign, gain and delay, for its inertia is identified. Ten starts on a
-    wearer at ease and twenty seconds of motion tell the answers of test and probe. They go into ``[rig.instruments]`` of
-    study.toml, from which `export` takes them. Where the drive is not right, nothing is written.
+    wearer at ease and twenty seconds of motion tell the answers of test and probe. They go into ``[rig.instruments]``
+    of study.toml, from which `export` takes them. Where the drive is not right, nothing is written.
 
     Parameters
     ----------
     study : Study
         Identified study of one joint.
     logs : sequence of Path
-        Logs of the exported controller on the robot that nobody wears: columns ``time``, ``position`` and ``effort`` and
+        Logs of the exported controller on the robot that nobody wears: columns ``time``, ``position``, ``effort`` and
         further sensors of the law, SI, a row for each period; starts are apart by a gap in the time. None of logs and
         `udp`: the study's virtual robot.
     worn_logs : sequence of Path
@@ -144,7 +144,7 @@ def commission(
     """
     values = values_for(study, controller=controller, participant=participant)
     if LAWS[values.law].drives_spring:
-        raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a drive at the joint")
+        raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")
     law = protect_wearer(values, unmeasured=True, place=f"commission of {study.name}").supervised
     if logs or worn_logs:
         source = "logs"
@@ -177,7 +177,7 @@ def _play(
     make = next((one for one in made if one is not None), None)
     if make is None:
         raise PellucidError(
-            f"commission of {study.name}: found neither a virtual robot nor logs, expected --log FILE or --udp HOST:PORT"
+            f"commission of {study.name}: found no virtual robot, expected --log FILE or --udp HOST:PORT"
         )
     robot_of: Callable[[bool, float], Robot] = make
     period = law.values["period"]
@@ -197,7 +197,8 @@ def read_starts(paths: Sequence[Path]) -> list[StartLog]:
         missing = [name for name in LOG_COLUMNS if name not in columns]
         if missing:
             raise PellucidError(
-                f"{path}: found columns {', '.join(list(columns)[:8])}, expected {', '.join(LOG_COLUMNS)}: no {missing[0]}"
+                f"{path}: found columns {', '.join(list(columns)[:8])}, expected {', '.join(LOG_COLUMNS)}: "
+                f"no {missing[0]}"
             )
         time = columns["time"]
         bad = next((name for name in LOG_COLUMNS if not np.isfinite(columns[name]).all()), None)
@@ -222,7 +223,8 @@ def state_answers(path: Path, found: Answers) -> tuple[str, ...]:
     lines = {}
     if found.start_up is not None:
         lines["start_up_answer"] = (
-            f'"{found.start_up:.5g} J"  # mean of {found.starts} starts, standard deviation {found.start_up_spread:.2g} J'
+            f'"{found.start_up:.5g} J"  # mean of {found.starts} starts, '
+            f"standard deviation {found.start_up_spread:.2g} J"
         )
     if found.probe is not None:
         numbers = ", ".join(f"{x:.5g}" for x in found.probe)

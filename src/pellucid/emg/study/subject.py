@@ -141,7 +141,9 @@ class MusclesExporter(Exporter):
 
     kinds: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
     order: ClassVar[int] = 50
-    unused: ClassVar[tuple[str, ...]] = ("slider", "participant", "controller", "exponents", "load", "held", "probe", "unmeasured")
+    unused: ClassVar[tuple[str, ...]] = (
+        "slider", "participant", "controller", "exponents", "load", "held", "probe", "unmeasured",
+    )  # fmt: skip
     why_unused: ClassVar[str] = "muscles have none"
 
     def export(self, request: ExportRequest) -> Path:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from contextlib import suppress
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
