@@ -11,13 +11,15 @@ from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.supervised import (
     MAX_PROBE_SHARE,
-    MAX_UNHEARD_S,
+    MAX_UNHEARD_ENERGY_J,
     PROBE_ACCELERATION,
     PROBE_ANSWER_ERROR,
     PROBE_ANSWER_NAMES,
     PROBE_CREST,
     PROBE_CYCLES,
     PROBE_WINDOW_S,
+    STUCK_ENERGY_J,
+    UNHEARD_S,
     probe_numbers,
     probe_samples,
     probe_signal_to_noise,
@@ -52,7 +54,10 @@ def test_rules_of_amplitude_window_and_noise():
     speed = PROBE_CREST * PROBE_ACCELERATION / (2.0 * math.pi * 5 / 0.12)
     assert s["probe_moving"] == pytest.approx(max(0.1, 2.0 * speed))
     assert s["probe_evidence"] == 25.0
-    assert s["probe_travel"] == pytest.approx(MAX_UNHEARD_S * law().values["velocity_limit"])
+    effort, speed = (law().values[name] for name in ("effort_limit", "velocity_limit"))
+    shortest, longest = (time * speed for time in UNHEARD_S)
+    assert s["probe_travel"] == pytest.approx(min(max(2.0 * STUCK_ENERGY_J / effort, shortest), longest))
+    assert s["probe_energy"] == MAX_UNHEARD_ENERGY_J
     assert probe_numbers(INERTIA, 1e-5, limit=10.0, period=0.001)["probe_travel"] == math.inf
 
 

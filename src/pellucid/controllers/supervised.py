@@ -74,10 +74,14 @@ MIN_PROBE_SPEED = 0.1
 """Speed below which friction may swallow the wave at any amplitude [rad/s or m/s]."""
 
 
-MAX_UNHEARD_S = 0.0875
-"""Time at the velocity limit whose way is the longest that the joint may go while its drive is not heard.
+UNHEARD_S = (0.0875, 0.1625)
+"""Times at the velocity limit whose ways are the shortest and the longest that the joint may go while its drive is not
+heard. A law with little effort may go further: see `STUCK_ENERGY_J`."""
 
-It is 0.7 rad for a limit of 8 rad/s. On foreign plants of 20261105 no healthy wearer had an alarm of it in 10 h, but
+STUCK_ENERGY_J = 3.5
+"""Energy that a drive which is stuck at half of the law's effort limit gives on that way, between both bounds [J].
+
+It is 0.7 rad for a limit of 10 N m. On foreign plants of 20261105 no healthy wearer had an alarm of it in 10 h, but
 four in spasms; of 179 drives stuck at 5 N m one gave more than 5 J, 5.2 J."""
 
 
@@ -169,7 +173,7 @@ def probe_numbers(
         "probe_inertia": inertia,
         "probe_noise": resolution / PROBE_READING_ERRORS,
         "probe_moving": max(MIN_PROBE_SPEED, PROBE_SPEED_MARGIN * speed),
-        "probe_travel": MAX_UNHEARD_S * speed_limit,
+        "probe_travel": min(max(2.0 * STUCK_ENERGY_J / limit, UNHEARD_S[0] * speed_limit), UNHEARD_S[1] * speed_limit),
         "probe_energy": MAX_UNHEARD_ENERGY_J,
     }
 
