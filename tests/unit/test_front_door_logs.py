@@ -114,8 +114,8 @@ def test_a_command_alone_is_asked_for(tmp_path):
     path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])
     assert "command_followed" in {question.key for question in proposed(path).asked}
     tried = try_log([path], out=tmp_path / "page")
-    assert tried.verdict == "cannot say"
-    assert try_log([path], out=tmp_path / "sure", answers={"command_followed": "yes"}).verdict == "yes"
+    assert tried.answer.verdict == "cannot say"
+    assert try_log([path], out=tmp_path / "sure", answers={"command_followed": "yes"}).answer.verdict == "yes"
 
 
 def test_a_measured_torque_beside_its_command_is_not_asked_for(tmp_path):
@@ -203,7 +203,7 @@ def test_packets_of_zeros_are_left_out(tmp_path):
     found = try_log([path], out=tmp_path / "page")
     gravity = {p.name: p.value for p in found.joints[0].parameters}
     assert np.hypot(gravity["gravity"], gravity["gravity_cosine"]) == pytest.approx(GRAVITY, rel=0.03)
-    assert found.verdict == "yes"
+    assert found.answer.verdict == "yes"
 
 
 def test_zeros_of_a_machine_at_rest_are_no_lost_packets():
