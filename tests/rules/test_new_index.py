@@ -29,7 +29,7 @@ study = made_pointing.study(Path(sys.argv[2]), participants=5, conditions=("Ctrl
 said = {}
 for command, *more in (["assess", "-v"], ["report"]):
     done = CliRunner().invoke(app, [command, str(study.folder), *more])
-    if done.exit_code:
+    if done.exit_code and not (command == "assess" and "cannot say" in done.output):  # of five people nobody can say
         raise done.exception
     said[command] = done.output
 print(json.dumps({"terminal": said["assess"], "faults": faults()}))

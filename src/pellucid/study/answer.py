@@ -23,6 +23,9 @@ AnswerVerdict = Literal["yes", "no", "cannot say"]
 BADGE_WORDS: Mapping[AnswerVerdict, str] = {"yes": "Yes", "no": "No", "cannot say": "Cannot say"}
 """Words of a verdict on a page's badge and on a terminal."""
 
+REPORT_COMMAND = "report"
+"""Command that writes the page of a study."""
+
 USE_QUESTION = "May these figures be used?"
 """Question of a result whose procedure asks none of its own."""
 

@@ -151,6 +151,7 @@ class TreeResult(Result):
     dead_band: tuple[float, ...] = ()  # speed of each joint below which samples are excluded [rad/s; m/s]
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return tree_answer(self)
 
     @property

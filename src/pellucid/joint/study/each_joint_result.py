@@ -44,6 +44,7 @@ class EachJointResult(Result):
         return "\n\n".join(found.prose for found in self.joints.values() if found.prose)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return each_joint_answer(self)
 
     def for_page(self) -> EachJointResult:

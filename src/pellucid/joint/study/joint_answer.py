@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -11,10 +11,50 @@ from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
 from ...study.procedures.findings import MAX_GOOD_ERROR, SOUND_R2
+from ...study.procedures.result import HeldOutEffort
+from ..fit.friction_family import FamilyFit
 from ..fit.replay import Prediction, Simulation, r_squared, relative_error
 
-if TYPE_CHECKING:
-    from .joint_result import JointResult
+
+class JudgedJoint(Protocol):
+    """Members of a joint's result that its answer rests on."""
+
+    @property
+    def study(self) -> str:
+        """Name of the study."""
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint."""
+
+    @property
+    def best(self) -> str:
+        """Name of the chosen family."""
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of the effort."""
+
+    @property
+    def families(self) -> Mapping[str, FamilyFit]:
+        """Fits of the families by name."""
+
+    @property
+    def headlined(self) -> FamilyFit:
+        """Best family with the values of the chosen estimator."""
+
+    @property
+    def crossed_error(self) -> tuple[float, float]:
+        """Error [%] and R² on stretches left out in turn; NaN if unknown."""
+
+    @property
+    def held_out(self) -> Sequence[HeldOutEffort]:
+        """Effort on held-out recordings; empty without one."""
+
+    @property
+    def checksums(self) -> Mapping[str, str]:
+        """SHA-256 of the recordings."""
+
 
 STRETCHES_OUT = "stretches of the fitted recordings, each left out in turn"
 """What the error is of where no recording is held out."""
@@ -29,7 +69,7 @@ CORRECT_STEP = Step("Look for what the model misses, which the warnings name; th
 """What to do with a model that does not predict."""
 
 
-def joint_answer(fit: JointResult) -> Answer:
+def joint_answer(fit: JudgedJoint) -> Answer:
     """Return whether the model predicts the effort where it was not fitted, with its error there.
 
     A recording that is held out comes first. Without any, stretches of the fitted recordings that were left out in turn
@@ -53,7 +93,7 @@ def joint_answer(fit: JointResult) -> Answer:
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))
-    steps = (CONTROLLER_STEP,) if verdict == "yes" else (CORRECT_STEP,)
+    steps: tuple[Step, ...] = (CONTROLLER_STEP,) if verdict == "yes" else (CORRECT_STEP,)
     steps = steps if held else (HOLD_OUT_STEP, *steps)
     return Answer(
         question, verdict, said, reason, numbers=tuple(numbers), basis=_basis(fit, judged),
@@ -70,13 +110,13 @@ def _verdict(error: float, r2: float, judged: str) -> tuple[AnswerVerdict, str]:
     return "yes", ""
 
 
-def _basis(fit: JointResult, judged: str) -> Basis | None:
+def _basis(fit: JudgedJoint, judged: str) -> Basis | None:
     """Return what the numbers are based on; None where the study counts its recordings itself."""
     count = len(fit.checksums)
     return Basis(count, count, judged=judged)
 
 
-def judged_words(fit: JointResult) -> str:
+def judged_words(fit: JudgedJoint) -> str:
     """Return in words the data that were not fitted and tell the error; "" if there are none."""
     held = by_recording([p for p in fit.headlined.predictions if p.split == "heldout"])
     if held:
@@ -84,7 +124,7 @@ def judged_words(fit: JointResult) -> str:
     return STRETCHES_OUT if np.isfinite(fit.crossed_error[0]) else ""
 
 
-def headline_error(fit: JointResult) -> Value:
+def headline_error(fit: JudgedJoint) -> Value:
     """Return the error that every part tells [%]: of held-out recordings, of stretches left out, or of fitted ones."""
     best, head = fit.headlined, f"{fit.study}.headline"
     if np.isfinite(best.heldout_effort_error):
@@ -96,13 +136,13 @@ def headline_error(fit: JointResult) -> Value:
     return Value(name, error, percent(error))
 
 
-def unfitted_r2(fit: JointResult) -> float:
+def unfitted_r2(fit: JudgedJoint) -> float:
     """Return R² of held-out recordings, or of stretches left out; NaN if neither is known."""
     best = fit.headlined
     return float(best.heldout_r2) if np.isfinite(best.heldout_effort_error) else fit.crossed_error[1]
 
 
-def crossed_error_of(fit: JointResult) -> tuple[float, float]:
+def crossed_error_of(fit: JudgedJoint) -> tuple[float, float]:
     """Return the error [%] and R² on stretches of the fitted recordings, each left out in turn; NaN if unknown."""
     family = fit.families[fit.best]
     efforts = [p.effort for p in family.predictions if p.split == "fitted"]
@@ -114,13 +154,13 @@ def crossed_error_of(fit: JointResult) -> tuple[float, float]:
     return relative_error(effort, effort - residual), r_squared(effort, effort - residual)
 
 
-def _constant_text(fit: JointResult, effort: str) -> str:
+def _constant_text(fit: JudgedJoint, effort: str) -> str:
     """Return the error of the best constant effort in words, which says how much there was to predict."""
     held = fit.held_out
     return f"; the best constant {effort} has {percent(held[0].constant_error)} %" if held else ""
 
 
-def error_range_text(fit: JointResult) -> str:
+def error_range_text(fit: JudgedJoint) -> str:
     """Return in brackets the smallest and the largest held-out error of a recording; "" of a single one.
 
     Where some recordings lie beyond the bound of a good prediction, the others are counted.

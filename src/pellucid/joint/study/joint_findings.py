@@ -736,8 +736,8 @@ def report_prediction(case: JointCase) -> Iterator[Verdict]:
     if not held:
         yield Verdict(
             "warning",
-            'No recording is held out (use = "validate"): the error is of stretches of the fitted recordings, each left '
-            "out in turn, which are more alike than new data.",
+            'No recording is held out (use = "validate"): the error is of stretches of the fitted recordings, each '
+            "left out in turn, which are more alike than new data.",
         )
         return
     count = count_independent_samples(held)

@@ -118,6 +118,7 @@ class JointResult(Result):
         return (HeldOutEffort("", self.effort_unit, time, measured, predicted),)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return joint_answer(self)
 
     def plot(self) -> Figure:

@@ -37,6 +37,7 @@ class PostureResult(Result):
     judged: tuple[tuple[Hold, float], ...] = ()  # held-out postures with the effort that was predicted
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return posture_answer(self)
 
 

@@ -23,6 +23,7 @@ from ..movement_indices import index_table, isochrony
 from ..movements import MovementRule
 from ..power import STANDARDISED_CHANGES, lasting_bounds, participants_for_effects
 from ..survival import survival
+from .assessment_answer import assessment_answer
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_table import DEFAULT_STUDIES, AssessmentTable
 from .assessment_tables import result_rows, tables
@@ -179,6 +180,7 @@ def _require_none_refused(faults: Sequence[Fault]) -> None:
 def _told(made: AssessmentResult, notes: Sequence[str]) -> AssessmentResult:
     return replace(
         made,
+        found_answer=assessment_answer(made),
         headline=headline(made),
         paragraph=paragraph(made),
         verdicts=(*certificate_verdicts(made), *verdicts(made, notes)),

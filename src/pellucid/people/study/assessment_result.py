@@ -160,6 +160,7 @@ class AssessmentResult(Result):
     unreached: Mapping[str, tuple[bool, bool]] = field(default_factory=dict, repr=False)
     estimand: Estimand = "mean"  # quantity that stands for people's changes
     order: SessionOrder | None = field(default=None, repr=False)  # order of the recordings
+    found_answer: Answer | None = field(default=None, repr=False)  # answer to the command's question
     has_margins: bool = False  # whether study.toml states margins
     is_registered: bool = False  # whether an analysis was registered before the data
     certified: tuple[Certified, ...] = ()  # certificates by condition, if margins are stated
@@ -172,9 +173,8 @@ class AssessmentResult(Result):
     write_tables: Callable[[Path, AssessmentResult], object] | None = field(default=None, repr=False)
 
     def make_answer(self) -> Answer:
-        from .assessment_answer import assessment_answer
-
-        return assessment_answer(self)
+        """Return the answer that the result gives, before the study completes it."""
+        return super().make_answer() if self.found_answer is None else self.found_answer
 
     def said_of(self, index: str, condition: str) -> str | None:
         """Return what the certificate of a condition says of an index; None if no margin of it is stated."""

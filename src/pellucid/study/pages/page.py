@@ -15,7 +15,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from ..._atomic import remove_leftovers, write_text_atomically
-from ..answer import Answer, AnswerPart, begun
+from ..answer import REPORT_COMMAND, Answer, AnswerPart, begun
 from ..drawing.drawing import Drawing
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
 from .forest import Table
@@ -66,9 +66,6 @@ def _unbroken(command: str) -> Markup:
 
 
 PAGE_FILE = "index.html"
-
-REPORT_COMMAND = "report"
-"""Command that writes the page of a study."""
 
 MAX_OPEN_HEIGHT_PX = 2200.0
 """Sections are open while their estimated heights add up to this on a wide screen; those below are folded."""

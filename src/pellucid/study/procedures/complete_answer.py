@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from ..answer import Answer, Assumption, Basis, Step, spoilt, with_assumed
-from ..pages.page import REPORT_COMMAND
+from ..answer import REPORT_COMMAND, Answer, Assumption, Basis, Step, spoilt, with_assumed
 from ..study import Study
 from .procedure import typed_command
 from .registry import asked

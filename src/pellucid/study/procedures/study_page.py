@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 
 from ...models.estimates import Verdict, rank_verdicts
-from ..answer import Answer
+from ..answer import Answer, answer_of_findings
 from ..drawing.drawing import Drawing
 from ..pages.forest import Row, Table
 from ..pages.page import Page, Section, Tile, without_drawing
@@ -26,7 +26,7 @@ from .result import FigureTable, ParameterTable, Result
 
 def study_page(
     title: str,
-    answer: Answer,
+    answer: Answer | str,
     tiles: Iterable[Tile],
     sections: Iterable[Section],
     verdicts: Iterable[Verdict] = (),
@@ -34,9 +34,13 @@ def study_page(
 ) -> Page:
     """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
 
-    Without a `figure` of its own, the first one of the sections stands beside the answer.
+    Without a `figure` of its own, the first one of the sections stands beside the answer. A sentence in place of an
+    answer is answered by the verdicts, as `Result.answer` is.
     """
-    shown = tuple((v.kind, typeset_sentence(v.said)) for v in rank_verdicts(verdicts))
+    ranked = rank_verdicts(verdicts)
+    shown = tuple((v.kind, typeset_sentence(v.said)) for v in ranked)
+    if isinstance(answer, str):
+        answer = answer_of_findings(answer, ((v.kind, v.said) for v in ranked))
     sections = tuple(sections)
     if figure is None:
         figure = next((drawing for section in sections for drawing in section.drawings), None)

@@ -89,6 +89,7 @@ class ActivationsResult(Result):
     left_out: tuple[tuple[str, FillingScore], ...] = field(default=(), repr=False)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return activations_answer(self)
 
     def written(self, study: Study) -> str:

@@ -60,6 +60,7 @@ class CocontractionResult(Result):
     pairs: tuple[PairActivity, ...] = field(default=(), repr=False)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return cocontraction_answer(self)
 
     def written(self, study: Study) -> str:

@@ -90,6 +90,7 @@ class EmgForceResult(Result):
     found: tuple[MuscleForce, ...] = field(default=(), repr=False)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return force_answer(self)
 
     def written(self, study: Study) -> str:

@@ -208,6 +208,7 @@ class CalibrationResult(Result):
     together: TogetherFigureData | None = field(default=None, repr=False)  # Muscles of all joints calibrated at once
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return calibration_answer(self)
 
 

@@ -126,6 +126,7 @@ class IsolatedMuscleResult(Result):
     posterior: Posterior | None = None
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return isolated_answer(self.fit, self.study)
 
 

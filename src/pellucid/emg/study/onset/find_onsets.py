@@ -65,6 +65,7 @@ class OnsetResult(Result):
     missed: tuple[str, ...] = ()  # muscles of recordings in which no onset could be looked for, and why
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return onset_answer(self)
 
     def written(self, study: Study) -> str:

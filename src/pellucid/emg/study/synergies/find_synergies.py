@@ -67,6 +67,7 @@ class SynergiesResult(Result):
     alike: tuple[GroupSimilarity, ...] = ()
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return synergies_answer(self)
 
     def written(self, study: Study) -> str:

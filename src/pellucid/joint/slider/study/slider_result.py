@@ -28,6 +28,7 @@ class SliderResult(Result):
     fit: SliderFit = field(repr=False)
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return slider_answer(self.fit)
 
 

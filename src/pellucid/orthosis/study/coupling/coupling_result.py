@@ -67,6 +67,7 @@ class CouplingResult(Result):
     files: Mapping[str | None, Mapping[str, str]] = field(repr=False)  # checksums by participant; None: nobody wore it
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return coupling_answer(self)
 
 

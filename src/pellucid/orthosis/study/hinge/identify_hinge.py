@@ -209,6 +209,7 @@ class HingeResult(Result):
     trials: tuple[HingeTrial, ...] = ()
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return hinge_answer(self)
 
 

@@ -65,6 +65,7 @@ class LoadedSwingResult(Result):
     wearers: Mapping[str, str | None]  # Participant in the exoskeleton by recording; None where it was empty
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return swing_answer(self)
 
 

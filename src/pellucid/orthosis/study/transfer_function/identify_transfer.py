@@ -65,6 +65,7 @@ class TransferResult(Result):
     looks: Mapping[str, FirstLook]  # First looks by name, made before any fit
 
     def make_answer(self) -> Answer:
+        """Return the answer that the result gives, before the study completes it."""
         return transfer_answer(self)
 
     @property
