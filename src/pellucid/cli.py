@@ -705,15 +705,18 @@ def commission(
     accept_stale: Stale = False,
 ) -> None:
     """Measure drive and answers of a robot for its export."""
+    from contextlib import nullcontext
+
     from .controllers.study.commission import commission as run
+    from .live.udp_robot import UdpRobot
 
     study = _opened(folder, None, allow_outside, accept_stale)
     if (log or files or worn) and udp:
         raise PellucidError("commission: found --log and --udp, expected one of them")
-    with show_progress() as tell:
+    with show_progress() as tell, UdpRobot(udp) if udp else nullcontext() as robot:
         tell("starting the robot" if not (log or files) else "reading the starts", 0.2)
         done = run(
-            study, logs=[*(log or []), *(files or [])], worn_logs=worn or [], udp=udp, controller=controller,
+            study, logs=[*(log or []), *(files or [])], worn_logs=worn or [], robot=robot, controller=controller,
             participant=participant, wearer=wearer, ask=lambda text: typer.prompt(text, default="", show_default=False),
         )  # fmt: skip
     console = make_console()

@@ -146,7 +146,8 @@ def protect_wearer(
     """Return the law with a supervisor that knows its drive: by a measurement, or by a probe.
 
     `probe` is what a caller asks for; None: what the instruments say, and where they say nothing, a probe if the drive
-    is not measured. `unmeasured` accepts a law with neither. Errors begin with `place`.
+    is not measured and a wave that the encoder can resolve is small enough. `unmeasured` accepts that a probe is
+    refused and nothing is measured. Errors begin with `place`.
     """
     instruments, spring = values.instruments, LAWS[values.law].drives_spring
     asked = instruments.probe if probe is None else probe
@@ -154,7 +155,7 @@ def protect_wearer(
     made = replace(values, instruments=replace(instruments, probe=probes))
     if probes and spring:
         raise PellucidError(f"{place}: found probe, expected none: a law that drives a spring has none")
-    if not (probes or instruments.drive or unmeasured):
+    if asked is False and not (instruments.drive or unmeasured):
         raise PellucidError(
             f"{place}: found a drive that is neither measured nor asked by a probe, expected [rig.instruments."
             f"drive_sensor]{' or spring_stiffness' if spring else ', or a probe'}; or --unmeasured (unmeasured=True), "
@@ -164,6 +165,8 @@ def protect_wearer(
         try:
             _ = made.supervised
         except PellucidError as error:
+            if asked is None:
+                return replace(values, instruments=replace(instruments, probe=False))
             raise PellucidError(
                 f"{place}: {error}. Without a probe state a measurement in [rig.instruments.drive_sensor]; "
                 "or accept that many of its faults are not found: --no-probe --unmeasured"

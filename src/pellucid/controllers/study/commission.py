@@ -6,11 +6,13 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
+from ..._given import read_given
 from ..._plugins import load_plugins
 from ...files.readers.read import read_columns
 from ...numerics.arguments import with_checked_arguments
@@ -33,6 +35,9 @@ MIN_PAUSE_PERIODS = 20
 MIN_START_ROWS = 100
 """Shortest start of a log in rows; less is none."""
 
+MAX_STUDY_BYTES = 10_000_000
+"""Largest size of a study.toml that is written to [B]."""
+
 INSTRUMENTS_HEADER = "[rig.instruments]"
 """Table of study.toml that the answers are written to."""
 
@@ -44,7 +49,7 @@ class Commissioning:
     Attributes
     ----------
     source : str
-        Where the starts are from: ``"virtual robot"``, ``"logs"`` or ``"udp"``.
+        Where the starts are from: ``"virtual robot"``, ``"logs"`` or ``"robot"``.
     drive : DriveCheck
         Sign, gain and delay of the drive.
     answers : Answers
@@ -92,7 +97,7 @@ def commission(
     *,
     logs: Sequence[Path] = (),
     worn_logs: Sequence[Path] = (),
-    udp: str | None = None,
+    robot: object | None = None,
     controller: str | None = None,
     participant: str | None = None,
     wearer: bool = True,
@@ -111,11 +116,11 @@ def commission(
     logs : sequence of Path
         Logs of the exported controller on the robot that nobody wears: columns ``time``, ``position``, ``effort`` and
         further sensors of the law, SI, a row for each period; starts are apart by a gap in the time. None of logs and
-        `udp`: the study's virtual robot.
+        `robot`: the study's virtual robot.
     worn_logs : sequence of Path
         The same on a wearer at ease. None: the answers are taken from `logs`.
-    udp : str or None
-        ``HOST:PORT`` to listen at for the robot, by the packets of a live session.
+    robot : object or None
+        Robot that is started here, with `read` and `write` as `pellucid.live.udp_robot.UdpRobot` has them.
     controller, participant : str or None
         The controller that will be exported, as `export` takes them.
     wearer : bool
@@ -137,9 +142,15 @@ def commission(
     --------
     Commission the virtual robot of an identified study:
 
+    >>> import tempfile
+    >>> from pathlib import Path
     >>> import pellucid as pl
-    >>> done = pl.commission(pl.open("my-elbow"))
-    >>> done.drive.sign
+    >>> folder = Path(tempfile.mkdtemp()) / "bench"
+    >>> _ = pl.init(folder, rig="bench-joint")
+    >>> _ = pl.simulate(folder)
+    >>> study = pl.open(folder)
+    >>> _ = pl.identify(study).save(study)
+    >>> pl.commission(study).drive.sign
     1
     """
     values = values_for(study, controller=controller, participant=participant)
@@ -151,8 +162,8 @@ def commission(
         empty = read_starts(logs or worn_logs)
         worn = read_starts(worn_logs) if worn_logs else empty
     else:
-        source = "udp" if udp else "virtual robot"
-        empty, worn = _play(study, law, udp, wearer, ask)
+        source = "robot" if robot is not None else "virtual robot"
+        empty, worn = _play(study, law, cast(Robot | None, robot), wearer, ask)
     drive = drive_check(empty, law.supervision["body_inertia"])
     found = answers(law, worn)
     written = state_answers(study.folder / "study.toml", found) if drive.is_right else ()
@@ -160,19 +171,16 @@ def commission(
 
 
 def _play(
-    study: Study, law: SupervisedLaw, udp: str | None, wearer: bool, ask: Callable[[str], None]
+    study: Study, law: SupervisedLaw, robot: Robot | None, wearer: bool, ask: Callable[[str], None]
 ) -> tuple[list[StartLog], list[StartLog]]:
-    """Return starts without and with a wearer, played on the robot at an address, or on the study's virtual one."""
-    if udp:
-        from ...live.udp_robot import UdpRobot
-
+    """Return starts without and with a wearer, played on a robot, or on the study's virtual one."""
+    if robot is not None:
         ask("Nobody may be strapped in, and the joint must be free to move. Press Enter to apply power.")
-        with UdpRobot(udp) as robot:
-            empty = record_starts(robot, law, START_COUNT, worn=False)
-            if not wearer:
-                return empty, empty
-            ask("Strap in a wearer who is at ease, to move the joint for 20 s from the tenth start. Press Enter.")
-            return empty, record_starts(robot, law, START_COUNT, worn=True)
+        empty = record_starts(robot, law, START_COUNT, worn=False)
+        if not wearer:
+            return empty, empty
+        ask("Strap in a wearer who is at ease, to move the joint for 20 s from the tenth start. Press Enter.")
+        return empty, record_starts(robot, law, START_COUNT, worn=True)
     made = [plugin.value(study.folder) for plugin in load_plugins("pellucid.robots")]
     make = next((one for one in made if one is not None), None)
     if make is None:
@@ -230,7 +238,8 @@ def state_answers(path: Path, found: Answers) -> tuple[str, ...]:
         numbers = ", ".join(f"{x:.5g}" for x in found.probe)
         lines["probe_answer"] = f"[{numbers}]  # from {found.probe_windows} windows of a moving joint"
     if lines:
-        write_text_atomically(path, with_keys(path.read_text(encoding="utf-8"), INSTRUMENTS_HEADER, lines))
+        text = read_given(path, MAX_STUDY_BYTES).decode("utf-8")
+        write_text_atomically(path, with_keys(text, INSTRUMENTS_HEADER, lines))
     return tuple(lines)
 
 
