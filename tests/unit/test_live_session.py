@@ -3,6 +3,7 @@
 import itertools
 import json
 from concurrent.futures import Future
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -339,6 +340,17 @@ def test_a_disk_that_is_full_when_a_trial_is_kept_is_told(tmp_path, monkeypatch)
     assert session.phase == Phase.judged
     monkeypatch.undo()
     assert session.act("operator", "accept") == ""
+
+
+def test_a_disk_without_room_ends_a_trial_and_lets_none_begin(tmp_path, monkeypatch):
+    session, _engine, clock = started(tmp_path)
+    run_until(session, clock, lambda: session.phase == Phase.running)
+    monkeypatch.setattr(live_session.shutil, "disk_usage", lambda folder: SimpleNamespace(free=50e6))
+    run_until(session, clock, lambda: session.phase not in ARMED_PHASES)
+    assert not session._armed
+    assert "the disk has 50 MB free and needs" in session._obstacle(clock.now)
+    monkeypatch.undo()
+    run_until(session, clock, lambda: not session._obstacle(clock.now))
 
 
 def test_a_participant_cannot_do_what_an_operator_does(tmp_path):
