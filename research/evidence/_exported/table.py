@@ -15,9 +15,9 @@ TABLE_HEAD = ("fault", "what happens", "instruments", "found", "of those that di
 """Titles of the columns of a table of faults."""
 
 INSTRUMENT_WORDS = {
-    "unmeasured": "encoder alone, as exported by default",
+    "unmeasured": "encoder alone, as exported by default: with a probe, commissioned",
     "drive_measured": "encoder, drive's current, commissioned test",
-    "probe": "encoder, commissioned probe",
+    "blind": "encoder alone: neither probe nor watch for shaking",
     "drive_measured_and_probe": "encoder, drive's current, commissioned test and probe",
     "knee-orthosis": "the knee orthosis with a spring, as exported by default",
 }
