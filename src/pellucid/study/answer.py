@@ -207,6 +207,8 @@ class Answer:
         Defaults that were taken.
     next : tuple of Step
         What to do next, the first step first.
+    is_unconfirmed : bool
+        Whether nothing but an unconfirmed default, on which every number depends, keeps it from being yes or no.
     """
 
     question: str
@@ -218,6 +220,7 @@ class Answer:
     basis: Basis | None = None
     assumed: tuple[Assumption, ...] = ()
     next: tuple[Step, ...] = field(default=())
+    is_unconfirmed: bool = False
 
     @property
     def is_answered(self) -> bool:
@@ -326,7 +329,7 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
     named = ", ".join(f"{each.subject} = {each.taken}" for each in scales)
     reason = f"no file states the scale of these figures, and a default is assumed: {named}"
     said = f"No file states the scale of these figures; assumed: {named}. {begun(answer.said)}"
-    return replace(answer, verdict="cannot say", reason=reason, said=said)
+    return replace(answer, verdict="cannot say", reason=reason, said=said, is_unconfirmed=True)
 
 
 def answer_lines(answer: Answer) -> tuple[str, ...]:
@@ -343,6 +346,9 @@ def begun(text: str) -> str:
 
 
 def unanswered_message(answers: Iterable[Answer]) -> str:
-    """Return why questions could not be answered, for a command that then ends with status 1; "" if all were."""
-    open_ones = [answer for answer in answers if not answer.is_answered]
+    """Return why questions could not be answered, for a command that then ends with status 1; "" if all were.
+
+    A default that nobody confirmed is for the user to confirm: the recordings themselves answered.
+    """
+    open_ones = [answer for answer in answers if not answer.is_answered and not answer.is_unconfirmed]
     return " ".join(f"cannot say: {plain_text(each.reason).rstrip('.') or each.question}." for each in open_ones)
