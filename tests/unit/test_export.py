@@ -184,7 +184,7 @@ def test_an_export_that_cannot_see_its_drive_asks_it(study, unplayed):
 
 def test_a_measured_drive_is_not_asked(study, unplayed):
     path = study.folder / "study.toml"
-    stated = "[rig.instruments]\nshaking = false\n[rig.instruments.drive_sensor]\nlargest_effort = \"9 N*m\"\n"
+    stated = "[rig.instruments.drive_sensor]\nlargest_effort = \"9 N*m\"\n"
     path.write_text(path.read_text(encoding="utf-8").replace("[channels]", f"{stated}[channels]", 1), encoding="utf-8")
     folder = pellucid.export(pellucid.open(study.folder))
     numbers = read_constants(folder)

@@ -113,7 +113,7 @@ SINE_SETS: Mapping[str, str] = {
     "drive_measured": "the drive's current",
     "force_sensor": "a force sensor, which the law hears",
     "encoder_alone": "encoder alone: no probe, no watch for shaking",
-    "shaking": "encoder, probe and watch for shaking, as exported by default",
+    "shaking": "encoder, probe and watch for shaking, with `shaking = true`",
 }
 """What there is to find an added sine with, in words, by the name that the rows have."""
 
@@ -192,7 +192,7 @@ def uncommissioned_probe_trials(seed: int = JUDGED_SEED) -> tuple[ForeignTrial, 
 
 
 def unsensed_laws() -> tuple[ExportedLaw, ...]:
-    """Return the laws without a force sensor, as `export` writes them where neither probe nor shaking is watched."""
+    """Return the laws without a force sensor, as `export` writes them without a probe."""
     return tuple(law for law in made_laws("blind") if "interaction" not in law.uses)
 
 
@@ -208,7 +208,7 @@ def sines_by_instruments(seed: int = JUDGED_SEED) -> dict[str, tuple[ForeignTria
         "drive_measured": tuple(sines("drive_measured")),
         "force_sensor": tuple(trial for trial in sines("blind") if trial.law not in unsensed),
         "encoder_alone": tuple(trial for trial in sines("blind") if trial.law in unsensed),
-        "shaking": tuple(trial for trial in sines("unmeasured") if trial.law in unsensed),
+        "shaking": tuple(trial for trial in sines("shaking") if trial.law in unsensed),
     }
 
 
@@ -248,7 +248,7 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
     yield from probe_rows(uncommissioned_probe_trials(seed), "probe_uncommissioned")
     yield from quiet_rows(fault_trials("drive_measured_and_probe", seed))
     yield from blind_rows(fault_trials("blind", seed))
-    yield from shaking_rows(fault_trials("unmeasured", seed))
+    yield from shaking_rows(fault_trials("shaking", seed))
     yield from sine_set_rows(sines_by_instruments(seed))
     yield from life_rows("safety.exported.unmeasured", healthy_lives("unmeasured", seed))
     yield from life_rows("safety.exported.unmeasured.reaching", healthy_lives("unmeasured", seed, reaching=True))

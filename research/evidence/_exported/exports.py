@@ -42,8 +42,11 @@ FORCE_SENSOR_RANGE_NM = 25.0
 UNMEASURED = Instruments()
 """Instruments of an export of which the study says nothing: its drive is asked by a probe."""
 
-BLIND = Instruments(probe=False, shaking=False)
-"""The same where a probe was refused and shaking is not watched: `--no-probe --unmeasured`, and ``shaking = false``."""
+BLIND = Instruments(probe=False)
+"""The same where a probe was refused: `--no-probe --unmeasured`."""
+
+SHAKING = Instruments(shaking=True)
+"""Instruments of an export that watches for shaking, too."""
 
 DRIVE_MEASURED = Instruments(drive=True, drive_limit=ELBOW_DRIVE_LIMIT_NM, force_range=FORCE_SENSOR_RANGE_NM)
 """Instruments of an elbow whose drive measures its current by a sensor that it does not regulate on."""
@@ -53,7 +56,7 @@ MEASURED_AND_PROBED = replace(DRIVE_MEASURED, probe=True)
 
 INSTRUMENT_SETS: Mapping[str, Instruments] = {
     "unmeasured": UNMEASURED, "drive_measured": DRIVE_MEASURED, "blind": BLIND,
-    "drive_measured_and_probe": MEASURED_AND_PROBED,
+    "drive_measured_and_probe": MEASURED_AND_PROBED, "shaking": SHAKING,
 }  # fmt: skip
 """Instruments by the name that the rows have."""
 

@@ -81,8 +81,8 @@ class Instruments:
         imaginary part of each, shape (6,) [1]. None: the first movement after each start is taken for right.
 
     shaking : bool
-        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach. An export asks
-        for it; a wearer who stirs, polishes or walks needs it off.
+        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach. It finds a
+        drive whose own measurement is wrong, and stops a wearer who stirs, polishes or walks.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class Instruments:
     start_up_answer: float | None = None
     probe: bool | None = None
     probe_answer: tuple[float, ...] | None = None
-    shaking: bool = True
+    shaking: bool = False
 
     def __post_init__(self):
         if self.probe_answer is not None:

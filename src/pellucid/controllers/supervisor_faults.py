@@ -165,9 +165,8 @@ PROBED_FAULTS = (
     "it gives three times the effort: 277 of 277, up to 2.7 J",
     "it is stuck at an effort: 276 of 276, up to 6.9 J",
     "it gives no effort: 276 of 276, up to 1.0 J",
-    "it adds a sine of 5 N m at 2.5 Hz: 276 of 276, up to 6.3 J",
 )
-"""The same where the supervisor probes, was commissioned and watches for shaking."""
+"""The same where the supervisor probes and was commissioned."""
 
 MEASURED_FAULTS_FOUND_S = 1.61
 """Time in which all of these were found with a measurement of the drive [s]."""

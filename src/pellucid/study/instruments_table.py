@@ -127,7 +127,7 @@ class InstrumentsTable(StudyTable):
     start_up_answer: PositiveWork | None = None
     probe: bool | None = None
     probe_answer: tuple[float, float, float, float, float, float] | None = None
-    shaking: bool = True
+    shaking: bool = False
 
     def completed_by(self, common: InstrumentsTable) -> InstrumentsTable:
         """Return this table with those keys of `common` that it does not say."""
