@@ -15,7 +15,7 @@ ENTRY = """ACCELERATION_SIZE = Index(
 )  # fmt: skip
 
 # A new index comes last"""
-LAST = "CORRECTION_COUNT,\n    )"
+LAST = "NORMALISED_JERK,\n    )"
 SCRIPT = """
 import json, sys
 from pathlib import Path

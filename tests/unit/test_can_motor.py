@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from pellucid.live.udp import ASKED_FORMAT, ASKED_MAGIC, READING_FORMAT, UdpBoard, _sum
+from pellucid.live.udp import ASKED_FORMAT, ASKED_MAGIC, READING_FORMAT, UdpBoard, packet_sum
 
 PATH = Path(__file__).parents[2] / "examples" / "devices" / "can_motor.py"
 
@@ -57,7 +57,7 @@ class Engine:
 
     def ask(self, effort, enable, beat):
         words = ASKED_FORMAT.pack(ASKED_MAGIC, beat, enable, 0, 0, effort, 0)[:-8]
-        self.socket.sendto(words + _sum(words).to_bytes(8, "little"), self.peer)
+        self.socket.sendto(words + packet_sum(words).to_bytes(8, "little"), self.peer)
 
 
 @pytest.fixture

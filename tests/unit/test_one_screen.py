@@ -24,6 +24,7 @@ SHORT_LOOPS = {
     "_tree_protocol": "lines that an optimised motion left out, of which there are a few",
     "live": "what a replay answers, and two addresses",
     "demo": "four chapters",
+    "commission": "a line for each number that was measured, of which there are a few",
     "try_files": "two or three lines before a table that has a bound of its own",
     "rank": "a table for each of four tasks, each with a bound of its own",
 }

@@ -29,7 +29,8 @@ def pasted(command):
             assert done.returncode == 0, f"{each}\n{done.stdout}{done.stderr}"
             continue
         done = CliRunner().invoke(cli.app, words)
-        assert done.exit_code == 0, f"{each}\n{done.output}{done.exception}"
+        # Where the data cannot answer, a command says so and ends with 1.
+        assert done.exit_code == 0 or "cannot say" in done.output, f"{each}\n{done.output}{done.exception}"
         output += done.output
     return output
 

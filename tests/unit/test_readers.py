@@ -177,7 +177,7 @@ def test_a_truncated_mat_file(tmp_path):
     [
         ("a.json", '{"t": [0, 1', "a.json: not readable as JSON, truncated or damaged"),
         ("a.json", '{"who": "me"}', "found no numeric column"),
-        ("a.xyz", "1", 'found the ending ".xyz", expected one of .bag, .bdf, .c3d, .csv'),
+        ("a.xyz", "1", 'found the ending ".xyz", expected one of .asc, .bag, .bdf, .c3d, .csv'),
         ("a.csv", "\0\0\1", "found binary content, expected text"),
     ],
 )

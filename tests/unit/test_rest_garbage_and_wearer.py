@@ -268,8 +268,10 @@ def test_static_postures_give_the_weight(make_study, rng):
     page = posture_page(study, found)
     assert page.figure is not None
     assert page.figure.name == "postures"
-    assert page.headline.startswith("Weight 1.5")
-    assert "between −52 and 57 deg" in page.headline
+    assert page.answer is not None
+    assert page.answer.verdict == "yes"
+    assert page.answer.sentence.startswith("weight 1.5")
+    assert "between -52 and 57 deg" in page.answer.sentence
 
 
 def test_an_effort_that_falls_silent_is_cut_out(make_study, rng):

@@ -314,11 +314,13 @@ def test_drawn_rigs_are_written_as_they_were_drawn():
 def test_reproduce_prints_its_lines(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
-    asked = []
+    from pellucid.study.answer import Answer
+
+    asked, answer = [], Answer("Do the paper's claims hold?", "yes", "all of them")
 
     def reproduce(paper, out, *, on_progress=None):
         asked.append((paper, out))
-        return SimpleNamespace(lines=["Table 1: as printed"], page=out / "index.html")
+        return SimpleNamespace(lines=["Table 1: as printed"], page=out / "index.html", answer=answer)
 
     monkeypatch.setattr("pellucid_lab.papers.reproduce.reproduce", reproduce)
     result = run(cli.app, ["reproduce", "able", "--out", str(tmp_path / "out")])

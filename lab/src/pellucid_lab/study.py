@@ -131,7 +131,7 @@ def record_in_memory(
         return replace(taken, inside=keep(taken))
 
     made = list(rig.record_all(trials, seed, then=replace_inside, threads=threads))
-    config = study_config(rig.study(made))
+    config = study_config({**rig.study(made), "simulated": True})
     entries, recordings = {entry.name: entry for entry in config.recordings}, {}
     for i, taken in enumerate(made):
         for name, streams in taken.files.items():

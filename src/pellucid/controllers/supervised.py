@@ -935,9 +935,6 @@ def supervision_of(
             "test_samples": float(wave.samples),
             "test_least": wave.least,
             "test_most": wave.most,
-            "still_samples": max(2.0, round(STILL_S / period)),
-            "still_effort": wave.effort,
-            "still_half_wave": float(wave.samples),
         }
     if instruments.start_up_answer is not None:
         made["test_least"], made["test_most"] = commissioned_bounds(instruments.start_up_answer)
@@ -945,4 +942,9 @@ def supervision_of(
         resolution = complete.encoder_resolution
         made |= probe_numbers(inertia, resolution, limit=effort, period=period, speed_limit=speed)
         made |= commissioned_answers(instruments.probe_answer)
+        made |= {
+            "still_samples": max(2.0, round(STILL_S / period)),
+            "still_effort": wave.effort,
+            "still_half_wave": float(wave.samples),
+        }
     return known | {name: float(value) for name, value in made.items()}

@@ -153,6 +153,9 @@ def commission(
     >>> pl.commission(study).drive.sign
     1
     """
+    if not isinstance(study, Study):
+        kind = type(study).__name__
+        raise PellucidError(f"commission: found study of the type {kind}, expected what pl.open returns")
     values = values_for(study, controller=controller, participant=participant)
     if LAWS[values.law].drives_spring:
         raise PellucidError(f"commission of {study.name}: found a law that drives a spring, expected a joint's drive")

@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import BinaryIO
 
@@ -64,6 +64,9 @@ MAX_SAMPLED_ROWS = 200
 
 LABELLED_SAMPLE_BYTES = 65_536
 """So much of a file tells whether its rows repeat labels."""
+
+MIN_TABLE_LINES = 3
+"""Fewest lines of such a table, with its header."""
 
 MAX_REPEATED_TABLES = 1000
 """Most tables that one file holds below each other."""
@@ -159,9 +162,10 @@ def _repeated_tables(content: bytes) -> dict[str, bytes]:
     lines = content.splitlines()
     heads: list[int] = []
     for i, line in enumerate(lines[:MAX_SAMPLED_ROWS]):
-        if line.strip() and _first_row([_split(line.decode(errors="replace"), None)]) is None:
+        if re.search(rb"[A-Za-z]", line) and _first_row([_split(line.decode(errors="replace"), None)]) is None:
             again = [k for k, other in enumerate(lines) if other == line]
-            if len(again) > 1 and again[0] == i:
+            # Below a header there are rows.
+            if len(again) > 1 and again[0] == i and min(b - a for a, b in pairwise(again)) > MIN_TABLE_LINES:
                 heads = again
                 break
     if not heads or len(heads) > MAX_REPEATED_TABLES:

@@ -104,7 +104,8 @@ def posture_answer(found: PostureResult) -> Answer:
     measured = np.array([hold.torque for hold, _ in found.judged] if held else [hold.torque for hold in fit.holds])
     missed = np.array([hold.torque - predicted for hold, predicted in found.judged]) if held else fit.residual
     error = 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(measured))
-    judged = f"{len(missed)} held-out postures" if held else f"the {len(missed)} postures that were fitted"
+    plural = "s" * (len(missed) > 1)
+    judged = f"{len(missed)} held-out posture{plural}" if held else f"the {len(missed)} postures that were fitted"
     weight = next(p for p in found.estimates.values() if p.name == "gravity")
     told = weight.identifiable and error <= MAX_GOOD_ERROR
     reason = "" if told else f"the error on {judged} is {percent(error)} %, more than {MAX_GOOD_ERROR:g} %"

@@ -233,7 +233,7 @@ def _noise(
         own: Sequence = [each for each in whole.lasted if each.condition in compared]
     else:
         own = [m for m in whole.movements if m.condition in compared and _is_of(m, index)]
-        own = sorted(own, key=lambda m: (order.within[m.recording], m.movement.start))
+        own = sorted(own, key=lambda m: (order.within.get(m.recording, -1), m.movement.start))
 
     def change_of(rows: np.ndarray) -> dict[str, float]:
         part = [own[i] for i in rows]

@@ -59,6 +59,8 @@ def _steps(study: Study, found: Result, answer: Answer) -> tuple[Step, ...]:
         text = "Confirm what is assumed: correct the line in study.toml, and remove its [[assumed]]"
         steps = [Step(f"{text}; then", "check")]
     commands = [procedure.command for procedure in asked(study)]
-    later = [each for each in commands[commands.index(found.command) + 1 :] if each != found.command]
+    # A plug-in's procedure may stand beside those that the study asks for.
+    after = commands[commands.index(found.command) + 1 :] if found.command in commands else []
+    later = [each for each in after if each != found.command]
     further = [Step("Run what else study.toml asks for", typed_command(later[0]))] if later else []
     return (*further, REPORT_STEP, *steps) if answer.is_answered else (*steps, *further, REPORT_STEP)
