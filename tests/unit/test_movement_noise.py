@@ -1,5 +1,7 @@
 """Noise of single movements is no difference between people."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -153,3 +155,26 @@ def test_plan_knows_the_noise_of_movements():
     assert told > plain + 0.2
     with pytest.raises(pl.PellucidError, match="noise_share"):
         pl.plan(stated, people=20, sd="5 %", noise_share=1.2)
+
+
+def test_a_margin_in_percent_is_no_share():
+    free = np.linspace(0.9, 1.1, 16)
+    with pytest.raises(pl.PellucidError, match=r'such as 0\.1 or "10 %"'):
+        pl.certify({"duration": (free, 2.0 * free)}, {"duration": 10})
+
+
+def test_the_interval_that_is_told_is_the_one_that_decides():
+    """With a carry-over the test's interval is wider; the sentence said that the narrow one reached past the margin."""
+    rng = np.random.default_rng(3)
+    change = 0.055 + 0.03 * rng.standard_normal(16)
+    people = [f"p{k}" for k in range(16)]
+    table = {
+        "participant": people * 2, "condition": ["free"] * 16 + ["worn"] * 16,
+        "period": [1 + k % 2 for k in range(16)] + [2 - k % 2 for k in range(16)],
+        "duration": [*np.ones(16), *np.exp(change)],
+    }  # fmt: skip
+    stated = {"control": "free", "design": "AB/BA", "period": "period", "margins": {"duration": "10 %"},
+              "largest_carry_over": 0.5}  # fmt: skip
+    said = str(pl.assess(table, analysis=stated))
+    ends = [float(x) for x in re.search(r"margins, ([-+][\d.]+) to ([-+][\d.]+) %, reaches", said).groups()]
+    assert ends[0] <= -9.1 or ends[1] >= 10.0

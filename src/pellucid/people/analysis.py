@@ -461,6 +461,10 @@ def _stated_in_words(name: str, stated: str, index: Index | None, where: str, *,
     return EndPoint(name, index.along, stated, margin, ratio)
 
 
+MAX_SHARE = 1.0
+"""Largest relative margin: a larger number was meant in %."""
+
+
 def margin_of(name: str, margin: float | tuple[float, float], relative: bool = True) -> Margin:
     """Return the margin of an index, a share or its two ends; for logarithms of ratios if `relative`.
 
@@ -472,6 +476,11 @@ def margin_of(name: str, margin: float | tuple[float, float], relative: bool = T
     if isinstance(margin, (int, float)):
         if not margin > 0.0:
             raise PellucidError(f"certify, {name}: found the margin {margin:g}, expected one above 0")
+        if relative and margin > MAX_SHARE:
+            raise PellucidError(
+                f"certify, {name}: found the margin {margin:g}, a change by a factor of {1.0 + margin:g}, expected a "
+                f'share of at most {MAX_SHARE:g}, such as 0.1 or "10 %"'
+            )
         made = Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
         return Margin(-inf, made.high) if index is not None and index.worse is Worse.IF_MORE else made
     low, high = (float(end) for end in margin)

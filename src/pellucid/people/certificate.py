@@ -433,13 +433,16 @@ def undecided_reason(test: Equivalence, rule: ShareRule = DEFAULT_RULE) -> str:
     if not np.isfinite([low, high]).all():
         reasons.append(f"the change has no bounds with {n} people")
     elif low - allowed <= test.margin.low or high + allowed >= test.margin.high:
-        ends, margin = (100.0 * np.expm1(pair) for pair in ((low, high), (test.margin.low, test.margin.high)))
+        widened = low - allowed, high + allowed
+        ends, margin = (100.0 * np.expm1(pair) for pair in (widened, (test.margin.low, test.margin.high)))
         more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
         reasons.append(
-            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people, {ends[0]:+.1f} to {ends[1]:+.1f} %, "
-            f"reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %{more}"
+            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people{more}, {ends[0]:+.1f} to "
+            f"{ends[1]:+.1f} %, reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %"
         )
     shares = test.share_test(rule)
+    if shares.far:
+        reasons.append(f"{shares.far} of {n} people lie beyond {rule.far_margins:g} margins")
     if shares.answer == TOO_FEW:
         reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
     elif shares.answer == NOT_SHOWN and not reasons:
@@ -453,8 +456,8 @@ def share_reason(shares: ShareTest) -> str:
     reasons = []
     if shares.p_within > rule.alpha:
         reasons.append(
-            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows at least "
-            f"{100.0 * shares.least_within:.0f} % of people to ({level}), not {100.0 * rule.within:g} %"
+            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows that at "
+            f"least {100.0 * shares.least_within:.0f} % of people do ({level}), not {100.0 * rule.within:g} %"
         )
     if shares.p_far > rule.alpha:
         reasons.append(
