@@ -86,7 +86,7 @@ def test_every_threshold_of_a_joint():
         "unexplained_limit": math.inf, "unexplained_gain": 0.0, "unexplained_offset": 0.02 * EFFORT + 0.1,
         "unexplained_memory": 0.1, "drive_delay": math.inf, "drive_delay_rate": 0.08 * EFFORT,
         "drive_delay_smoothing": 20.0, "drive_delay_forget": 0.4, "drive_delay_share": 0.5,
-            "rate_samples": 250.0, "rate_tolerance": 0.2, "still_samples": 500.0, "still_effort": wave,
+            "rate_samples": 250.0, "rate_tolerance": 0.2, "still_samples": 0.0, "still_effort": 0.0,
             "still_half_wave": 32.0,
     }  # fmt: skip
     assert thresholds() == pytest.approx(expected, rel=1e-9)
