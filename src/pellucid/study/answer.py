@@ -307,6 +307,21 @@ def verdict_of_parts(parts: Iterable[AnswerPart]) -> AnswerVerdict:
     return "no" if "no" in said else "yes" if said == {"yes"} else "cannot say"
 
 
+def answer_of_parts(
+    question: str,
+    said: str,
+    parts: Sequence[AnswerPart],
+    numbers: Iterable[AnswerNumber] = (),
+    basis: Basis | None = None,
+    next: tuple[Step, ...] = (PAPER_STEP,),
+    *,
+    without_parts: str = "",
+) -> Answer:
+    """Return the answer that its parts give together, with their reasons; `without_parts` is the reason if none are."""
+    reason = reason_of_parts(parts) if parts else without_parts
+    return Answer(question, verdict_of_parts(parts), said, reason, tuple(parts), tuple(numbers), basis, next=next)
+
+
 def answer_of_findings(headline: str, findings: Iterable[tuple[str, str]], question: str = USE_QUESTION) -> Answer:
     """Return the answer that findings give, of a kind each, the worst first: a warning is enough for "cannot say"."""
     doubts = [text for kind, text in findings if kind in ("wrong", "warning")]

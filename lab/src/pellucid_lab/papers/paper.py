@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from pellucid._errors import PellucidError
-from pellucid.study.answer import Answer, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from pellucid.study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts
 from pellucid.study.pages.page import Page, Section, Tile, without_drawing
 
 from .figure import Figures, Reproduced
@@ -138,14 +138,13 @@ class Paper(ABC):
         listed = "; ".join(f"{claim.name}: {claim}" for claim in claims)
         said = f"{listed}. " if claims else f"{counted} " if compared else ""
         about = self.printed
-        return Answer(
+        return answer_of_parts(
             "Do the claims of the paper hold on simulated data?",
-            verdict_of_parts(parts),
             f"{said}{self.headline(figures)}",
-            reason_of_parts(parts) or ("" if parts else "nothing of it is compared"),
-            tuple(parts),
+            parts,
             basis=Basis(len(figures), len(figures), "figure", "simulated rigs and people", is_simulated=True),
             next=(Step(f"Read what {about.authors} cannot have meant in print, with a test for each: docs/errata.md"),),
+            without_parts="nothing of it is compared",
         )
 
     def write_more(self, out: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.people.share_of_people import MIN_PEOPLE
-from pellucid.study.answer import Answer, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from pellucid.study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table, number_table
 from pellucid.study.pages.page import Page, Section, without_drawing, write_page
@@ -73,12 +73,10 @@ def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
     steps = [Step("Try the first on your own study; how", line="pellucid export --help")]
     if pairs < MIN_TOLD_PAIRS:
         steps.append(Step("Few pairs separate few controllers", line=f"pellucid rank --pairs {MIN_TOLD_PAIRS}"))
-    return Answer(
+    return answer_of_parts(
         "Does any controller leave less torque than every simple rival, by a test?",
-        verdict_of_parts(parts),
         _headline(tasks, pairs),
-        reason_of_parts(parts),
-        tuple(parts),
+        parts,
         basis=Basis(pairs, pairs, "pair", is_simulated=True),
         next=tuple(steps),
     )

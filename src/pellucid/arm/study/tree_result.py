@@ -18,7 +18,7 @@ from ...models.friction_terms import STRIBECK_FRICTION
 from ...models.robot import Robot
 from ...models.tree_card import JointRange, Ripple, TreeCard
 from ...numerics.motion import Filtering
-from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from ...study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, verdict_of_parts
 from ...study.pages.quantities import percent
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, ParameterTable, Result
@@ -301,13 +301,11 @@ def tree_answer(found: TreeResult) -> Answer:
         for name, error in zip(found.names, best.each, strict=True)
     ]
     recordings = len(found.checksums)
-    return Answer(
+    return answer_of_parts(
         f"Does the model predict each joint's effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
-        verdict,
         f"{said}.",
-        reason_of_parts(parts),
         parts,
-        tuple(numbers),
+        numbers,
         Basis(recordings, recordings, judged=judged),
         next=(
             Step("Make a controller of it", "export")

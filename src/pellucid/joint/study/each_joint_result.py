@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ...models.estimates import Parameter, Verdict
-from ...study.answer import Answer, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ...study.answer import Answer, AnswerPart, Basis, answer_of_parts
 from ...study.pages.quantities import percent, unit_text, value_and_half_interval
 from ...study.procedures.findings import MAX_GOOD_ERROR
 from ...study.procedures.result import FigureTable, HeldOutEffort, Result
@@ -143,13 +143,11 @@ def each_joint_answer(found: EachJointResult) -> Answer:
     numbers = [
         replace(number, what=f"{joint}: {number.what}") for joint, each in answers.items() for number in each.numbers
     ]
-    return Answer(
+    return answer_of_parts(
         f"Does each joint's model predict its effort where it was not fitted, within {MAX_GOOD_ERROR:g} %?",
-        verdict_of_parts(parts),
         f"{said}.",
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(recordings, recordings, judged=" and ".join(filter(None, judged))),
         next=(ROBOT_STEP,),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from ...._atomic import write_text_atomically
 from ...._errors import IdentificationError
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
@@ -164,16 +164,14 @@ def activations_answer(result: ActivationsResult) -> Answer:
         parts.append(AnswerPart(joint, "yes" if r2 >= MIN_EXPLAINED_PERCENT / 100.0 else "no", text))
         numbers.append(AnswerNumber(f"median R2 of a removed electrode, {joint}", r2, "1"))
     count = len(result.checksums)
-    return Answer(
+    return answer_of_parts(
         "Is the activation of a muscle whose electrode was removed predicted, with R² of "
         f"{MIN_EXPLAINED_PERCENT / 100.0:g} or more?",
-        verdict_of_parts(parts),
         result.headline,
-        reason_of_parts(parts) or ("" if parts else "no electrode could be removed"),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(count, count, judged="recordings that were not fitted"),
-        next=(PAPER_STEP,),
+        without_parts="no electrode could be removed",
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...._errors import RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow
@@ -102,15 +102,12 @@ def cocontraction_answer(result: CocontractionResult) -> Answer:
         else:
             parts.append(AnswerPart(name, "yes", f"{index.value:.0f} % ({_interval_text(index)} %)"))
     count = len(result.checksums)
-    return Answer(
+    return answer_of_parts(
         "Is the co-contraction of each pair known, with an interval?",
-        verdict_of_parts(parts),
         result.headline,
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(count, count),
-        next=(PAPER_STEP,),
     )
 
 

@@ -21,14 +21,12 @@ from ....files.fault import Fault
 from ....models.estimates import Verdict
 from ....numerics.filters import zero_phase_lowpass
 from ....study.answer import (
-    PAPER_STEP,
     Answer,
     AnswerNumber,
     AnswerPart,
     AnswerVerdict,
     Basis,
-    reason_of_parts,
-    verdict_of_parts,
+    answer_of_parts,
 )
 from ....study.pages.quantities import MINUS_SIGN
 from ....study.procedures.procedure import Progress, quiet
@@ -132,15 +130,12 @@ def force_answer(result: EmgForceResult) -> Answer:
         parts.append(AnswerPart(name, verdict, f"r {each.mean:.2f} ({each.low:.2f} to {each.high:.2f}): {each.answer}"))
         numbers.append(AnswerNumber(f"correlation of {name} with the force", each.mean, "1", (each.low, each.high)))
     count, least = len(result.checksums), next((each.follows for each in result.found), 1.0)
-    return Answer(
+    return answer_of_parts(
         f"Does the EMG of the named muscles follow the force, with a correlation of {least:g} or more?",
-        verdict_of_parts(parts),
         result.headline,
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(count, count),
-        next=(PAPER_STEP,),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...._errors import IdentificationError, RecordingError
 from ....files.fault import Fault
 from ....models.estimates import Verdict
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -152,15 +152,12 @@ def synergies_answer(result: SynergiesResult) -> Answer:
         numbers.append(AnswerNumber(f"held-out variance, {name}", 100.0 * share, "%"))
     recordings = len(result.checksums)
     judged = dict.fromkeys(group.judged_on for group in result.groups)
-    return Answer(
+    return answer_of_parts(
         f"Do fewer synergies than muscles account for {100.0 * MIN_HELDOUT_VARIANCE:g} % of the held-out variance?",
-        verdict_of_parts(parts),
         result.headline,
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(recordings, recordings, judged=", ".join(judged) if len(judged) == 1 else "held-out recordings"),
-        next=(PAPER_STEP,),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.gravity_holds import accuracy
-from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts, verdict_of_parts
 from ....study.procedures.findings import MIN_EXPLAINED_PERCENT
 from ....study.procedures.posterior_beside import (
     ComparedPosterior,
@@ -109,16 +109,15 @@ def coupling_answer(found: CouplingResult) -> Answer:
     controller = [
         Step(f"Make a controller for {who}", "export", ("--participant", who)) for who in list(found.wearers)[:1]
     ]
-    return Answer(
+    return answer_of_parts(
         f"Do the straps explain at least {MIN_EXPLAINED_PERCENT:.0f} % of the angle between limb and orthosis in "
         "swings that were not fitted?",
-        verdict,
         found.headline,
-        reason_of_parts(parts) or ("" if parts else "nobody wore the orthosis"),
-        tuple(parts),
-        tuple(AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()),
+        parts,
+        [AnswerNumber(f"explained held-out angle, {who}", fit, "%") for who, fit in held.items()],
         Basis(count, count, judged="swings that were not fitted" if np.isfinite(list(held.values())).any() else ""),
         next=tuple(controller) if verdict == "yes" else (Step("Hold swings out, and record faster ones"),),
+        without_parts="nobody wore the orthosis",
     )
 
 

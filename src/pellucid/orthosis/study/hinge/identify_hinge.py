@@ -18,7 +18,7 @@ from ....files.recording import Recording
 from ....models.estimates import Parameter, Verdict
 from ....models.parameter_card import ParameterCard
 from ....numerics.clocks import Alignment, align, clock_drift
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -386,15 +386,12 @@ def hinge_answer(found: HingeResult) -> Answer:
         AnswerPart(name, "yes" if error <= MAX_ANGLE_ERROR_DEG else "no", f"{quantity} {error:.2f} deg")
         for name, error in errors.items()
     ]
-    return Answer(
+    return answer_of_parts(
         question,
-        verdict_of_parts(parts),
         f"{what}: {text}.",
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(AnswerNumber(f"{quantity}, {name}", error, "deg") for name, error in errors.items()),
+        parts,
+        [AnswerNumber(f"{quantity}, {name}", error, "deg") for name, error in errors.items()],
         Basis(len(found.trials), count, judged=where),
-        next=(PAPER_STEP,),
     )
 
 

@@ -20,7 +20,7 @@ from ....models.estimates import Parameter, Verdict
 from ....models.friction_terms import is_friction
 from ....models.joint import GRAVITY
 from ....models.parameter_card import ParameterCard
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow, combined_checksum
@@ -216,15 +216,12 @@ def swing_answer(found: LoadedSwingResult) -> Answer:
         text = f"{leg.inertia.value:.3g} kg*m^2, ± {share:.0f} %"
         parts.append(AnswerPart(who, "yes" if told else "cannot say", text))
     count = len(found.checksums)
-    return Answer(
+    return answer_of_parts(
         f"Do the swings tell each leg's inertia, to ± {100.0 * MAX_RELATIVE_HALF_WIDTH:g} %?",
-        verdict_of_parts(parts),
         found.headline,
-        reason_of_parts(parts),
-        tuple(parts),
-        tuple(numbers),
+        parts,
+        numbers,
         Basis(count, count, judged="swings that were fitted"),
-        next=(PAPER_STEP,),
     )
 
 

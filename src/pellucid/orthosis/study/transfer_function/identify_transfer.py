@@ -13,7 +13,7 @@ from ....files.fault import Fault
 from ....files.recording import Recording
 from ....models.estimates import Verdict
 from ....models.parameter_card import ParameterCard
-from ....study.answer import PAPER_STEP, Answer, AnswerNumber, AnswerPart, Basis, reason_of_parts, verdict_of_parts
+from ....study.answer import Answer, AnswerNumber, AnswerPart, Basis, answer_of_parts
 from ....study.procedures.procedure import Progress, quiet
 from ....study.procedures.result import FigureTable, ParameterTable, Result
 from ....study.results import ResultRow
@@ -217,15 +217,13 @@ def transfer_answer(found: TransferResult) -> Answer:
             f"({min(outside):.1f} to {max(outside):.1f} %); each transfer function {where}"
         )
     count = len(found.checksums)
-    return Answer(
+    return answer_of_parts(
         f"Do the transfer functions predict what they were not fitted to, by {least:g} % or more?",
-        verdict_of_parts(parts),
         f"{said}.",
-        reason_of_parts(parts) or ("" if outside else "nothing could be held out"),
-        tuple(parts),
-        tuple(AnswerNumber(f"fit of {name} where it was not fitted", r.fit, "%") for name, r in found.heldout.items()),
+        parts,
+        [AnswerNumber(f"fit of {name} where it was not fitted", r.fit, "%") for name, r in found.heldout.items()],
         Basis(count - len(found.refused), count, judged="what was not fitted" if outside else ""),
-        next=(PAPER_STEP,),
+        without_parts="nothing could be held out",
     )
 
 
