@@ -6,10 +6,10 @@ import pytest
 import pellucid as pl
 from pellucid.files.defects.garbage import zeroed_rows
 from pellucid.files.log import inspect_log, log_of
-from pellucid.files.readers import read_columns
+from pellucid.files.readers import Columns, read_columns
 from pellucid.files.recording import LOCKED_SPRING_PROTOCOL
 from pellucid.joint.fit.recording_agreement import RecordingRows, _compare, estimate_step
-from pellucid.start.given_files import read_given
+from pellucid.start.given_files import read_given, tables_of_columns
 from pellucid.start.init_from_files import missing_part
 from pellucid.start.propose_study import propose_study, require_signed_effort
 from pellucid.start.try_log import try_log
@@ -204,6 +204,17 @@ def test_packets_of_zeros_are_left_out(tmp_path):
     gravity = {p.name: p.value for p in found.joints[0].parameters}
     assert np.hypot(gravity["gravity"], gravity["gravity_cosine"]) == pytest.approx(GRAVITY, rel=0.03)
     assert found.answer.verdict == "yes"
+
+
+def test_packets_of_zeros_are_left_out_of_every_recording_of_a_file(tmp_path):
+    values = {}
+    for trial in ("trial_1", "trial_2"):
+        t, q, _, tau = swing(seconds=10.0)
+        lost = np.arange(len(t)) % 97 == 50
+        own = {"t": t, "q": np.where(lost, 0.0, 1.0 + q), "tau": np.where(lost, 0.0, tau)}
+        values |= {f"{trial}.{name}": x for name, x in own.items()}
+    tables = tables_of_columns(Columns(tmp_path / "all.npz", values, recordings=("trial_1", "trial_2")))
+    assert [table.rows for table in tables] == [2000 - int(lost.sum())] * 2
 
 
 def test_zeros_of_a_machine_at_rest_are_no_lost_packets():

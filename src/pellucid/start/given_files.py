@@ -177,7 +177,7 @@ def tables_of_columns(columns: Columns) -> list[GivenTable]:
     keys = columns.recordings or _trial_keys(long)
     if keys:
         return [
-            replace(empty, columns=part, key=key, facts=_facts_of(facts, key, keys))
+            replace(empty, columns=_without_zeroed_rows(part), key=key, facts=_facts_of(facts, key, keys))
             for key in keys
             for part in _by_length(_below(long, key)).values()
             if len(part) > 1 or len(keys) == 1
