@@ -305,8 +305,7 @@ def inspect_log(log: Log) -> tuple[LogFinding, ...]:
         longest = kept.stop - kept.start
     zeroed = garbage.zeroed_rows({n: c.samples for n, c in table.items()})
     if zeroed.any():
-        text = f"{int(zeroed.sum())} of {longest} rows in which every channel is 0: packets without data"
-        found.append(LogFinding(garbage.KIND, log.time or "time", text, ALARM_LEVEL))
+        found.append(LogFinding(garbage.KIND, log.time or "time", garbage.zeroed_text(zeroed), ALARM_LEVEL))
         table = {n: replace(c, samples=c.samples[~zeroed]) for n, c in table.items()}
         channels |= table
         longest = int(np.sum(~zeroed))

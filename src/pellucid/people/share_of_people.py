@@ -318,10 +318,11 @@ def _pivots(
 ) -> np.ndarray:
     """Return draws of the share of people beyond both ends, without the noise of movements; shape (..., draws)."""
     mean, variance = d.mean(axis=-1)[..., None], _variance(d, fit)[..., None]
-    z, chance, another = _pivot_draws(PIVOT_COUNT if d.ndim == 1 else MANY_PIVOT_COUNT)
-    drawn = variance * fit.degrees / stats.chi2.ppf(chance, fit.degrees)
+    count = PIVOT_COUNT if d.ndim == 1 else MANY_PIVOT_COUNT
+    z, of_variance, of_noise = _pivot_draws(count, fit.degrees, noise.degrees)
+    drawn = variance * of_variance
     middle = mean + z * np.sqrt(drawn / fit.people)
-    subtracted = np.asarray(noise.variance)[..., None] * noise.degrees / stats.chi2.ppf(another, noise.degrees)
+    subtracted = np.asarray(noise.variance)[..., None] * of_noise
     of_people = np.sqrt(np.maximum(drawn - subtracted, 0.0))
     below, above = ends[0] + allowance - middle, middle - (ends[1] - allowance)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -329,12 +330,16 @@ def _pivots(
     return np.where(of_people > 0.0, tails, (np.maximum(below, above) > 0.0).astype(float))
 
 
-@lru_cache(maxsize=2)
-def _pivot_draws(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return normal scores and two sets of chances, each evenly spaced and in an order of its own."""
+@lru_cache(maxsize=16)
+def _pivot_draws(count: int, degrees: float, noise_degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return normal scores, and pivots of both variances over their estimates, evenly spaced in chance; (count,) each.
+
+    Each is in an order of its own.
+    """
     rng = np.random.default_rng([SHAPE_SEED, 2])
     even = (np.arange(count) + 0.5) / count
-    return stats.norm.ppf(rng.permutation(even)), rng.permutation(even), rng.permutation(even)
+    z, one, other = stats.norm.ppf(rng.permutation(even)), rng.permutation(even), rng.permutation(even)
+    return z, degrees / stats.chi2.ppf(one, degrees), noise_degrees / stats.chi2.ppf(other, noise_degrees)
 
 
 def _standardised_gaps(

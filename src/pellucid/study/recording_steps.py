@@ -20,7 +20,7 @@ from .._errors import RecordingError
 from ..files.clock import first_deliveries
 from ..files.cut import Cut
 from ..files.defects.garbage import KIND as GARBAGE_KIND
-from ..files.defects.garbage import find_garbage, zeroed_rows
+from ..files.defects.garbage import find_garbage, zeroed_rows, zeroed_text
 from ..files.delay import initial_offset, join_stream, shift_channels, undo_lags
 from ..files.kept_columns import kept_columns
 from ..files.optical import AXES, OpticalRecording
@@ -186,8 +186,7 @@ def remove_zeroed_rows(recording: Recording, file: RecordedFile) -> Recording:
         return recording
     rest = _with_rows(recording, ~zeroed)
     n, end = len(rest), float(rest.time[-1])
-    text = f"{int(zeroed.sum())} of {len(zeroed)} rows in which every channel is 0: packets without data"
-    return replace(rest, cuts=(*rest.cuts, Cut(GARBAGE_KIND, "time", end, end, n, n - 1, text)))
+    return replace(rest, cuts=(*rest.cuts, Cut(GARBAGE_KIND, "time", end, end, n, n - 1, zeroed_text(zeroed))))
 
 
 def remove_repeated_rows(recording: Recording, file: RecordedFile) -> Recording:

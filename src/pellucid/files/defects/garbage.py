@@ -119,6 +119,11 @@ def zeroed_rows(channels: Mapping[str, np.ndarray]) -> np.ndarray:
     return none
 
 
+def zeroed_text(zeroed: np.ndarray) -> str:
+    """Return in words how many rows `zeroed_rows` found."""
+    return f"{int(zeroed.sum())} of {len(zeroed)} rows in which every channel is 0: packets without data"
+
+
 def _changes(x: np.ndarray) -> bool:
     known = x[np.isfinite(x)]
     return len(known) > 0 and float(np.ptp(known)) > 0.0

@@ -160,14 +160,17 @@ def _repeated_tables(content: bytes) -> dict[str, bytes]:
     A line above a header that is none of numbers names the table; without one it is a part with its number.
     """
     lines = content.splitlines()
+    places: dict[bytes, list[int]] = {line: [] for line in lines[:MAX_SAMPLED_ROWS] if re.search(rb"[A-Za-z]", line)}
+    for i, line in enumerate(lines):
+        if line in places:
+            places[line].append(i)
     heads: list[int] = []
-    for i, line in enumerate(lines[:MAX_SAMPLED_ROWS]):
-        if re.search(rb"[A-Za-z]", line) and _first_row([_split(line.decode(errors="replace"), None)]) is None:
-            again = [k for k, other in enumerate(lines) if other == line]
-            # Below a header there are rows.
-            if len(again) > 1 and again[0] == i and min(b - a for a, b in pairwise(again)) > MIN_TABLE_LINES:
-                heads = again
-                break
+    for line, again in places.items():
+        # Below a header there are rows.
+        is_apart = len(again) > 1 and min(b - a for a, b in pairwise(again)) > MIN_TABLE_LINES
+        if is_apart and _first_row([_split(line.decode(errors="replace"), None)]) is None:
+            heads = again
+            break
     if not heads or len(heads) > MAX_REPEATED_TABLES:
         return {}
     parts: dict[str, bytes] = {}

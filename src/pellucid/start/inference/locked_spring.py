@@ -167,8 +167,8 @@ def find_locked_spring(
                 found = _evidence(sign * (moved - still), effort[rows], rate)
                 if found is None or not found.follows:
                     continue
-                alone = _evidence(sign * moved, effort[rows], rate)
-                if found.is_no_weight or _is_stiff(found, radians_per_unit, is_torque) or _gives(found, alone):
+                is_told = found.is_no_weight or _is_stiff(found, radians_per_unit, is_torque)
+                if is_told or _gives(found, _evidence(sign * moved, effort[rows], rate)):
                     against = "" if sign > 0 else ", with the other sign"
                     why = f'"{locked}" is locked, and the effort follows "{driven}" minus "{locked}"{against}'
                     return LockedSpring(driven, locked, f"{why}: {_said(found)}", sign)
