@@ -38,8 +38,9 @@ MARGIN_RATIO = 0.10
 MARGIN = Margin.of_ratio(MARGIN_RATIO)
 """The same in logarithms."""
 
-LOST_SHARES = (0.09, 0.3)
-"""Shares of the robot's movements that are lost, the longest ones: just fewer than an assessment allows, and more."""
+LOSS_CASES = ((0.09, 0.12), (0.3, 0.12), (0.09, 0.4))
+"""Shares of the robot's movements that are lost, the longest ones, and standard deviations of a person's movements in
+logarithms: just fewer than an assessment allows, more, and just fewer of movements that vary much."""
 
 PEOPLE = 12
 """Number of people of each study with losses."""
@@ -51,7 +52,7 @@ CORRECTED_MOVEMENTS = 20
 """Number of movements of a person and condition whose angle is made."""
 
 MOVEMENT_LOG_SD = 0.12
-"""Standard deviation of a person's movements, in logarithms."""
+"""Standard deviation of a person's movements with corrections, in logarithms."""
 
 CORRECTION_CASES = {
     "as fast": "primary movements as fast as without the robot",
@@ -67,10 +68,10 @@ RATE = 100.0
 def rows(studies: int) -> Iterator[tuple[str, float, str, str]]:
     """Name, value, unit and note of each figure; `studies` of each case of corrections."""
     blocks = range(0, LOSS_STUDY_COUNT, BLOCK)
-    jobs = [(transparent_count, share, first) for share in LOST_SHARES for first in blocks]
-    said = np.reshape(ordered_results(jobs), (len(LOST_SHARES), -1)).sum(axis=1)
-    cells = {f"{100.0 * share:g} %": 100.0 * n / (len(blocks) * BLOCK)
-             for share, n in zip(LOST_SHARES, said.tolist(), strict=True)}  # fmt: skip
+    jobs = [(transparent_count, *case, first) for case in LOSS_CASES for first in blocks]
+    said = np.reshape(ordered_results(jobs), (len(LOSS_CASES), -1)).sum(axis=1)
+    cells = {f"{100.0 * share:g} % (SD {100.0 * spread:g} %)": 100.0 * n / (len(blocks) * BLOCK)
+             for (share, spread), n in zip(LOSS_CASES, said.tolist(), strict=True)}  # fmt: skip
     worst = max(cells, key=cells.__getitem__)
     note = f"the longest movements are lost, the worst of {', '.join(cells)}: {worst}; {LOSS_STUDY_COUNT} studies each"
     yield "losses.false_transparent", cells[worst], "%", note
@@ -91,15 +92,18 @@ def rows(studies: int) -> Iterator[tuple[str, float, str, str]]:
     yield "backward_corrections.seen_change", seen, "%", "the same by pl.movement_indices, from sampled, noisy angles"
 
 
-def transparent_count(share: float, first: int) -> int:
-    """Return how many of a block of studies are called transparent, of whose robot's movements a `share` is lost."""
-    rng = np.random.default_rng([SEED, 1, round(1e3 * share), first])
+def transparent_count(share: float, spread: float, first: int) -> int:
+    """Return how many of a block of studies are called transparent, of whose robot's movements a `share` is lost.
+
+    `spread` is the standard deviation of a person's movements, in logarithms.
+    """
+    rng = np.random.default_rng([SEED, 1, round(1e3 * share), round(1e3 * spread), first])
     who = np.repeat(np.arange(PEOPLE), 2 * MOVEMENTS).tolist()
     what = ["free"] * MOVEMENTS + ["robot"] * MOVEMENTS
     said = 0
     for _ in range(BLOCK):
         own = MARGIN.high * (1.0 + rng.standard_normal((PEOPLE, 1)) / 3.0)
-        z = MOVEMENT_LOG_SD * rng.standard_normal((PEOPLE, 2 * MOVEMENTS))
+        z = spread * rng.standard_normal((PEOPLE, 2 * MOVEMENTS))
         pace = 0.15 * rng.standard_normal((PEOPLE, 1))
         times = np.exp(pace + z + own * (np.arange(2 * MOVEMENTS) >= MOVEMENTS))
         robot = z[:, MOVEMENTS:]

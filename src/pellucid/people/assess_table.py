@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from .certificate import (
     CANNOT_SAY,
     LOST_MOVEMENTS_DOUBT,
     LOST_PEOPLE_DOUBT,
+    UNEVEN_LOSSES_DOUBT,
     Certificate,
     LostCounts,
     PeoplesChanges,
@@ -36,6 +37,7 @@ from .learning import OrderedMovements, learning
 from .movement_indices import shared_cells
 from .movement_noise import MovementNoise, movement_noise
 from .share_of_people import DEFAULT_RULE
+from .uneven_losses import completed_values, excess_losses
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -521,7 +523,30 @@ def _changes(
         losers=np.array([any(gone for gone, _ in each.values()) for each in lost_by_person]),
         alike=rows.alike,
         noise=_noise(rows, index, end, both, pair),
+        completed=_completed(rows, index, end, both, pair, conditions),
     )
+
+
+def _completed(
+    rows: _Rows, index: str, end: EndPoint, both: Sequence[str], pair: tuple[str, str], conditions: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return people's changes, (n,) each, with the excess losses of one condition counted as extreme values.
+
+    None without such losses.
+    """
+    excess = excess_losses(_lost(rows, index, both, pair), pair)
+    if excess is None:
+        return None
+    movements = list(zip(rows.who, rows.what, rows.cells, strict=True))
+
+    def changes(upwards: bool) -> np.ndarray:
+        values = completed_values(rows.values[index], movements, *excess, upwards=upwards)
+        names, recorded, means = _values(replace(rows, values={index: values}), index, both, conditions)
+        means = means[[names.index(person) for person in both]]
+        base, own = (means[:, recorded.index(c)] for c in pair)
+        return end.differences(own, base)
+
+    return changes(False), changes(True)
 
 
 def _noise(
@@ -567,5 +592,7 @@ def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], 
 DOUBT_WORDS = {
     LOST_MOVEMENTS_DOUBT: "too many movements are missing",
     LOST_PEOPLE_DOUBT: "too many participants are missing",
+    UNEVEN_LOSSES_DOUBT: "one condition lost more movements than the other, and were these the most extreme ones the "
+    "change would not be shown to lie within",
 }
 """Reasons, by doubt, why a claim is not made; of other doubts their name."""

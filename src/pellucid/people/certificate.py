@@ -63,7 +63,7 @@ CANNOT_SAY = "cannot say"
 class Doubt:
     """Another possible cause of a change, and the equivalence test of the end point without that cause."""
 
-    what: str  # cause: ``"period"``, ``"learning"``, ``"left out"``, ``"lost movements"`` or ``"lost people"``
+    what: str  # cause: ``"period"``, ``"learning"``, ``"left out"``, ``"lost movements"``, ``"uneven losses"`` or ``"lost people"``
     p_value: float  # p value of the test that the cause has no effect
     without: Equivalence  # test of the end point with the effect of the cause removed
     always: bool = False  # True: both tests must agree even if the cause is not significant
@@ -251,6 +251,8 @@ class PeoplesChanges:
     failed: tuple[np.ndarray, np.ndarray] | None = None  # bounds with failed movements counted as longer than any
     lost: LostCounts = field(default_factory=dict)
     losers: np.ndarray | None = None  # (n,) whether a person lost a movement
+    # changes with the excess losses of one condition counted as extremely short and as extremely long, (n,) each
+    completed: tuple[np.ndarray, np.ndarray] | None = None
     alike: bool = True  # whether movements are compared with alike ones
     noise: MovementNoise | None = None  # noise of `seen` by single movements, if there are enough to tell it
 
@@ -280,6 +282,10 @@ def decide(
             doubts[name].append(learning_doubt(own.drift, own.at_end, tests[name]))
         if own.failed is not None:
             doubts[name].append(failed_doubt(own.failed, tests[name]))
+        # With max_left_out = 1 the conditions have different numbers of movements by design, and none was lost.
+        counts = analysis.max_left_out < 1.0 and not too_many_lost(own.lost, analysis.max_left_out)
+        if own.completed is not None and counts:
+            doubts[name].append(uneven_losses_doubt(own.completed, tests[name]))
     with_margins = dict(curves or {})
     every: dict[str, Equivalence | CurveComparison] = {**tests, **with_margins}
     lost = {name: own.lost for name, own in changes.items()} | dict(lost_of_curves or {})
@@ -339,6 +345,9 @@ LEFT_OUT_DOUBT = "left out"
 LOST_MOVEMENTS_DOUBT = "lost movements"
 """Doubt: more movements than `max_left_out` allows gave the end point no value."""
 
+UNEVEN_LOSSES_DOUBT = "uneven losses"
+"""Doubt: one condition lost more movements than the other; counted as extreme ones, they would change the verdict."""
+
 LOST_PEOPLE_DOUBT = "lost people"
 """Doubt: more participants than `max_left_out` allows take no part."""
 
@@ -375,6 +384,18 @@ def _tested_as(test: Equivalence, differences: np.ndarray, upper: np.ndarray | N
 def failed_doubt(bounds: tuple[np.ndarray, np.ndarray], test: Equivalence) -> Doubt:
     """Return the doubt that failed movements, counted as longer than any other, change the verdict."""
     return Doubt(LEFT_OUT_DOUBT, float("nan"), _tested_as(test, *bounds), always=True)
+
+
+def uneven_losses_doubt(completed: tuple[np.ndarray, np.ndarray], test: Equivalence) -> Doubt | None:
+    """Return the doubt that the movements that one condition lost more than the other were extreme ones.
+
+    `completed` are people's changes, (n,) each, with these movements counted as beyond the smallest and as beyond the
+    largest that were seen. A claim of "beyond" is not affected: it stands for the movements that were seen.
+    """
+    if test.p_within > test.alpha:
+        return None
+    worst = max((_tested_as(test, changes) for changes in completed), key=lambda each: each.p_within)
+    return Doubt(UNEVEN_LOSSES_DOUBT, float("nan"), worst, always=True)
 
 
 def learning_doubt(drift: np.ndarray, at_end: np.ndarray, test: Equivalence) -> Doubt:

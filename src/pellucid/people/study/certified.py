@@ -26,6 +26,7 @@ from ..movement_indices import IndexTable, index_table
 from ..movement_noise import MovementNoise, movement_noise
 from ..power import Active, find_equivalence_participants, lasting_bounds
 from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
+from ..uneven_losses import completed_values, excess_losses
 from .assessment_result import Certified
 from .measured_study import MeasuredStudy
 from .movement_curves import Curves, compare_with_control
@@ -220,8 +221,41 @@ def study_changes(
             point.margin, seen, _bounds(whole, point, seen, conditions, condition, people), sessions,
             None if trend is None else trend[0], at_end, failed, lost[name], losers[name],
             noise=_noise(whole, point, condition, base, people, order),
+            completed=_completed(whole, point, conditions, condition, people, lost[name]),
         )  # fmt: skip
     return made
+
+
+def _completed(
+    whole: MeasuredStudy, point: EndPoint, conditions: Sequence[str], condition: str, people: list[str],
+    lost: LostCounts,
+) -> tuple[np.ndarray, np.ndarray] | None:  # fmt: skip
+    """Return people's changes, (n,) each, with the excess losses of one condition counted as extreme values.
+
+    None without such losses, and for an index without values of single movements.
+    """
+    index, control = point.index, conditions[0]
+    excess = excess_losses(lost, (control, condition))
+    if excess is None or index.spread or index.of_curve is not None:
+        return None
+    own: Sequence = whole.lasted if index.lasting else whole.movements
+    keys = [(m.participant, m.condition, m.cell) for m in own]
+    values = np.array([m.seconds if index.lasting else m.values.get(index.of, np.nan) for m in own])
+
+    def changes(upwards: bool) -> np.ndarray:
+        made = completed_values(values, keys, *excess, upwards=upwards).tolist()
+        if index.lasting:
+            lasted = [replace(m, seconds=value) for m, value in zip(own, made, strict=True)]
+            table = index_table([], index, people, conditions, control, lasted)
+        else:
+            moved = [replace(m, values={**m.values, index.of: value}) for m, value in zip(own, made, strict=True)]
+            table = index_table(moved, index, people, conditions, control, ())
+        if table is None or any(person not in table.participants for person in people):
+            return np.full(len(people), np.nan)
+        return _differences(table, point, condition, control, people)
+
+    both = changes(False), changes(True)
+    return both if np.isfinite(both).all() else None
 
 
 def _noise(

@@ -19,6 +19,7 @@ from ..certificate import (
     LOST_PEOPLE_DOUBT,
     PASS,
     PERIOD_DOUBT,
+    UNEVEN_LOSSES_DOUBT,
     Doubt,
     share_reason,
     too_many_lost,
@@ -54,6 +55,7 @@ DOUBT_DESCRIPTIONS = {
     LEARNING_DOUBT: "by the last third of movements, which were still changing,",
     LEFT_OUT_DOUBT: "with targets that got no movement counted as never reached",
     LOST_MOVEMENTS_DOUBT: "whatever the people did whose movements were left out",
+    UNEVEN_LOSSES_DOUBT: "with the movements that one condition lost more than the other counted as extreme ones",
     LOST_PEOPLE_DOUBT: "whatever the people did who take no part",
 }
 """Description, by doubt, of an end point's change after correction for it."""
@@ -346,6 +348,7 @@ DOUBT_REMEDIES = {
     LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
     LEFT_OUT_DOUBT: "Find why targets got no movement.",
     LOST_MOVEMENTS_DOUBT: "Find why movements were left out, and record again.",
+    UNEVEN_LOSSES_DOUBT: "Find why movements were left out in one condition more than in the other, and record again.",
     LOST_PEOPLE_DOUBT: "Find why people take no part, and record them again.",
 }
 """Advice by doubt."""
