@@ -75,6 +75,11 @@ class EndPoint:
         """Entry of the catalogue for this coordinate."""
         return indices_along(COORDINATES_BY_UNIT[self.along])[self.name]
 
+    @property
+    def catalogued(self) -> Index | None:
+        """Entry of the catalogue; None for a column of a table that the catalogue does not know."""
+        return indices_along(COORDINATES_BY_UNIT[self.along]).get(self.name)
+
     def differences(self, own: np.ndarray, control: np.ndarray | None) -> np.ndarray:
         """Return each participant's difference that is compared with the margin, (n,)."""
         if control is None:
@@ -85,7 +90,8 @@ class EndPoint:
         """Convert a difference for display: to %, or to the unit of tables."""
         if self.ratio:
             return 100.0 * float(np.expm1(value))
-        return (100.0 if self.index.over_control else self.index.shown[0]) * value
+        index = self.catalogued
+        return value if index is None else (100.0 if index.over_control else index.shown[0]) * value
 
     @property
     def logs(self) -> bool:
@@ -95,9 +101,10 @@ class EndPoint:
     @property
     def unit(self) -> str:
         """Unit of `shown`."""
-        if self.ratio or self.index.over_control:
+        index = self.catalogued
+        if self.ratio or (index is not None and index.over_control):
             return "%"
-        return self.index.shown[1]
+        return "" if index is None else index.shown[1]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,26 +18,20 @@ import numpy as np
 from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
 from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand, keywords_beside
-from .certificate import (
-    CANNOT_SAY,
-    LOST_MOVEMENTS_DOUBT,
-    LOST_PEOPLE_DOUBT,
-    UNEVEN_LOSSES_DOUBT,
-    Certificate,
-    LostCounts,
-    PeoplesChanges,
-    decide,
-    too_many_lost,
-    undecided_reason,
-)
+from .certificate import PASS, Certificate, LostCounts, PeoplesChanges, decide, too_many_lost
+from .certificate_text import change_text, interval_text, p_text, people_text
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
-from .equivalence import DEFAULT_CARRY_OVER, UNDECIDED
+from .equivalence import DEFAULT_CARRY_OVER, Equivalence, equivalence
 from .learning import OrderedMovements, learning
+from .margin import Margin
 from .movement_indices import shared_cells
 from .movement_noise import MovementNoise, movement_noise
 from .share_of_people import DEFAULT_RULE
 from .uneven_losses import completed_values, excess_losses
+
+NO_MARGIN = Margin(-float("inf"), 0.0)
+"""Margin of an index that has none: of its test only the change, its interval and the p value of no change are used."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +57,9 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         Other columns that were taken as part of the design, and so are no indices.
     notes : tuple of str
         What limits the comparison, in sentences.
+    changes : mapping of str to mapping of str to Equivalence
+        By index and condition, people's changes from control: of an index with a margin those of its certificate, of
+        another one differences in the unit of its column. The printed change, its 95 % interval and p are of these.
     """
 
     comparisons: Mapping[str, ConditionComparison]
@@ -73,6 +70,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
     factors: tuple[str, ...] = ()
     uncompared: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    changes: Mapping[str, Mapping[str, Equivalence]] = field(default_factory=dict)
 
     def __getitem__(self, index: str) -> ConditionComparison:
         if index not in self.comparisons:
@@ -91,38 +89,43 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         return data_frame({name: [row[name] for row in rows] for name in rows[0]} if rows else {})
 
     def _rows(self) -> list[dict[str, Any]]:
-        return [
-            {
-                "index": index,
-                "condition": name,
-                "change": each.change,
-                "low": each.interval[0],
-                "high": each.interval[1],
-                "p": each.p,
-                "standardised": each.standardised,
-            }
-            for index, comparison in self.comparisons.items()
-            for name, each in comparison.pairwise.items()
-        ]
+        made = []
+        for index, comparison in self.comparisons.items():
+            holm_p = {name: each.p for name, each in comparison.pairwise.items()}
+            for name, test in self.changes[index].items():
+                point = self._point(index, name)
+                low, high = (point.shown(end) for end in test.interval)
+                made.append({
+                    "index": index, "condition": name, "change": point.shown(test.estimate), "low": low, "high": high,
+                    "unit": point.unit, "p": test.p_no_change, "p_signed_rank_holm": holm_p[name],
+                    "standardised": comparison.pairwise[name].standardised,
+                })  # fmt: skip
+        return made
+
+    def _point(self, index: str, condition: str) -> EndPoint:
+        """Return the end point of an index; one without a margin is in the unit of its column."""
+        own = self.certificates.get(condition)
+        if own is not None and index in own.end_points:
+            return own.point(index)
+        return EndPoint("", "rad", "", NO_MARGIN, False)
 
     def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         head = ("index", "condition", "change", "95 % interval", "p")
-        return head, [
-            (
-                row["index"],
-                row["condition"],
-                f"{row['change']:+.4g}",
-                f"{row['low']:+.4g} to {row['high']:+.4g}",
-                f"{row['p']:.3g}",
-            )
-            for row in self._rows()
-        ]
+        made = []
+        for index, tests in self.changes.items():
+            for name, test in tests.items():
+                point = self._point(index, name)
+                change, interval = change_text(point, test), f"{interval_text(point, test)} {point.unit}".rstrip()
+                made.append((index, name, change, interval, p_text(test.p_no_change)))
+        return head, made
 
     def _facts(self) -> tuple[str, ...]:
         said = [f"{len(self.participants)} participants"]
         if self.left_out:
             said.append(f"left out for a missing condition: {', '.join(self.left_out)}")
         said += [f"{name}: {each.statement}{self._why(name)}" for name, each in self.certificates.items()]
+        if any(self._point(index, name).unit == "" for index, tests in self.changes.items() for name in tests):
+            said.append("changes without % are in the unit of their column")
         if self.factors:
             said.append(f"taken as factors, movements compared within their levels: {', '.join(self.factors)}")
         if self.uncompared:
@@ -132,18 +135,23 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         return (*said, *self.notes)
 
     def _why(self, condition: str) -> str:
-        """Return why a certificate cannot say, in brackets; "" where it can."""
-        own, reasons = self.certificates[condition], []
-        for name in own.end_points:
-            if own.said_of(name) != UNDECIDED:
-                continue
-            found = [DOUBT_WORDS.get(doubt.what, doubt.what) for doubt in own.contradicted(name)]
-            if not found and (own.lacks_people(name) or own.verdict == CANNOT_SAY):
-                test = own.end_points[name]
-                reason = undecided_reason(test, own.rule)
-                found = ["; ".join((f"undecided: {reason}", *self._losses(name, test.pairs)))]
-            if found:
-                reasons.append(f"{name} {', '.join(found)}")
+        """Return in brackets why a certificate cannot say, or what its claim rests on."""
+        own = self.certificates[condition]
+        if own.verdict == PASS:
+            said = [f"{name} {change_text(own.point(name), test)}, {100.0 * (1.0 - 2.0 * own.alpha):g} % interval "
+                    f"{interval_text(own.point(name), test)} {own.point(name).unit}, "
+                    f"{people_text(test.share_test(own.rule))}".replace(" , ", ", ")
+                    for name, test in own.end_points.items()]  # fmt: skip
+            points = [point for name in own.end_points if (point := own.tipping_point(name)) is not None]
+            if points:
+                said.append(f"{own.assumption()}, and one over {min(points):.2f} margins would overturn the verdict")
+            return f" ({'; '.join(said)})"
+        reasons = []
+        for name, test in own.end_points.items():
+            reason = own.reason(name)
+            if reason:
+                losses = [] if own.contradicted(name) else self._losses(name, test.pairs)
+                reasons.append(f"{name} {'; '.join((reason, *losses))}")
         return f" ({'; '.join(reasons)})" if reasons else ""
 
     def _losses(self, index: str, people: int) -> list[str]:
@@ -312,27 +320,48 @@ def _assessed(
     }
     lost = {name: _lost(rows, name, tables[name][0], tables[name][1]) for name in indices}
     certificates = {}
+    periods: Mapping[tuple[str, str], float] = {}
+    if stated.sequence:
+        periods = _periods_of_sequences(columns[stated.sequence], who, conditions, stated.sequence)
+    elif stated.period:
+        periods = _mean_periods(columns[stated.period], who, what, stated.period)
+    else:
+        periods = _periods(design, roles, who, what)
     if margins:
         both = [p for p in participants if all(p in tables[name][0] for name in margins)]
-        if stated.sequence:
-            periods = _periods_of_sequences(columns[stated.sequence], who, conditions, stated.sequence)
-        elif stated.period:
-            periods = _mean_periods(columns[stated.period], who, what, stated.period)
-        else:
-            periods = _periods(design, roles, who, what)
         for name in conditions[1:]:
             changes = {
                 index: _changes(rows, tables[index], index, end, (control, name), both, conditions, periods, stated)
                 for index, end in ends.items()
             }
             missing = len({*people_names, *stated.excluded}) - len(both)
-            certificates[name] = decide(stated, changes, lost_people=missing)
+            certificates[name] = decide(stated, changes, lost_people=missing, points=ends)
+    tests = {index: _tests(tables[index], index, conditions, certificates, stated, periods) for index in indices}
     notes += _notes(tables, participants, lost, stated.max_left_out)
     notes += [f"{person}: excluded: {why}" for person, why in stated.excluded.items()]
     uncompared = tuple(name for name in roles if name not in used)
     return TableAssessment(
-        comparisons, participants, left_out, certificates, lost, tuple(used), (*uncompared, *ordering), tuple(notes)
-    )
+        comparisons, participants, left_out, certificates, lost, tuple(used), (*uncompared, *ordering), tuple(notes),
+        tests,
+    )  # fmt: skip
+
+
+def _tests(
+    table: tuple[tuple[str, ...], list[str], np.ndarray], index: str, conditions: Sequence[str],
+    certificates: Mapping[str, Certificate], stated: Analysis, periods: Mapping[tuple[str, str], float],
+) -> dict[str, Equivalence]:  # fmt: skip
+    """Return the tests of an index's changes from control, by condition, with intervals of 95 %."""
+    names, recorded, values = table
+    control, made = conditions[0], {}
+    for name in conditions[1:]:
+        own = certificates.get(name)
+        if own is not None and index in own.end_points:
+            made[name] = own.end_points[index].tested_again(alpha=0.025)
+        elif control in recorded and name in recorded:
+            sessions = stated.sessions(periods, names, conditions, name)
+            changes = values[:, recorded.index(name)] - values[:, recorded.index(control)]
+            made[name] = equivalence(changes, NO_MARGIN, alpha=0.025, method=stated.method, sessions=sessions)
+    return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -509,6 +538,13 @@ def _changes(
         raise PellucidError(f"assess, {index}: found means of 0 or less, expected positive ones for its margin")
     seen = end.differences(own, base)
     used = rows.values[index]
+    below = np.flatnonzero(used < 0.0)
+    if end.ratio and len(below):
+        i = int(below[0])
+        raise PellucidError(
+            f"assess, column {index}, row {i} ({rows.who[i]}, {rows.what[i]}): found {used[i]:g}, expected no negative "
+            "values: its margin is a share of control"
+        )
     if end.ratio:
         used = np.log(np.where(used > 0.0, used, np.nan))
     trend = learning(OrderedMovements(rows.who, rows.what, rows.cells, used, rows.order), both, pair)
@@ -587,12 +623,3 @@ def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], 
                 "nothing is known of these"
             )
     return notes
-
-
-DOUBT_WORDS = {
-    LOST_MOVEMENTS_DOUBT: "too many movements are missing",
-    LOST_PEOPLE_DOUBT: "too many participants are missing",
-    UNEVEN_LOSSES_DOUBT: "one condition lost more movements than the other, and were these the most extreme ones the "
-    "change would not be shown to lie within",
-}
-"""Reasons, by doubt, why a claim is not made; of other doubts their name."""

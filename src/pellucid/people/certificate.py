@@ -26,13 +26,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from .._errors import PellucidError
+from .._tabular import data_frame, html_table, text_table
 from ..numerics.block_test import holm
-from .analysis import ESTIMAND_METHODS, Analysis, Estimand
+from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand
+from .certificate_text import (
+    change_text,
+    interval_text,
+    p_text,
+    people_text,
+    signed_text,
+    tipping_text,
+    undecided_reason,
+)
 from .comparison import signed_rank
 from .curves import CurveComparison
 from .equivalence import (
@@ -47,7 +57,7 @@ from .equivalence import (
 )
 from .movement_noise import MovementNoise
 from .session_periods import SessionPeriods
-from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, SHOWN, TOO_FEW, ShareRule, ShareTest
+from .share_of_people import DEFAULT_RULE, SHOWN, ShareRule, ShareTest
 
 PASS = "transparent"
 """Verdict if every end point lies within its margin."""
@@ -63,7 +73,7 @@ CANNOT_SAY = "cannot say"
 class Doubt:
     """Another possible cause of a change, and the equivalence test of the end point without that cause."""
 
-    what: str  # cause: ``"period"``, ``"learning"``, ``"left out"``, ``"lost movements"``, ``"uneven losses"`` or ``"lost people"``
+    what: str  # cause: `PERIOD_DOUBT` or another of the constants below
     p_value: float  # p value of the test that the cause has no effect
     without: Equivalence  # test of the end point with the effect of the cause removed
     always: bool = False  # True: both tests must agree even if the cause is not significant
@@ -73,7 +83,7 @@ class Doubt:
         return self.always or self.p_value <= alpha
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """Result of the joint test of all end points under one condition."""
 
@@ -84,6 +94,7 @@ class Certificate:
     curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # curves with margins, judged as end points
     rule: ShareRule = DEFAULT_RULE  # shares of people that must be shown
     post_hoc: tuple[str, ...] = ()  # in what the analysis deviates from the registered one, in words
+    points: Mapping[str, EndPoint] = field(default_factory=dict)  # end points as they were stated
 
     @property
     def statement(self) -> str:
@@ -133,6 +144,73 @@ class Certificate:
     def share_test(self, name: str) -> ShareTest | None:
         """Return the tests of the shares of people of an end point; None of a curve."""
         return self.end_points[name].share_test(self.rule) if name in self.end_points else None
+
+    def point(self, name: str) -> EndPoint:
+        """Return an end point as it was stated; one that was not is in the unit of its differences."""
+        own = self.points.get(name)
+        return EndPoint(name, "rad", "", self.end_points[name].margin, False) if own is None else own
+
+    def reason(self, name: str) -> str:
+        """Return why nothing is claimed of an end point; "" where it is within or beyond its margin."""
+        if self.said_of(name) != UNDECIDED:
+            return ""
+        doubts = [DOUBT_WORDS[doubt.what] for doubt in self.contradicted(name)]
+        if doubts or name not in self.end_points:
+            return ", ".join(doubts)
+        return f"undecided: {undecided_reason(self.point(name), self.end_points[name], self.rule)}"
+
+    def assumption(self) -> str:
+        """Return the largest carry-over that is assumed, in a sentence; "" where sessions have no order."""
+        ordered = [test for test in self.end_points.values() if test.sessions is not None]
+        if not ordered:
+            return ""
+        return f"assumed: a carry-over between sessions of at most {ordered[0].largest_carry_over:g} margins"
+
+    def to_frame(self):
+        """Return one row for each end point as a data frame; needs pandas."""
+        rows = self._rows()
+        return data_frame({name: [row[name] for row in rows] for name in rows[0]} if rows else {})
+
+    def _rows(self) -> list[dict[str, Any]]:
+        made = []
+        for name, test in self.end_points.items():
+            point, shares = self.point(name), test.share_test(self.rule)
+            low, high = (point.shown(end) for end in test.interval)
+            made.append({
+                "index": name, "change": point.shown(test.estimate), "low": low, "high": high, "unit": point.unit,
+                "margin_low": point.shown(test.margin.low), "margin_high": point.shown(test.margin.high),
+                "p_within": test.p_within, "p_beyond": self.beyond[name], "people": shares.people,
+                "people_within": shares.within, "least_share_within": shares.least_within,
+                "most_share_far": shares.most_far, "tipping_point": self.tipping_point(name),
+                "largest_carry_over": test.largest_carry_over, "said": self.said_of(name), "reason": self.reason(name),
+            })  # fmt: skip
+        return made
+
+    def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        head = ("index", "change", f"{100.0 * (1.0 - 2.0 * self.alpha):g} % interval", "margin", "p within", "people",
+                "carry-over that overturns it", "said")  # fmt: skip
+        rows = []
+        for name, test in self.end_points.items():
+            point = self.point(name)
+            margin = " to ".join("none" if np.isinf(end) else signed_text(point, end)
+                                 for end in (test.margin.low, test.margin.high))  # fmt: skip
+            rows.append((
+                name, change_text(point, test), f"{interval_text(point, test)} {point.unit}".rstrip(),
+                f"{margin} {point.unit}".rstrip(), p_text(test.p_within), people_text(test.share_test(self.rule)),
+                tipping_text(self.tipping_point(name), test), self.said_of(name),
+            ))  # fmt: skip
+        return head, rows
+
+    def _facts(self) -> tuple[str, ...]:
+        reasons = [f"{name}, {reason}" for name in self._all if (reason := self.reason(name))]
+        apart = f"post hoc, not as registered: {'; '.join(self.post_hoc)}" if self.post_hoc else ""
+        return tuple(fact for fact in (*reasons, self.assumption(), apart) if fact)
+
+    def __repr__(self) -> str:
+        return "\n".join((self.statement, text_table(*self._table()), *self._facts()))
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Certificate: {self.statement}", *self._table(), self._facts())
 
     def people_answer(self, name: str) -> str:
         """Return ``"shown"``, ``"not shown"`` or ``"too few"``: are the shares of people of an end point shown?
@@ -266,12 +344,14 @@ def decide(
     lost_of_curves: Mapping[str, LostCounts] | None = None,
     registered: Analysis | None = None,
     method: Method | None = None,
+    points: Mapping[str, EndPoint] | None = None,
 ) -> Certificate:
     """Return the certificate of one condition: the one place where an analysis is executed.
 
     Recordings, tables, arrays, a running session and a ranking of controllers all come here. `changes` are those of the
     people with all end points, and `lost_people` is the number of the others. Losses, periods and learning are checked
     by what `changes` say of them. With another analysis than the `registered` one the certificate is post hoc.
+    `points` are the end points as they were stated, for units in reports.
     """
     alpha, used = analysis.alpha, ESTIMAND_METHODS[analysis.estimand] if method is None else method
     tests = {name: tested_changes(own, analysis, used) for name, own in changes.items()}
@@ -298,7 +378,8 @@ def decide(
         doubts.setdefault(name, []).append(doubt)
     known = {name: tuple(each for each in own if each is not None) for name, own in doubts.items()}
     made = certificate_from_tests(tests, alpha, known, with_margins, analysis.rule)
-    return replace(made, post_hoc=() if registered is None else analysis.deviations(registered))
+    post_hoc = () if registered is None else analysis.deviations(registered)
+    return replace(made, post_hoc=post_hoc, points=points or {})
 
 
 def tested_changes(own: PeoplesChanges, analysis: Analysis, method: Method) -> Equivalence:
@@ -350,6 +431,17 @@ UNEVEN_LOSSES_DOUBT = "uneven losses"
 
 LOST_PEOPLE_DOUBT = "lost people"
 """Doubt: more participants than `max_left_out` allows take no part."""
+
+DOUBT_WORDS = {
+    PERIOD_DOUBT: "without the effect of the period it is not shown",
+    LEARNING_DOUBT: "movements were still changing, and by the last third of them it is not shown",
+    LEFT_OUT_DOUBT: "with failed movements counted as never reached it is not shown",
+    LOST_MOVEMENTS_DOUBT: "too many movements are missing",
+    UNEVEN_LOSSES_DOUBT: "one condition lost more movements than the other; with these counted as extreme ones it is "
+    "not shown",
+    LOST_PEOPLE_DOUBT: "too many participants are missing",
+}
+"""Reason, by doubt, why a claim is not made."""
 
 LostCounts = Mapping[str, tuple[int, int]]
 """Number of movements without a value, and of all movements, by condition."""
@@ -442,50 +534,6 @@ def doubts_of_lost_people(
             bounded = _without_knowing(test, hidden)
             made[name] = Doubt(LOST_PEOPLE_DOUBT, float("nan"), bounded, always=True)
     return made
-
-
-def undecided_reason(test: Equivalence, rule: ShareRule = DEFAULT_RULE) -> str:
-    """Return why a test of logarithms of ratios claims neither "within" nor "beyond", by the rule that decided."""
-    (low, high), n = test.interval, test.pairs
-    if test.verdict == BEYOND_MARGIN:
-        return f"beyond the margin if tested alone, with {n} people; of several end points one may be so by chance"
-    reasons = []
-    allowed = test.allowance
-    if not np.isfinite([low, high]).all():
-        reasons.append(f"the change has no bounds with {n} people")
-    elif low - allowed <= test.margin.low or high + allowed >= test.margin.high:
-        widened = low - allowed, high + allowed
-        ends, margin = (100.0 * np.expm1(pair) for pair in (widened, (test.margin.low, test.margin.high)))
-        more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
-        reasons.append(
-            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people{more}, {ends[0]:+.1f} to "
-            f"{ends[1]:+.1f} %, reaches past an end of the margin, {margin[0]:+.1f} to {margin[1]:+.1f} %"
-        )
-    shares = test.share_test(rule)
-    if shares.far:
-        reasons.append(f"{shares.far} of {n} people lie beyond {rule.far_margins:g} margins")
-    if shares.answer == TOO_FEW:
-        reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
-    elif shares.answer == NOT_SHOWN and not reasons:
-        reasons.append(share_reason(shares))
-    return "; ".join(reasons)
-
-
-def share_reason(shares: ShareTest) -> str:
-    """Return which share of people is not shown, with its bound."""
-    rule, level = shares.rule, f"{100.0 * (1.0 - shares.rule.alpha):g} % confidence"
-    reasons = []
-    if shares.p_within > rule.alpha:
-        reasons.append(
-            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows that at "
-            f"least {100.0 * shares.least_within:.0f} % of people do ({level}), not {100.0 * rule.within:g} %"
-        )
-    if shares.p_far > rule.alpha:
-        reasons.append(
-            f"{shares.far} of {shares.people} people lie beyond {rule.far_margins:g} margins; up to "
-            f"{100.0 * shares.most_far:.0f} % of people may ({level}), not at most {100.0 * rule.far:g} %"
-        )
-    return "; ".join(reasons)
 
 
 def _without_knowing(test: Equivalence | CurveComparison, hidden: np.ndarray | None) -> Equivalence:

@@ -148,7 +148,7 @@ def certify(
                 f"{len(free)}"
             )
         changes[name] = PeoplesChanges(end.margin, end.differences(worn, free), sessions=sessions)
-    return decide(stated, changes)
+    return decide(stated, changes, points=stated.end_points())
 
 
 def _of_table(table: object, stated: Analysis, compared: str | None) -> Certificate:

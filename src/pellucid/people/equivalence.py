@@ -73,6 +73,9 @@ MAX_TIPPING_POINT = 10.0
 MAX_BAYES_FACTOR = 1000.0
 """Largest Bayes factor that is told: what is beyond it depends on the tails of the prior and not on the data."""
 
+TINY = float(np.finfo(float).tiny)
+"""Half-width of a margin around no change: a change as small as this cannot be told from none."""
+
 PRIOR_SCALE = 0.5**0.5
 """Scale of the Cauchy prior on the standardised change."""
 
@@ -159,6 +162,20 @@ class Equivalence:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if says(middle) == said else (low, middle)
         return low
+
+    @property
+    def p_no_change(self) -> float:
+        """Two-sided p value of "no change", by the test of the interval; NaN for a model.
+
+        It is below 2 alpha exactly where the interval, of confidence 1 - 2 alpha, excludes 0.
+        """
+        if not len(self.differences):
+            return nan
+        upper = self.differences if self.upper is None else self.upper
+        zero = Margin(-TINY, TINY)
+        method = cast("Method", self.method)
+        beyond = margin_p_values(self.differences, upper, zero, self.fit, method, self.sessions, 0.0)[1]
+        return min(1.0, 2.0 * float(beyond))
 
     @property
     def people_within(self) -> int:

@@ -371,6 +371,9 @@ class Active:
         )  # fmt: skip
 
 
+MIN_FORECAST_PEOPLE = 3
+"""Smallest number of people whose changes tell how many people are needed."""
+
 CERTIFICATE_SIZES = (12, 14, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that the search tries first. It does not look for more than the last."""
 

@@ -209,6 +209,8 @@ class Answer:
         What to do next, the first step first.
     is_unconfirmed : bool
         Whether nothing but an unconfirmed default, on which every number depends, keeps it from being yes or no.
+    qualifier : str
+        What limits the verdict, such as ``"post hoc"``; it stands on the badge.
     """
 
     question: str
@@ -221,6 +223,7 @@ class Answer:
     assumed: tuple[Assumption, ...] = ()
     next: tuple[Step, ...] = field(default=())
     is_unconfirmed: bool = False
+    qualifier: str = ""
 
     @property
     def is_answered(self) -> bool:
@@ -229,8 +232,8 @@ class Answer:
 
     @property
     def badge(self) -> str:
-        """Word on the badge."""
-        return BADGE_WORDS[self.verdict]
+        """Words on the badge."""
+        return BADGE_WORDS[self.verdict] + (f" ({self.qualifier})" if self.qualifier else "")
 
     @property
     def sentence(self) -> str:
@@ -267,6 +270,7 @@ class Answer:
         return {
             "question": self.question,
             "verdict": self.verdict,
+            "qualifier": self.qualifier,
             "said": begun(self.sentence),
             "reason": plain_text(self.reason),
             "parts": [asdict(part) for part in self.parts],

@@ -12,6 +12,7 @@ from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
+from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
 from .certified_rows import certificate_sentences
 from .primary_change import PrimaryChange, primary_change
@@ -39,7 +40,8 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     # One transparent condition is enough; all must be shown to be none for "no".
     verdict: AnswerVerdict = "yes" if "yes" in said else "no" if said == {"no"} else "cannot say"
     question = "Is any condition shown to be transparent?" if len(parts) > 1 else "Is it transparent?"
-    if any(each.certificate.post_hoc for each in found.certified):
+    is_post_hoc = any(each.certificate.post_hoc for each in found.certified)
+    if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
     reason = "" if verdict == "yes" else "; ".join(part.reason for part in parts if part.verdict == verdict)
     steps = [_recording_step(each) for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
@@ -50,6 +52,7 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     return Answer(
         question, verdict, f"{statements}{beyond}{_changes_text(found)}", reason, tuple(parts),
         tuple(_numbers(found)), _basis(found), next=tuple(dict.fromkeys(following)),
+        qualifier="post hoc" if is_post_hoc else "",
     )  # fmt: skip
 
 
@@ -63,6 +66,12 @@ def _beyond_text(each: Certified) -> str:
 def _recording_step(each: Certified) -> Step:
     """Return what to record, and of how many people, where a certificate cannot say."""
     now, condition = each.participants, each.condition.replace("_", " ")
+    more_precise = f"more movements of each person with {condition}, or measure more finely"
+    if now < MIN_PEOPLE and each.needed is None and now >= MIN_FORECAST_PEOPLE:
+        return Step(
+            f"Record {more_precise}, of {MIN_PEOPLE} people or more: from fewer nothing is claimed to lie within a "
+            f"margin, and as these {now} differ no study of up to {CERTIFICATE_SIZES[-1]} would show it"
+        )
     if now < MIN_PEOPLE:
         return Step(
             f"Record {MIN_PEOPLE - now} more people, {MIN_PEOPLE} in all: from fewer nothing is claimed to lie within "
@@ -75,10 +84,7 @@ def _recording_step(each: Certified) -> Step:
             f"Record {each.needed - now} more people with {condition}, about {each.needed} in all: so many show it in "
             "9 of 10 studies if nothing changes; then assess again"
         )
-    return Step(
-        f"Record more movements of each of the {now} people with {condition}, or measure more finely; more people "
-        "alone are unlikely to decide it"
-    )
+    return Step(f"Record {more_precise}; more people than these {now} alone are unlikely to decide it")
 
 
 def _change_answer(found: AssessmentResult) -> Answer:

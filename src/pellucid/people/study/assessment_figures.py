@@ -17,11 +17,12 @@ from ...study.pages.forest import Estimate, forest_panel
 from ...study.pages.moving import MovingDrawing, Way, strokes
 from ...study.pages.quantities import MINUS_SIGN, unit_text
 from ...units import COORDINATES_BY_UNIT, Coordinate
+from ..certificate_text import change_figure
 from ..design_columns import DIRECTION_DOWN, DIRECTION_UP
 from ..movement_indices import Isochrony
 from .assessment_result import Assessed, Certified, Profile, Settling
 from .movement_curves import QUANTITY_NAMES
-from .primary_change import PrimaryChange, change_figure
+from .primary_change import PrimaryChange
 
 CONDITION_COLOUR_ROLES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Colour roles of control and of the other conditions in their order; further conditions share the last."""

@@ -23,6 +23,7 @@ from ...study.procedures.result import FigureTable
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..analysis import ANALYSIS_FILE
+from ..certificate_text import people_text
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
 from . import assessment_figures as figures
@@ -30,7 +31,7 @@ from . import assessment_tables as tables
 from .assessment_answer import change_value, known_changes
 from .assessment_result import AssessmentResult, kept_certificates
 from .assessment_table import AssessmentTable
-from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences, people_text
+from .certified_rows import TEST_ASSUMPTIONS, TEST_NAMES, certificate_remarks, certificate_sentences
 from .pointing import REASON_WORDS
 from .primary_change import ESTIMAND_WORDS, primary_change
 from .statements import p_statement

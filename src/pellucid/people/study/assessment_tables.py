@@ -10,11 +10,12 @@ import numpy as np
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.procedures.result import FigureTable
 from ...study.results import ResultRow, combined_checksum
+from ..certificate_text import change_figure
 from ..equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
 from ..indices import index_names
 from ..power import CANDIDATE_SIZES
 from .certified_rows import beside_table, certificate_rows, certificate_table, curve_table, doubt_table
-from .primary_change import ESTIMAND_WORDS, change_figure, primary_change
+from .primary_change import ESTIMAND_WORDS, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed

@@ -24,7 +24,7 @@ from ..learning import OrderedMovements, learning
 from ..mixed_model import MIN_MOVEMENTS, MixedModel, failed_model, mixed_model
 from ..movement_indices import IndexTable, index_table
 from ..movement_noise import MovementNoise, movement_noise
-from ..power import Active, find_equivalence_participants, lasting_bounds
+from ..power import MIN_FORECAST_PEOPLE, Active, find_equivalence_participants, lasting_bounds
 from ..session_periods import MIN_ORDERED_PEOPLE, adjustment
 from ..uneven_losses import completed_values, excess_losses
 from .assessment_result import Certified
@@ -411,7 +411,7 @@ def _certify(
     lost_people = tuple(p for p in (*found.participants, *found.without) if p not in people)
     joint = decide(
         analysis, changes, lost_people=len(lost_people), curves=with_margins, lost_of_curves=lost_of_curves,
-        registered=registered,
+        registered=registered, points=wanted,
     )  # fmt: skip
     another = "signed_rank" if analysis.method == "skew_robust" else "skew_robust"
     other = {name: tested_changes(own, analysis, another) for name, own in changes.items()}
@@ -446,7 +446,7 @@ def _people_needed(
     wanted: Mapping[str, EndPoint], joint: Certificate, seen: Mapping[str, np.ndarray], active: Active, executor: Any
 ) -> int | None:
     tests = joint.end_points
-    if len(next(iter(seen.values()))) < 3:
+    if len(next(iter(seen.values()))) < MIN_FORECAST_PEOPLE:
         return None
     # The effects of periods are none of how much people differ.
     seen = {name: seen[name] if tests[name].bounded else tests[name].differences for name in wanted}

@@ -21,13 +21,21 @@ from ..certificate import (
     PERIOD_DOUBT,
     UNEVEN_LOSSES_DOUBT,
     Doubt,
-    share_reason,
     too_many_lost,
 )
+from ..certificate_text import (
+    change_text,
+    interval_text,
+    p_text,
+    people_text,
+    share_reason,
+    signed_text,
+    tipping_text,
+)
 from ..equivalence import BEYOND_MARGIN, MAX_BAYES_FACTOR, MAX_TIPPING_POINT, UNDECIDED, WITHIN_MARGIN, Equivalence
-from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, TOO_FEW, ShareTest
+from ..power import CERTIFICATE_SIZES
+from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, TOO_FEW
 from .movement_curves import QUANTITY_NAMES
-from .primary_change import change_figure
 
 if TYPE_CHECKING:
     from .assessment_result import AssessmentResult, Certified, EndPoint
@@ -68,33 +76,15 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
         for name, point in each.end_points.items():
             own = each.certificate.end_points[name]
             rows.append(
-                (each.condition, point.index.short, _change(point, own), _interval(point, own), point.stated,
-                 _p(own.p_within), people_text(own.share_test(each.certificate.rule)), tipping_text(each, name),
-                 each.certificate.said_of(name))
+                (each.condition, point.index.short, change_text(point, own), interval_text(point, own), point.stated,
+                 p_text(own.p_within), people_text(own.share_test(each.certificate.rule)),
+                 tipping_text(each.certificate.tipping_point(name), own), each.certificate.said_of(name))
             )  # fmt: skip
     heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People",
              "Carry-over that overturns it", "Said")  # fmt: skip
     return FigureTable(
         f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
     )
-
-
-def people_text(shares: ShareTest) -> str:
-    """Say how many people lie within, and what the bounds of both shares are."""
-    counted = f"{shares.within} of {shares.people} within"
-    if shares.answer == TOO_FEW:
-        return f"{counted}: too few"
-    far = f"at most {100.0 * shares.most_far:.0f} % beyond {shares.rule.far_margins:g} margins"
-    return f"{counted}: at least {100.0 * shares.least_within:.0f} %; {far}"
-
-
-def tipping_text(each: Certified, name: str) -> str:
-    """Say how large a carry-over would overturn what is said of an end point."""
-    own, test = each.certificate.tipping_point(name), each.certificate.end_points[name]
-    if own is not None:
-        most = own > MAX_TIPPING_POINT - 0.1
-        return f"none up to {MAX_TIPPING_POINT:g} margins" if most else f"over {own:.2f} margins"
-    return "sessions not ordered" if test.sessions is None else "none"
 
 
 def beside_table(found: AssessmentResult) -> FigureTable:
@@ -107,7 +97,7 @@ def beside_table(found: AssessmentResult) -> FigureTable:
                 fitted = test == "mixed_model"
                 failed = fitted and bool(model.trouble)
                 spread = f"{_scaled(point, model.spread):.3g} {point.unit}".strip() if fitted and not failed else None
-                cells = (None, None) if failed else (_change(point, own), _interval(point, own))
+                cells = (None, None) if failed else (change_text(point, own), interval_text(point, own))
                 said = "no answer" if failed else own.verdict
                 movements = model.movements if fitted else None
                 rows.append((each.condition, point.index.short, ANALYSIS_NAMES[test], *cells, spread, movements, said))
@@ -135,7 +125,7 @@ def doubt_table(found: AssessmentResult) -> FigureTable:
 def _doubt(doubt: Doubt | None) -> str | None:
     if doubt is None:
         return None
-    return doubt.without.verdict if np.isnan(doubt.p_value) else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
+    return doubt.without.verdict if np.isnan(doubt.p_value) else f"{p_text(doubt.p_value)}, {doubt.without.verdict}"
 
 
 def curve_table(found: AssessmentResult) -> FigureTable:
@@ -144,9 +134,9 @@ def curve_table(found: AssessmentResult) -> FigureTable:
     for each in found.certified:
         for curve in each.curves:
             own = curve.comparison
-            at = "; ".join(f"{c.first} to {c.last} % ({_p(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
+            at = "; ".join(f"{c.first} to {c.last} % ({p_text(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
             curve_verdict = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
-            cells = curve.stated or None, _p(own.p_within) if curve.stated else None, curve_verdict
+            cells = curve.stated or None, p_text(own.p_within) if curve.stated else None, curve_verdict
             rows.append((each.condition, QUANTITY_NAMES[curve.quantity], _furthest(curve), at or "nowhere", *cells))
     heads = ("Condition", "Curve", "Furthest", "Differs at (p)", "Margin", "p within", "Said")
     return FigureTable("Curves over the time of a movement", heads, tuple(rows))
@@ -161,30 +151,8 @@ def _share(found: AssessmentResult) -> float:
     return 100.0 * (1.0 - 2.0 * found.certified[0].certificate.alpha)
 
 
-def _signed(point: EndPoint, value: float) -> str:
-    return change_figure(point.shown(value), point.unit)
-
-
 def _scaled(point: EndPoint, spread: float) -> float:
     return 100.0 * spread if point.logs else point.shown(spread)
-
-
-def _change(point: EndPoint, own: Equivalence) -> str | None:
-    if not np.isfinite(own.estimate):
-        return "not known"
-    least = "at least " if own.bounded and np.isfinite(own.differences).all() else ""
-    return f"{least}{_signed(point, own.estimate)} {point.unit}".strip()
-
-
-def _interval(point: EndPoint, own: Equivalence) -> str:
-    low, high = own.interval
-    if not np.isfinite(low) and not np.isfinite(high):
-        return "none: too few people" if not own.bounded else "none: cut off"
-    return f"{'none' if np.isinf(low) else _signed(point, low)} to {'none' if np.isinf(high) else _signed(point, high)}"
-
-
-def _p(p: float) -> str:
-    return "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
 def _nearest_text(each: Certified) -> str:
@@ -201,8 +169,8 @@ def _nearest_text(each: Certified) -> str:
     point, own = each.end_points[name], each.certificate.end_points[name]
     level = 100.0 * (1.0 - 2.0 * each.certificate.alpha)
     return (
-        f"; nearest to its margin is {point.index.words.lower()}, {_change(point, own)} ({level:g} % interval "
-        f"{_interval(point, own)}, margin {point.stated})"
+        f"; nearest to its margin is {point.index.words.lower()}, {change_text(point, own)} ({level:g} % interval "
+        f"{interval_text(point, own)}, margin {point.stated})"
     )
 
 
@@ -286,7 +254,8 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         if each.needed is not None and each.needed > each.participants
         else "As people differ here, these many would mostly have shown it were there no change: there may be one."
         if each.needed is not None
-        else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
+        else f"With people who differ as these do, no study of up to {CERTIFICATE_SIZES[-1]} would: measure more "
+        "finely, or more movements."
     )
     return f"Undecided: {', '.join(undecided)}.{counts} {more}"
 
@@ -304,7 +273,8 @@ def _far(each: Certified) -> list[str]:
         test, count = each.certificate.end_points[name], each.certificate.rule.far_margins
         rows = test.far_people
         if rows:
-            who = ", ".join(f"{_person(each, i)} ({_signed(point, test.differences[i])} {point.unit})" for i in rows)
+            changes = [f"{signed_text(point, test.differences[i])} {point.unit}" for i in rows]
+            who = ", ".join(f"{_person(each, i)} ({change})" for i, change in zip(rows, changes, strict=True))
             lie = "lies" if len(rows) == 1 else "lie"
             remarks.append(
                 f"{each.condition}: {who} {lie} far beyond in {point.index.short}: more than {count:g} margins "

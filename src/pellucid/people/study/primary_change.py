@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis import ESTIMAND_METHODS, EndPoint, Estimand
+from ..certificate_text import change_figure
 from ..equivalence import Margin, equivalence
 from ..indices import CutOff
 from ..movement_indices import IndexTable
@@ -29,13 +30,6 @@ ESTIMAND_WORDS: dict[Estimand, str] = {
     "mean and people": "mean of people's own changes",
 }
 """Words for the estimates."""
-
-
-def change_figure(value: float, unit: str) -> str:
-    """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
-    if unit != "%":
-        return f"{value:+.3g}"
-    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{round(value, 1) + 0.0:+.1f}"  # 0 has no minus sign
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,111 @@
+"""What a certificate says in words: changes, intervals, shares of people, tipping points and reasons.
+
+Terminal, page, table and notebook all take these words from here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .equivalence import BEYOND_MARGIN, MAX_TIPPING_POINT, Equivalence
+from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, TOO_FEW, ShareRule, ShareTest
+
+if TYPE_CHECKING:
+    from .analysis import EndPoint
+
+
+def change_figure(value: float, unit: str) -> str:
+    """Return a change, or an end of its interval, with the digits that every part of a report gives it."""
+    if unit != "%":
+        return f"{value:+.3g}"
+    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{round(value, 1) + 0.0:+.1f}"  # 0 has no minus sign
+
+
+def signed_text(point: EndPoint, value: float) -> str:
+    """Return a difference with its sign, in the unit that reports show."""
+    return change_figure(point.shown(value), point.unit)
+
+
+def change_text(point: EndPoint, test: Equivalence) -> str:
+    """Return the change of an end point with its unit."""
+    if not np.isfinite(test.estimate):
+        return "not known"
+    least = "at least " if test.bounded and np.isfinite(test.differences).all() else ""
+    return f"{least}{signed_text(point, test.estimate)} {point.unit}".strip()
+
+
+def interval_text(point: EndPoint, test: Equivalence) -> str:
+    """Return the interval of a change without its unit, or why there is none."""
+    low, high = test.interval
+    if not np.isfinite(low) and not np.isfinite(high):
+        return "none: too few people" if not test.bounded else "none: cut off"
+    ends = ("none" if np.isinf(end) else signed_text(point, end) for end in (low, high))
+    return " to ".join(ends)
+
+
+def p_text(p: float) -> str:
+    """Return a p value as tables have it."""
+    return "< 0.001" if p < 0.001 else f"{p:.2g}"
+
+
+def people_text(shares: ShareTest) -> str:
+    """Say how many people lie within, and what the bounds of both shares are."""
+    counted = f"{shares.within} of {shares.people} within"
+    if shares.answer == TOO_FEW:
+        return f"{counted}: too few"
+    far = f"at most {100.0 * shares.most_far:.0f} % beyond {shares.rule.far_margins:g} margins"
+    return f"{counted}: at least {100.0 * shares.least_within:.0f} %; {far}"
+
+
+def tipping_text(tipping_point: float | None, test: Equivalence) -> str:
+    """Say how large a carry-over, in margins, would overturn what is said of an end point."""
+    if tipping_point is not None:
+        most = tipping_point > MAX_TIPPING_POINT - 0.1
+        return f"none up to {MAX_TIPPING_POINT:g} margins" if most else f"over {tipping_point:.2f} margins"
+    return "sessions not ordered" if test.sessions is None else "nothing is claimed"
+
+
+def undecided_reason(point: EndPoint, test: Equivalence, rule: ShareRule = DEFAULT_RULE) -> str:
+    """Return why a test claims neither "within" nor "beyond", by the rule that decided."""
+    (low, high), n, unit = test.interval, test.pairs, f" {point.unit}".rstrip()
+    if test.verdict == BEYOND_MARGIN:
+        return f"beyond the margin if tested alone, with {n} people; of several end points one may be so by chance"
+    reasons = []
+    allowed = test.allowance
+    if not np.isfinite([low, high]).all():
+        reasons.append(f"the change has no bounds with {n} people")
+    elif low - allowed <= test.margin.low or high + allowed >= test.margin.high:
+        ends = [signed_text(point, end) for end in (low - allowed, high + allowed)]
+        margin = ["none" if np.isinf(end) else signed_text(point, end) for end in (test.margin.low, test.margin.high)]
+        more = f" with a carry-over of up to {test.largest_carry_over:g} margins" if allowed else ""
+        reasons.append(
+            f"the {100.0 * (1.0 - 2.0 * test.alpha):g} % interval of {n} people{more}, {ends[0]} to {ends[1]}{unit}, "
+            f"reaches past an end of the margin, {margin[0]} to {margin[1]}{unit}"
+        )
+    shares = test.share_test(rule)
+    if shares.far:
+        reasons.append(f"{shares.far} of {n} people lie beyond {rule.far_margins:g} margins")
+    if shares.answer == TOO_FEW:
+        reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
+    elif shares.answer == NOT_SHOWN and not reasons:
+        reasons.append(share_reason(shares))
+    return "; ".join(reasons)
+
+
+def share_reason(shares: ShareTest) -> str:
+    """Return which share of people is not shown, with its bound."""
+    rule, level = shares.rule, f"{100.0 * (1.0 - shares.rule.alpha):g} % confidence"
+    reasons = []
+    if shares.p_within > rule.alpha:
+        reasons.append(
+            f"{shares.within} of {shares.people} people lie within the margin{shares.noise_note}, which shows that at "
+            f"least {100.0 * shares.least_within:.0f} % of people do ({level}), not {100.0 * rule.within:g} %"
+        )
+    if shares.p_far > rule.alpha:
+        reasons.append(
+            f"{shares.far} of {shares.people} people lie beyond {rule.far_margins:g} margins; up to "
+            f"{100.0 * shares.most_far:.0f} % of people may ({level}), not at most {100.0 * rule.far:g} %"
+        )
+    return "; ".join(reasons)

@@ -1,0 +1,79 @@
+"""What certificates and tables say must follow from one test: change, interval, p, people, carry-over and reason."""
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+
+ORDERED = {"control": "free", "design": "AB/BA", "period": "period", "margins": {"duration": "10 %"}}
+
+
+def crossover(change=0.0, *, people=16, between=0.03, movements=8, noise=0.05, seed=0):
+    """Return a table of movements of a balanced cross-over study; `change` is that of logarithms."""
+    rng = np.random.default_rng(seed)
+    found = {"participant": [], "condition": [], "period": [], "duration": [], "vmax": []}
+    for p in range(people):
+        own = change + between * rng.standard_normal()
+        for period, condition in enumerate(("free", "worn") if p % 2 else ("worn", "free"), start=1):
+            times = np.exp(noise * rng.standard_normal(movements) + own * (condition == "worn"))
+            found["participant"] += [f"P{p}"] * movements
+            found["condition"] += [condition] * movements
+            found["period"] += [period] * movements
+            found["duration"] += times.tolist()
+            found["vmax"] += (90.0 / times).tolist()
+    return found
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_interval_and_p_of_a_table_never_disagree(seed):
+    change = np.random.default_rng([5, seed]).uniform(0.0, 0.04)
+    found = pl.assess(crossover(change, seed=seed), analysis=ORDERED)
+    for row in found._rows():
+        assert (row["p"] < 0.05) == (row["low"] > 0.0 or row["high"] < 0.0), row
+
+
+def test_a_table_tells_changes_as_its_certificate_does():
+    found = pl.assess(crossover(), analysis=ORDERED)
+    own = found.certificates["worn"].end_points["duration"]
+    row = next(row for row in found._rows() if row["index"] == "duration")
+    assert row["unit"] == "%"
+    assert row["change"] == pytest.approx(100.0 * np.expm1(own.estimate))
+    assert "changes without % are in the unit of their column" in repr(found)
+
+
+def test_a_transparent_table_says_what_its_claim_rests_on():
+    said = repr(pl.assess(crossover(), analysis=ORDERED))
+    for part in ("90 % interval", " of 16 within: at least", "carry-over between sessions of at most 0.25 margins", "overturn"):
+        assert part in said
+
+
+def test_a_certificate_prints_its_verdict_and_reason():
+    good = pl.certify(crossover(), analysis=ORDERED)
+    assert repr(good).startswith("transparent\nindex ")
+    assert "assumed: a carry-over" in repr(good)
+    few = pl.certify(crossover(people=8), analysis=ORDERED)
+    assert "duration, undecided: too few people: 8 took part" in repr(few)
+    assert few.reason("duration") in few._repr_html_()
+    assert good.reason("duration") == ""
+
+
+def test_a_certificate_of_differences_is_told_in_their_unit():
+    free = np.random.default_rng(0).normal(1.0, 0.1, 16)
+    found = pl.certify({"jerk": (free, free + 0.01)}, {"jerk": 0.2}, relative=False)
+    (row,) = found._rows()
+    assert (row["change"], row["margin_high"], row["unit"]) == (pytest.approx(0.01), pytest.approx(0.2), "")
+
+
+def test_a_frame_has_a_row_for_each_end_point():
+    pytest.importorskip("pandas")
+    frame = pl.certify(crossover(), analysis=ORDERED).to_frame()
+    assert list(frame["said"]) == ["within"]
+    assert frame["tipping_point"][0] > 0.25
+
+
+def test_a_negative_value_of_a_relative_end_point_is_refused_with_its_row():
+    table = crossover()
+    table["duration"][5] = -0.3
+    with pytest.raises(PellucidError, match=r"column duration, row 5 \(P0, worn\): found -0.3, expected no negative"):
+        pl.assess(table, analysis=ORDERED)
