@@ -2,8 +2,9 @@ r"""May a robot be called transparent? All end points together, each within its 
 
 "Transparent" is claimed only if every end point lies within its margin: an intersection-union test, whose level is
 that of each [1]_, so that nothing is divided by the number of end points; power is what many of them cost. "Not
-transparent" is claimed if one end point lies beyond its margin; of several tries one may succeed by chance, so their p
-are corrected after Holm. Between both the study cannot say, and is told how many participants would.
+transparent" is claimed if one end point lies beyond its margin, or if more people lie far beyond it than a transparent
+robot may have; of several tries one may succeed by chance, so the p of each claim are corrected after Holm. Between
+both the study cannot say, and is told how many participants would.
 
 What is claimed is an *estimand*, stated before the data: the mean of people's changes or their pseudo-median. Where
 sessions came in an order, it is estimated without the effects of their periods, and claimed for every carry-over up to
@@ -95,6 +96,7 @@ class Certificate:
     rule: ShareRule = DEFAULT_RULE  # shares of people that must be shown
     post_hoc: tuple[str, ...] = ()  # in what the analysis deviates from the registered one, in words
     points: Mapping[str, EndPoint] = field(default_factory=dict)  # end points as they were stated
+    far: Mapping[str, float] = field(default_factory=dict)  # p values of "too many people far beyond", after Holm
 
     @property
     def statement(self) -> str:
@@ -122,7 +124,7 @@ class Certificate:
         """Return ``"within"``, ``"beyond"`` (corrected after Holm) or ``"undecided"`` by the test of one end point."""
         if self._all[name].p_within <= self.alpha:
             return WITHIN_MARGIN
-        return BEYOND_MARGIN if self.beyond[name] <= self.alpha else UNDECIDED
+        return BEYOND_MARGIN if min(self.beyond[name], self.far.get(name, 1.0)) <= self.alpha else UNDECIDED
 
     def contradicted(self, name: str) -> tuple[Doubt, ...]:
         """Return the doubts that count and that contradict the test of an end point.
@@ -179,7 +181,8 @@ class Certificate:
             made.append({
                 "index": name, "change": point.shown(test.estimate), "low": low, "high": high, "unit": point.unit,
                 "margin_low": point.shown(test.margin.low), "margin_high": point.shown(test.margin.high),
-                "p_within": test.p_within, "p_beyond": self.beyond[name], "people": shares.people,
+                "p_within": test.p_within, "p_beyond": self.beyond[name], "p_far": self.far.get(name, 1.0),
+                "people": shares.people,
                 "people_within": shares.within, "least_share_within": shares.least_within,
                 "most_share_far": shares.most_far, "tipping_point": self.tipping_point(name),
                 "largest_carry_over": test.largest_carry_over, "said": self.said_of(name), "reason": self.reason(name),
@@ -411,7 +414,8 @@ def certificate_from_tests(
     """
     every: dict[str, Equivalence | CurveComparison] = {**end_points, **(curves or {})}
     beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
-    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, rule)
+    far = dict(zip(end_points, holm([test.p_far for test in end_points.values()]), strict=True))
+    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {}, rule, far=far)
 
 
 PERIOD_DOUBT = "period"

@@ -50,7 +50,7 @@ from .comparison import critical_statistic, mean_p_values, rank_sums, sign_distr
 from .margin import Margin
 from .movement_noise import MovementNoise
 from .session_periods import Adjustment, SessionPeriods, adjustment
-from .share_of_people import DEFAULT_RULE, ShareRule, ShareTest, limits, share_p_values, share_test
+from .share_of_people import DEFAULT_RULE, ShareRule, ShareTest, far_people_p, limits, share_p_values, share_test
 
 Method = Literal["skew_robust", "signed_rank", "t"]
 METHODS = ("skew_robust", "signed_rank", "t")
@@ -59,7 +59,7 @@ WITHIN_MARGIN = "within"
 """Verdict if the change lies within its margin at level alpha."""
 
 BEYOND_MARGIN = "beyond"
-"""Verdict if the change lies beyond its margin at level alpha."""
+"""Verdict if the change, or too many people, lie beyond the margin at level alpha."""
 
 UNDECIDED = "undecided"
 """Verdict if neither is significant."""
@@ -164,6 +164,14 @@ class Equivalence:
         return low
 
     @property
+    def p_far(self) -> float:
+        """p value of "more people lie far beyond the margin than a transparent robot may have"; 1 for a model."""
+        if not len(self.differences):
+            return 1.0
+        upper = self.differences if self.upper is None else self.upper
+        return far_people_p(self.differences, upper, self.margin, allowance=self.allowance, noise=self.noise)
+
+    @property
     def p_no_change(self) -> float:
         """Two-sided p value of "no change", by the test of the interval; NaN for a model.
 
@@ -214,7 +222,7 @@ class Equivalence:
         """``"within"``, ``"beyond"`` or ``"undecided"``, each tested by itself at level alpha."""
         if self.p_within <= self.alpha:
             return WITHIN_MARGIN
-        return BEYOND_MARGIN if self.p_beyond <= self.alpha else UNDECIDED
+        return BEYOND_MARGIN if min(self.p_beyond, self.p_far) <= self.alpha else UNDECIDED
 
 
 def equivalence(

@@ -201,6 +201,33 @@ def share_p_values(
     return p_within, np.where(usable, np.minimum(p_far, modelled), p_far)
 
 
+def far_people_p(
+    lower: np.ndarray, upper: np.ndarray, margin: Margin, *, allowance: float = 0.0, rule: ShareRule = DEFAULT_RULE,
+    noise: MovementNoise | None = None,
+) -> float:  # fmt: skip
+    """Return the p value of "more people than a share `rule.far` lie far beyond the margin, on one of its sides".
+
+    A person within the margin is seen beyond `rule.far_margins` where noise carries them so far. Where the noise of
+    movements is not known, that is taken to happen to half of people. Arguments are those of `share_p_values`, the
+    differences (n,).
+
+    >>> from pellucid.people.margin import Margin
+    >>> slowed = np.array([0.6, 0.8, 1.3, 0.8, 2.3, 0.9])
+    >>> round(far_people_p(slowed, slowed, Margin.either_way(0.1)), 3)
+    0.042
+    """
+    slack = TIE_TOLERANCE * margin.half_width
+    low, high = limits(margin, rule.far_margins)
+    below, above = int(np.sum(upper < low - allowance - slack)), int(np.sum(lower > high + allowance + slack))
+    carried = 0.5
+    if noise is not None:
+        reach = (rule.far_margins - 1.0) * margin.half_width
+        spread = float(np.sqrt(np.max(noise.variance)))
+        carried = float(stats.norm.sf(reach / spread)) if spread > 0.0 else 0.0
+    share = rule.far + (1.0 - rule.far) * carried
+    return min(1.0, 2.0 * float(stats.binom.sf(max(below, above) - 1, len(lower), share)))
+
+
 def share_test(
     lower: np.ndarray, upper: np.ndarray, margin: Margin, fit: Adjustment, *, allowance: float = 0.0,
     rule: ShareRule = DEFAULT_RULE, noise: MovementNoise | None = None,

@@ -25,6 +25,7 @@ from ..certificate import (
 )
 from ..certificate_text import (
     change_text,
+    far_note,
     interval_text,
     p_text,
     people_text,
@@ -190,7 +191,7 @@ def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
 
 
 def _sentence(each: Certified) -> str:
-    verdict = each.certificate.verdict
+    own, verdict = each.certificate, each.certificate.verdict
     words = {n: point.index.short for n, point in each.end_points.items()}
     words |= {name: name for name in each.certificate.curves}
     if verdict == PASS:
@@ -202,7 +203,8 @@ def _sentence(each: Certified) -> str:
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
     if verdict == FAIL:
-        return f"{each.condition}: {each.certificate.statement}. Beyond the margin: {', '.join(by[BEYOND_MARGIN])}." + (
+        beyond = [f"{words[n]}{far_note(own, n)}" for n in words if own.said_of(n) == BEYOND_MARGIN]
+        return f"{each.condition}: {own.statement}. Beyond the margin: {', '.join(beyond)}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )
     return f"{each.condition}: {each.certificate.statement}. {_why_undecided(each, words, by[UNDECIDED])}"
@@ -448,6 +450,7 @@ def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[Resul
             level = f"{100.0 * (1.0 - 2.0 * own.alpha):.4g} % interval"
             _test_rows(name, point, part, add, TEST_NAMES[each.test], level, f"margin {point.stated}")
             add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
+            add(f"{name}.p_far", own.far.get(name), "1", "more people far beyond than 5 %, after Holm")
             shares = part.share_test(own.rule)
             add(f"{name}.people_within", shares.within, "1", f"of {shares.people}: {shares.answer}")
             bound = f"bound at {100.0 * (1.0 - own.rule.alpha):.4g} % confidence"
