@@ -94,7 +94,7 @@ def _assessed(case: str, i: int) -> tuple[float, float]:
         from pellucid.cli import app
 
         done = CliRunner().invoke(app, ["assess", str(folder)])
-        if done.exit_code:
+        if done.exit_code > 1:  # 1: nothing can be said
             raise RuntimeError(f"pellucid assess failed on a study of the case {case}: {done.output[-2000:]}")
         found = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     verdict = next(row["value"] for row in found["figures"] if row["id"].endswith("certificate.robot.transparent"))
@@ -168,7 +168,7 @@ def _figures_of_command(folder: Path) -> tuple:
     from pellucid.cli import app
 
     done = CliRunner().invoke(app, ["assess", str(folder), "--studies", "100"])
-    if done.exit_code:
+    if done.exit_code > 1:
         raise RuntimeError(f"pellucid assess failed on a study: {done.output[-2000:]}")
     figures = json.loads((folder / "results.json").read_text(encoding="utf-8"))["figures"]
     rows = {row["id"].partition(".certificate.robot.")[2]: row for row in figures}

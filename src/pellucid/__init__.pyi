@@ -20,6 +20,7 @@ from .emg.signals.electromechanical_delay import electromechanical_delay as elec
 from .emg.signals.electromechanical_delay import median_frequency_trend as median_frequency_trend
 from .emg.signals.emg_chain import envelope as envelope
 from .emg.signals.emg_chain import maximal_envelope as maximal_envelope
+from .emg.signals.emg_findings import emg_quality as emg_quality
 from .emg.signals.repetitions import stride_ensemble as stride_ensemble
 from .files.raw_emg import RawEmg as RawEmg
 from .files.readers import read as read

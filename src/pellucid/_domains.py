@@ -13,6 +13,9 @@ A `domain.py` holds references and imports nothing of its domain, so that none o
 ``TORQUE_EVALUATIONS``
     Evaluations of `calibrate` for studies whose torque comes from another domain's procedure: objects of
     `emg.study.emg_torque.trial_sources.TorqueEvaluation`.
+``LOG_CHECKS``
+    Functions that tell what is wrong with the columns of a log, of the kind that the domain knows: a `files.log.Log`
+    in, `files.log.LogFinding` objects out. What they find of a channel stands in place of what any channel is held to.
 ``WORN_BODIES``
     Functions that make the body against which a wearer's torque is computed of cards, as
     `emg.study.emg_torque.trial_sources.WornBody`.

@@ -50,6 +50,7 @@ from .study.terminal import (
 if TYPE_CHECKING:
     from .files.fault import Fault
     from .study.answer import Answer
+    from .study.procedures.audit import Audit
     from .study.procedures.result import Result
     from .study.study import Study
 
@@ -69,8 +70,8 @@ datasets_app = typer.Typer(
 )  # fmt: skip
 app.add_typer(datasets_app, rich_help_panel=LEARN_GROUP)
 emg_app = typer.Typer(
-    name="emg", cls=CommandGroup, help="Onset, cocontraction, synergies and force of EMG.", rich_markup_mode=None,
-    no_args_is_help=True, epilog=example("pellucid emg onset my-study"),
+    name="emg", cls=CommandGroup, help="Quality, onset, cocontraction, synergies and force of EMG.",
+    rich_markup_mode=None, no_args_is_help=True, epilog=example("pellucid emg onset my-study"),
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
@@ -773,12 +774,37 @@ def audit(
     json: Json = False,
 ) -> None:
     """Judge each channel of any log; status 1 if one is unsound."""
-    from .study.pages.quantities import typeset_quantities
     from .study.procedures.audit import audit as run
     from .study.procedures.audit_page import write_audit_page
 
-    found = run(files, rate=rate)
-    page = write_audit_page(found, out)
+    _show_audit(run(files, rate=rate), write_audit_page, out, json)
+
+
+@emg_app.command("quality", rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid emg quality recordings/*.c3d"))
+def emg_quality(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILES...", help="Files of any format, folders of them, or studies.")
+    ],
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", min=0, help="Sampling rate of files without a column of time.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.", show_default=True)] = Path(
+        "emg-quality-page"
+    ),
+    json: Json = False,
+) -> None:
+    """Judge each channel of EMG; status 1 if one is unsound."""
+    from .emg.study.emg_files import audit_emg
+    from .study.procedures.audit_page import write_audit_page
+
+    _show_audit(audit_emg(files, rate=rate), write_audit_page, out, json)
+
+
+def _show_audit(found: Audit, write_page: Callable[[Audit, Path], Path], out: Path, json: bool) -> None:
+    """Write the page of an audit, print it, and end with status 1 if a channel is unsound."""
+    from .study.pages.quantities import typeset_quantities
+
+    page = write_page(found, out)
     if json:
         _echo_json(found.table())
     else:

@@ -32,6 +32,7 @@ NAMES = [
     "datasets",
     "demo",
     "electromechanical_delay",
+    "emg_quality",
     "envelope",
     "export",
     "fit_hinge",

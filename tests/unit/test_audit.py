@@ -59,11 +59,11 @@ def dies(x: np.ndarray) -> np.ndarray:
 FAULTS = {
     "dead from the start": ("torque_meas [N*m]", "dead", lambda x: 0.0 * x),
     "dies": ("torque_meas [N*m]", "dead", dies),
-    "EMG dies": ("EMG biceps [V]", "dead", dies),
+    "EMG dies": ("EMG biceps [V]", "dropout", dies),
     "last digit": ("torque_meas [N*m]", "dead", lambda x: 0.01 * (np.sin(np.arange(COUNT) ** 2.0) > 0.0)),
     "impossible": ("torque_meas [N*m]", "impossible", lambda x: np.where(np.arange(COUNT) == 77, 7.7e5, x)),
     "saturated": ("torque_cmd [N*m]", "saturated", lambda x: np.clip(x, -1.2, 1.2)),
-    "clipped": ("EMG biceps [V]", "clipped", lambda x: np.clip(x, -2.5e-4, 2.5e-4)),
+    "clipped": ("EMG biceps [V]", "saturation", lambda x: np.clip(x, -2.5e-4, 2.5e-4)),
     "glitch": ("angle [rad]", "spike", lambda x: np.where(np.arange(COUNT) == 3000, x + 1.0, x)),
     "lost": ("angle [rad]", "missing_samples", lambda x: np.where(np.arange(COUNT) % 1000 < 20, np.nan, x)),
     "slow clock": ("velocity [rad/s]", "another_clock", lambda x: np.repeat(x[::5], 5)),

@@ -110,3 +110,4 @@ ARRAY_FUNCTIONS = {
     "synergies": "estimators.synergies:synergies",
 }
 EXPORTER_CLASSES = ("study.estimator_folder:EstimatorExporter", "study.subject:MusclesExporter")
+LOG_CHECKS = ("signals.emg_log:emg_log_findings",)

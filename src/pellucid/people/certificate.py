@@ -161,6 +161,13 @@ class Certificate:
             return ", ".join(doubts)
         return f"undecided: {undecided_reason(self.point(name), self.end_points[name], self.rule)}"
 
+    def far_note(self, name: str) -> str:
+        """Return in brackets how many people lie far beyond, where that alone makes an end point "beyond"; else ""."""
+        if name not in self.end_points or self.beyond[name] <= self.alpha:
+            return ""
+        shares = self.end_points[name].share_test(self.rule)
+        return f" ({shares.far} of {shares.people} people by more than {shares.rule.far_margins:g} margins)"
+
     def assumption(self) -> str:
         """Return the largest carry-over that is assumed, in a sentence; "" where sessions have no order."""
         ordered = [test for test in self.end_points.values() if test.sessions is not None]

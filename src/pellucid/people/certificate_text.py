@@ -14,7 +14,6 @@ from .share_of_people import DEFAULT_RULE, MIN_PEOPLE, NOT_SHOWN, TOO_FEW, Share
 
 if TYPE_CHECKING:
     from .analysis import EndPoint
-    from .certificate import Certificate
 
 
 def change_figure(value: float, unit: str) -> str:
@@ -61,14 +60,6 @@ def people_text(shares: ShareTest) -> str:
         return f"{counted}: too few"
     far = f"at most {100.0 * shares.most_far:.0f} % beyond {shares.rule.far_margins:g} margins"
     return f"{counted}: at least {100.0 * shares.least_within:.0f} %; {far}"
-
-
-def far_note(certificate: Certificate, name: str) -> str:
-    """Return in brackets how many people lie far beyond, where that alone makes an end point "beyond"; else ""."""
-    if name not in certificate.end_points or certificate.beyond[name] <= certificate.alpha:
-        return ""
-    shares = certificate.end_points[name].share_test(certificate.rule)
-    return f" ({shares.far} of {shares.people} people by more than {shares.rule.far_margins:g} margins)"
 
 
 def tipping_text(tipping_point: float | None, test: Equivalence) -> str:

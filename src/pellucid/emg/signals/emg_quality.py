@@ -10,7 +10,7 @@ from scipy import signal
 
 from ...files.fault import Fault
 from ...files.recording import Recording
-from ...numerics.filters import runs
+from .emg_findings import EmgFinding, emg_quality
 
 
 @dataclass(frozen=True)
@@ -22,17 +22,11 @@ class QualityThresholds:
     # Hum is found where one frequency of the mains has this many times the other's share of the power. EMG without hum
     # has much the same share of both. Chosen by judgement.
     min_hum_ratio: float = 2.0
-    # A channel with a smaller RMS lacks even an amplifier's noise: it is off, or nothing is connected
-    min_rms_v: float = 0.3e-6
-    # Share of the power that may be the mains' before the notch has to take out more than the muscle
-    max_hum_share: float = 0.3
     # Share of the power above which the mains is all there is: an electrode is an antenna then
     max_mains_share: float = 0.8
     # An attached electrode has less mains hum than this (RMS). At rest even little hum is most of the power.
     max_attached_mains_v: float = 20e-6
     min_reported_mains_v: float = 5e-6  # Mains hum with a smaller RMS is not reported, whatever its share of the power
-    min_clipped_run: int = 3  # Samples in a row at the very largest value that no muscle makes
-    max_clipped_share: float = 1e-3  # Share of the samples that may be in such runs
     min_work_contrast: float = 2.0  # A muscle is at work if its envelope exceeds that of rest by this factor
     max_envelope: float = 1.2  # Relative envelope above which the maximal contraction was none
     # Relative envelope below which a whole recording stays where the maximum was an artefact's
@@ -76,6 +70,9 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
     """
     mains = find_mains(recording)
     faults: list[Fault] = []
+    raw = {n: c.samples for n, c in recording.channels.items()
+           if n.startswith("emg.") and c.unit == "V" and np.isfinite(c.samples).all()}  # fmt: skip
+    findings = emg_quality(np.column_stack([*raw.values()]), rate=recording.fs, channels=list(raw)) if raw else ()
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):
             continue
@@ -85,7 +82,8 @@ def inspect_emg(recording: Recording, *, notches: Sequence[float] | None = None)
             found = f"{missing.size} missing samples (NaN), the first at index {missing[0]}"
             faults.append(_fault("refuse", "missing_samples", recording, name, found, "a number in every sample"))
         elif channel.unit == "V":
-            faults += _raw_faults(recording, name, x, mains, notches)
+            own = [one for one in findings if one.channel == name]
+            faults += _raw_faults(recording, name, x, mains, notches, own)
         else:
             faults += _relative_faults(recording, name, x)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
@@ -146,34 +144,39 @@ def swapped_faults(
     return [_fault("refuse", "swapped_channels", recording, f"emg.{flexor}", found, "the other way round")]
 
 
+FINDING_FAULTS = {
+    "dead": ("refuse", "detached_electrode", "at least an amplifier's noise"),
+    "unit": ("warn", "unit", "the size of a muscle's signal"),
+    "saturation": ("refuse", "clipped", "an amplifier's range that EMG stays within"),
+    "dropout": ("warn", "dropout", "a signal that changes from sample to sample"),
+    "heartbeat": ("note", "heartbeat", "a muscle's signal alone"),
+    "motion": ("note", "motion", "little power below a muscle's band"),
+    "mvc_artefact": ("note", "mvc_artefact", "peaks that a muscle can make"),
+}
+"""Severity and kind of the fault that each finding is, and what was expected."""
+
+
 def _raw_faults(
-    recording: Recording, name: str, x: np.ndarray, mains: float, notches: Sequence[float] | None
-) -> list[Fault]:
-    x = x - x.mean()
-    rms = float(np.sqrt(np.mean(x**2)))
-    if rms < EMG_LIMITS.min_rms_v:
-        found = f"{1e6 * rms:.2g} µV rms"
-        expected = f"at least an amplifier's noise, {1e6 * EMG_LIMITS.min_rms_v:g} µV"
-        return [_fault("refuse", "detached_electrode", recording, name, found, expected)]
+    recording: Recording, name: str, x: np.ndarray, mains: float, notches: Sequence[float] | None,
+    findings: Sequence[EmgFinding],
+) -> list[Fault]:  # fmt: skip
+    share = hum_share(x - x.mean(), recording.fs, mains)
+    hum = np.sqrt(share) * float(np.std(x))
     faults = []
-    ends = runs((x == x.max()) | (x == x.min()))
-    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= EMG_LIMITS.min_clipped_run)
-    if clipped > EMG_LIMITS.max_clipped_share * len(x):
-        found = f"{clipped} samples ({100.0 * clipped / len(x):.2g} %) in runs at the largest value"
-        faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
-    share = hum_share(x, recording.fs, mains)
-    hum = np.sqrt(share) * rms
-    if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
-        found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
-        faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > EMG_LIMITS.max_hum_share and hum > EMG_LIMITS.min_reported_mains_v and mains not in (notches or ()):
-        found, expected = (
-            f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz",
-            f"{100 * EMG_LIMITS.max_hum_share:g} %",
-        )
-        notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
-        remedy = "look at electrodes and cables" if notches is None else notch
-        faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; {remedy}"))
+    for one in findings:
+        if one.kind == "mains":
+            if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
+                found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
+                faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
+            elif hum > EMG_LIMITS.min_reported_mains_v and mains not in (notches or ()):
+                notch = f'mains = "{mains:g} Hz" in study.toml takes it out'
+                remedy = "look at electrodes and cables" if notches is None else notch
+                found = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz"
+                faults.append(_fault("note", "mains_hum", recording, name, found, f"less hum; {remedy}"))
+        elif one.kind in FINDING_FAULTS:
+            severity, kind, expected = FINDING_FAULTS[one.kind]
+            found = f"{one.found} ({one.start:.2f} to {one.end:.2f} s)"
+            faults.append(_fault(severity, kind, recording, name, found, expected))
     return faults
 
 

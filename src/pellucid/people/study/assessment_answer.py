@@ -10,7 +10,6 @@ from ...study.answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Bas
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
 from ..certificate import FAIL, PASS
-from ..certificate_text import far_note
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
@@ -60,7 +59,7 @@ def certificate_answer(found: AssessmentResult) -> Answer:
 def _beyond_text(each: Certified) -> str:
     """Name the end points of a condition that lie beyond their margins."""
     own = each.certificate
-    words = [f"{point.index.words.lower()}{far_note(own, name)}" for name, point in each.end_points.items()
+    words = [f"{point.index.words.lower()}{own.far_note(name)}" for name, point in each.end_points.items()
              if own.said_of(name) == BEYOND_MARGIN]  # fmt: skip
     return f"Beyond the margin in {each.condition.replace('_', ' ')}: {', '.join(words)}." if words else ""
 

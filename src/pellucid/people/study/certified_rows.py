@@ -25,7 +25,6 @@ from ..certificate import (
 )
 from ..certificate_text import (
     change_text,
-    far_note,
     interval_text,
     p_text,
     people_text,
@@ -203,7 +202,7 @@ def _sentence(each: Certified) -> str:
     by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
           for word in (WITHIN_MARGIN, UNDECIDED, BEYOND_MARGIN)}  # fmt: skip
     if verdict == FAIL:
-        beyond = [f"{words[n]}{far_note(own, n)}" for n in words if own.said_of(n) == BEYOND_MARGIN]
+        beyond = [f"{words[n]}{own.far_note(n)}" for n in words if own.said_of(n) == BEYOND_MARGIN]
         return f"{each.condition}: {own.statement}. Beyond the margin: {', '.join(beyond)}." + (
             f" Within: {', '.join(by[WITHIN_MARGIN])}." if by[WITHIN_MARGIN] else ""
         )

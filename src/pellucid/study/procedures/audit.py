@@ -9,9 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..._domains import offered
 from ..._errors import PellucidError, RecordingError
 from ..._given import visible_text
 from ..._printed_command import printed_command
+from ...files.defects import garbage
 from ...files.log import ALARM_LEVEL, NOTE_LEVEL, VERDICT_WORDS, Log, LogFinding, inspect_log, log_of
 from ...files.readers.read import read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
@@ -26,6 +28,9 @@ MAX_LISTED_FILES = 3
 
 TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
 """Stems of files that a folder of logs holds beside them."""
+
+CHANNEL_FREE_KINDS = ("personal", "text")
+"""Kinds of findings that do not depend on a channel's samples."""
 
 _VERDICT_ORDER = {kind: i for i, kind in enumerate(VERDICT_WORDS)}
 
@@ -102,11 +107,14 @@ class Audit:
         One for each channel, in the order of the files' columns; the clock's is the first.
     paths : tuple of str
         Paths of the files.
+    question : str
+        Question that the audit answers.
     """
 
     files: tuple[AuditedFile, ...]
     verdicts: tuple[ChannelVerdict, ...]
     paths: tuple[str, ...] = ()
+    question: str = "May this log be used as it is?"
 
     @property
     def alarms(self) -> tuple[ChannelVerdict, ...]:
@@ -145,7 +153,7 @@ class Audit:
             for v in self.verdicts
         )
         return Answer(
-            "May this log be used as it is?",
+            self.question,
             "yes" if self.is_sound else "no",
             self.headline,
             "" if self.is_sound else self.headline,
@@ -159,7 +167,7 @@ class Audit:
         if self.is_sound:
             return (Step("Make a study of it", line=printed_command("init", "my-study", "--from", *self.paths)),)
         steps = [
-            Step(f"{v.channel} is {v.verdict}: record it again, or leave it out of the study") for v in self.alarms
+            Step(f"Record {v.channel} again ({v.verdict}), or leave it out of the study") for v in self.alarms
         ]
         steps += [Step(f"{file.name} cannot be read: {file.unread}") for file in self.unread]
         return (*steps, Step("Then audit the files again"))
@@ -234,10 +242,21 @@ def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float
         except RecordingError as error:
             audited.append(AuditedFile(name, None, unread=visible_text(str(error))))
             continue
-        audited.append(AuditedFile(name, log, inspect_log(log)))
+        audited.append(AuditedFile(name, log, _log_findings(log)))
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
     return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(str, paths)))
+
+
+def _log_findings(log: Log) -> tuple[LogFinding, ...]:
+    """Return what is wrong with a log's channels: by the checks of domains for what they know, else by the general."""
+    general = inspect_log(log)
+    if any(finding.kind == garbage.KIND for finding in general):
+        # Rows of garbage come before anything that a domain knows of its signals.
+        return general
+    by_domain = [finding for check in offered("LOG_CHECKS") for finding in check(log)]
+    known = {finding.channel for finding in by_domain}
+    return (*(f for f in general if f.channel not in known or f.kind in CHANNEL_FREE_KINDS), *by_domain)
 
 
 def _paths_of(files: str | os.PathLike | Iterable[str | os.PathLike]) -> list[Path]:

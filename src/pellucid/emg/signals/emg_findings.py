@@ -1,0 +1,405 @@
+"""What is wrong with EMG: the one core of checks behind arrays, files, studies and pages.
+
+Each check looks for one cause by what that cause does to a signal and a muscle does not:
+
+- **dropout**: values that repeat for longer than the converter's steps explain, or that are missing;
+- **dead**: less than an amplifier's noise;
+- **saturation**: runs at the largest value;
+- **mains**: a narrow line at 50 or 60 Hz that stands out from its neighbours and is not small beside the signal;
+- **heartbeat**: one waveform, the same each time, at the rate of a heart, with a complex of tens of milliseconds;
+- **motion**: power below the muscle's band, from electrodes or cables that move;
+- **mvc_artefact**: single short peaks far above everything else, which a maximum would take for the muscle's;
+- **normalised_per_trial**: a relative envelope whose largest value is exactly 1, its own maximum;
+- **unit**: a size that no muscle has in the stated unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from ..._errors import PellucidError
+from ...numerics.arguments import with_checked_arguments
+from ...numerics.filters import runs
+
+EMG_UNITS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6, "1": 1.0, "%": 0.01, "": 1.0}
+"""Units of EMG, with their size in V, or in maxima; "" if it is not known."""
+
+RELATIVE_UNITS = ("1", "%")
+"""Units of envelopes in maxima."""
+
+FINDING_KINDS = (
+    "dropout", "dead", "mains", "heartbeat", "motion", "saturation", "exchanged", "normalised_per_trial",
+    "mvc_artefact", "clock", "unit",
+)  # fmt: skip
+"""Kinds of findings."""
+
+
+NOTCH_QUALITY = 10.0
+"""Quality factor of the notches that keep hum from looking like a heartbeat."""
+
+
+@dataclass(frozen=True)
+class FindingThresholds:
+    """Thresholds beyond which EMG has a finding."""
+
+    min_dropout_s: float = 0.02  # Shortest run of one value that is a dropout
+    # Probability of so long a run anywhere in a recording, by the share of equal neighbours elsewhere
+    max_run_chance: float = 1e-6
+    short_run_s: float = 0.01  # Runs up to this long tell the share of equal neighbours
+    min_rms_v: float = 0.3e-6  # Smaller RMS: not even an amplifier's noise
+    min_relative_rms: float = 2e-3  # The same as a share of the other channels' median RMS, where no unit is known
+    min_saturated_run: int = 3  # Samples in a row at the largest value
+    max_saturated_share: float = 1e-3  # Share of samples that may be in such runs
+    min_line_ratio: float = 20.0  # Power of the mains' line over that of its neighbours, as densities
+    min_mains_share: float = 0.03  # Least share of the power that the mains' lines have
+    min_mains_v: float = 3e-6  # Mains with a smaller RMS is not reported
+    heart_rates_hz: tuple[float, float] = (0.6, 2.6)  # Rates of hearts
+    # Correlation of the single complexes with their mean; bursts of a muscle, aligned at their peaks, stay below
+    min_complex_similarity: float = 0.80
+    min_complex_count: int = 6
+    max_interval_variation: float = 0.3  # Relative median deviation of the intervals between complexes
+    # Share of a complex's power, from 4 to 40 Hz, that lies above 12 Hz; a moved cable has less
+    min_complex_high_share: float = 0.3
+    motion_band_hz: tuple[float, float] = (1.0, 12.0)  # Band of moved electrodes, below a muscle's
+    max_motion_share: float = 0.35  # Share of the power from 1 Hz on that may lie in this band
+    min_motion_v: float = 10e-6  # Smaller RMS in this band is not reported
+    min_peak_ratio: float = 4.0  # A short peak over the 99.5 % quantile of magnitudes
+    max_peak_s: float = 0.03  # Longest duration of such a peak
+    max_peak_share: float = 2e-3  # Share of samples above the ratio; more are bursts of the muscle
+    max_muscle_v: float = 0.02  # Larger RMS of most channels: the unit is another one
+    min_muscle_v: float = 1e-8  # The same for smaller RMS; from here to `min_rms_v` nothing is connected
+    min_carrier_share: float = 0.02  # Share of the power, from 0.5 Hz on, that raw EMG has above 20 Hz at least
+
+
+FINDING_LIMITS = FindingThresholds()
+
+
+@dataclass(frozen=True)
+class EmgFinding:
+    """Something that is wrong with a channel of EMG.
+
+    Attributes
+    ----------
+    channel : int or str
+        Number of the column, or its name.
+    kind : str
+        One of `FINDING_KINDS`.
+    start, end : float
+        First and last time at which it was found [s].
+    size : float
+        Its size: seconds of a dropout, RMS in the stated unit of hum, heartbeat, motion and a dead channel, share of
+        samples that are saturated, ratio of a peak or of units.
+    consequence : str
+        What it does to envelope, onset or torque, in a sentence.
+    found : str
+        What was found, in words.
+    """
+
+    channel: int | str
+    kind: str
+    start: float
+    end: float
+    size: float
+    consequence: str
+    found: str
+
+    def __str__(self) -> str:
+        return f"{self.channel}, {self.start:.2f} to {self.end:.2f} s: {self.kind}, {self.found}. {self.consequence}"
+
+
+CONSEQUENCES = {
+    "dropout": "Envelope and torque fall to rest there, and an onset may be missed.",
+    "dead": "It shows no muscle: leave it out.",
+    "mains": "The envelope at rest is too large, and onsets are found late; a notch filter removes it.",
+    "heartbeat": "Each beat looks like a burst of the muscle; a high-pass filter of 30 Hz removes most of it.",
+    "motion": "The envelope shows moving cables; a high-pass filter of 20 Hz removes most of it.",
+    "saturation": "The envelope is too small where the muscle is strongest.",
+    "normalised_per_trial": "Trials cannot be compared: normalise all by one maximal contraction.",
+    "mvc_artefact": "A maximum of this recording would be the artefact's: all envelopes become too small.",
+    "unit": "Checks and defaults in V do not hold: state the unit of the file.",
+}
+"""Consequence of each kind."""
+
+
+@with_checked_arguments
+def emg_quality(
+    emg: ArrayLike, *, rate: float, channels: Sequence[str] | None = None, unit: str = "V"
+) -> tuple[EmgFinding, ...]:
+    """Return what is wrong with EMG, channel by channel.
+
+    Parameters
+    ----------
+    emg : array_like, shape (n,) or (n, channels)
+        Raw EMG, or envelopes in maxima with the unit ``"1"`` or ``"%"``. Missing samples are NaN.
+    rate : float
+        Sampling rate [Hz].
+    channels : sequence of str, optional
+        Names of the channels; numbers from 0 by default.
+    unit : {"V", "mV", "µV", "1", "%", ""}
+        Unit of the values; "" if it is not known: sizes are then compared with the other channels alone.
+
+    Returns
+    -------
+    tuple of EmgFinding
+        In the order of the channels; empty if nothing is wrong.
+
+    Raises
+    ------
+    PellucidError
+        If there are no samples, values are no numbers, or shape, rate, names or unit do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> emg = 1e-4 * np.random.default_rng(0).standard_normal((4000, 2))
+    >>> emg[1000:2000, 1] = emg[1000, 1]
+    >>> [(one.channel, one.kind, one.start, one.end) for one in pl.emg_quality(emg, rate=2000.0)]
+    [(1, 'dropout', 0.5, 1.0)]
+    """
+    values = _checked_emg(emg, rate, channels, unit)
+    named: Sequence[int | str] = range(values.shape[1]) if channels is None else list(channels)
+    found: list[EmgFinding] = []
+    typical = float(np.median([_rms(x) for x in values.T]))
+    is_wrong_unit = unit not in (*RELATIVE_UNITS, "") and not _is_muscle_sized(typical * EMG_UNITS[unit])
+    for name, x in zip(named, values.T, strict=True):
+        found += _channel_findings(name, x, rate, unit, typical, is_wrong_unit)
+    return tuple(found)
+
+
+def _checked_emg(emg: ArrayLike, rate: float, channels: Sequence[str] | None, unit: str) -> np.ndarray:
+    try:
+        values = np.asarray(emg, float)
+    except (TypeError, ValueError):
+        raise PellucidError(
+            "emg_quality: found values that are no numbers, expected EMG of shape (n, channels)"
+        ) from None
+    values = values[:, None] if values.ndim == 1 else values
+    if values.ndim != 2 or not values.size:
+        raise PellucidError(f"emg_quality: found EMG of shape {values.shape}, expected (n, channels) with samples")
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise PellucidError(f"emg_quality: found rate = {rate!r}, expected a sampling rate above 0 Hz")
+    if channels is not None and len(channels) != values.shape[1]:
+        raise PellucidError(
+            f"emg_quality: found {len(channels)} names of {values.shape[1]} channels, expected one of each"
+        )
+    if unit not in EMG_UNITS:
+        raise PellucidError(f"emg_quality: found unit = {unit!r}, expected one of {', '.join(EMG_UNITS)}")
+    return values
+
+
+def _is_muscle_sized(volts: float) -> bool:
+    return volts == 0.0 or FINDING_LIMITS.min_muscle_v <= volts <= FINDING_LIMITS.max_muscle_v
+
+
+def size_text(value: float, unit: str) -> str:
+    """Return a size with its unit; volts in µV.
+
+    >>> size_text(2.8e-5, "V"), size_text(0.03, "mV")
+    ('28 µV', '0.03 mV')
+    """
+    return f"{1e6 * value:.3g} µV" if unit == "V" and value < 1e-3 else f"{value:.3g} {unit}".rstrip()
+
+
+def _rms(x: np.ndarray) -> float:
+    known = x[np.isfinite(x)]
+    return float(np.std(known)) if len(known) else 0.0
+
+
+def _channel_findings(
+    name: int | str, x: np.ndarray, rate: float, unit: str, typical: float, is_wrong_unit: bool
+) -> list[EmgFinding]:
+    """Return the findings of one channel, (n,)."""
+    end = len(x) / rate
+
+    def whole(kind: str, size: float, said: str) -> EmgFinding:
+        return EmgFinding(name, kind, 0.0, end, size, CONSEQUENCES[kind], said)
+
+    is_relative = unit in RELATIVE_UNITS
+    is_envelope = is_relative or _is_envelope(x, rate)
+    gone = dropouts(x, rate, is_envelope=is_envelope)
+    found = []
+    for part in gone:
+        held = x[part.start]
+        seconds = (part.stop - part.start) / rate
+        kind = "missing" if not np.isfinite(held) else "held at 0" if held == 0.0 else "held at one value"
+        said = f"{1e3 * seconds:.0f} ms {kind}"
+        found.append(EmgFinding(name, "dropout", part.start / rate, part.stop / rate, seconds, CONSEQUENCES["dropout"],
+                                said))  # fmt: skip
+    there = np.isfinite(x)
+    for part in gone:
+        there[part] = False
+    if is_relative:
+        top = float(np.max(x[there])) if there.any() else 0.0
+        if top == (1.0 if unit == "1" else 100.0):
+            found.append(whole("normalised_per_trial", top, "its largest value is exactly its own maximum"))
+        return found
+    rms = _rms(x[there])
+    is_unknown = is_wrong_unit or unit == ""
+    least = FINDING_LIMITS.min_relative_rms * typical if is_unknown else FINDING_LIMITS.min_rms_v / EMG_UNITS[unit]
+    if rms < least or rms == 0.0:
+        return [whole("dead", rms, f"{size_text(rms, unit)} RMS")]
+    if is_wrong_unit:
+        found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, where a muscle has 1 µV to 2 mV"))
+        return found
+    # Limits in volts are none where the unit is not known.
+    scale = 0.0 if unit == "" else 1.0 / EMG_UNITS[unit]
+    # Nothing that a dropout begins or ends with is a signal's.
+    filled = np.where(there, x, 0.0 if not there.any() else float(np.mean(x[there])))
+    filled = filled - float(np.mean(filled[there]))
+    # An envelope may rest at its smallest value.
+    at_end = (x == x[there].max()) | ((x == x[there].min()) & (not is_envelope))
+    ends = [r for r in runs(at_end)
+            if r.stop - r.start >= FINDING_LIMITS.min_saturated_run]  # fmt: skip
+    share = sum(r.stop - r.start for r in ends) / len(x)
+    if share > FINDING_LIMITS.max_saturated_share:
+        said = f"{100.0 * share:.2g} % of samples in runs at the largest value"
+        found.append(EmgFinding(name, "saturation", ends[0].start / rate, ends[-1].stop / rate, share,
+                                CONSEQUENCES["saturation"], said))  # fmt: skip
+    if is_envelope:
+        return found
+    mains, hum = mains_rms(filled, rate)
+    if hum > max(FINDING_LIMITS.min_mains_v * scale, np.sqrt(FINDING_LIMITS.min_mains_share) * rms):
+        found.append(whole("mains", hum, f"hum at {mains:g} Hz of {size_text(hum, unit)} RMS"))
+    found += [*_slow_findings(name, filled, rate, unit, scale), *_peak_findings(name, filled, rate)]
+    return found
+
+
+def _is_envelope(x: np.ndarray, rate: float) -> bool:
+    """Return whether a channel, (n,), is an envelope or rectified, and no raw EMG."""
+    known = x[np.isfinite(x)]
+    if len(known) < 2.0 * rate or rate < 100.0:
+        return False
+    if known.min() >= 0.0 and known.min() < 0.2 * known.mean():
+        return True
+    if abs(float(known.mean())) < 0.5 * float(np.std(known)):
+        return False
+    frequency, density = signal.welch(known, rate, nperseg=round(2.0 * rate), detrend="constant")
+    power = float(density[frequency >= 0.5].sum())
+    return power > 0.0 and float(density[frequency > 20.0].sum()) < FINDING_LIMITS.min_carrier_share * power
+
+
+def dropouts(x: np.ndarray, rate: float, *, is_envelope: bool = False) -> list[slice]:
+    """Return stretches of a channel, (n,), that are missing, or held for longer than the converter's steps explain."""
+    missing = [r for r in runs(~np.isfinite(x)) if r.stop - r.start >= 1]
+    same = np.concatenate([[False], x[1:] == x[:-1]])
+    held = [slice(r.start - 1, r.stop) for r in runs(same)]
+    short = round(FINDING_LIMITS.short_run_s * rate)
+    long_samples = sum(r.stop - r.start for r in held if r.stop - r.start > short)
+    pairs = sum(r.stop - r.start - 1 for r in held if r.stop - r.start <= short)
+    chance = min(max((pairs + 1.0) / max(len(x) - long_samples, 2), 1e-3), 0.999)
+    needed = np.log(FINDING_LIMITS.max_run_chance / max(len(x), 2)) / np.log(chance)
+    least = max(FINDING_LIMITS.min_dropout_s * rate, needed, 3.0)
+    # An envelope may rest at 0, and its filter may let it stay on one value.
+    kept = [] if is_envelope else [r for r in held if r.stop - r.start >= least]
+    return sorted([*missing, *kept], key=lambda r: r.start)
+
+
+def mains_rms(x: np.ndarray, rate: float) -> tuple[float, float]:
+    """Return the frequency of the mains [Hz] that a channel, (n,), shows more of, and the RMS of its lines."""
+    if len(x) < 2.0 * rate:
+        return 50.0, 0.0
+    frequency, density = signal.welch(x, rate, nperseg=min(len(x), round(2.0 * rate)), detrend="linear")
+    step = frequency[1] - frequency[0]
+    best = (50.0, 0.0)
+    for mains in (50.0, 60.0):
+        power = 0.0
+        for line in mains * np.arange(1, 6):
+            if line > 0.45 * rate:
+                break
+            near = np.abs(frequency - line) <= 1.01
+            around = (np.abs(frequency - line) > 2.0) & (np.abs(frequency - line) <= 8.0)
+            level = float(np.median(density[around]))
+            if float(density[near].max()) > FINDING_LIMITS.min_line_ratio * level:
+                power += float(np.sum(np.maximum(density[near] - level, 0.0))) * step
+        best = max(best, (mains, float(np.sqrt(power))), key=lambda each: each[1])
+    return best
+
+
+def _slow_findings(name: int | str, x: np.ndarray, rate: float, unit: str, scale: float) -> list[EmgFinding]:
+    """Return a heartbeat or moved electrodes of a channel, (n,): both lie below most of a muscle's band."""
+    if rate < 100.0 or len(x) < 2.0 * rate:
+        return []
+    low, high = FINDING_LIMITS.motion_band_hz
+    sos = signal.butter(2, [4.0, min(40.0, 0.45 * rate)], "bandpass", fs=rate, output="sos")
+    slow = signal.sosfiltfilt(sos, x)
+    for mains in (50.0, 60.0):
+        if mains < 0.45 * rate:
+            slow = signal.filtfilt(*signal.iirnotch(mains, NOTCH_QUALITY, rate), slow)
+    beat = heartbeat(slow, rate)
+    if beat is not None:
+        first, last, size = beat
+        said = f"complexes of {size_text(size, unit)}, alike, at the rate of a heart"
+        return [EmgFinding(name, "heartbeat", first, last, size, CONSEQUENCES["heartbeat"], said)]
+    band = signal.sosfiltfilt(signal.butter(2, [low, high], "bandpass", fs=rate, output="sos"), x)
+    above = signal.sosfiltfilt(signal.butter(2, low, "highpass", fs=rate, output="sos"), x)
+    rms, whole = float(np.std(band)), float(np.std(above))
+    if rms**2 > FINDING_LIMITS.max_motion_share * whole**2 and rms > FINDING_LIMITS.min_motion_v * scale:
+        strong = np.flatnonzero(np.abs(band) > 2.0 * rms)
+        first, last = (float(strong[0] / rate), float((strong[-1] + 1) / rate)) if len(strong) else (0.0, len(x) / rate)
+        said = f"{100.0 * rms**2 / whole**2:.0f} % of the power lies below {high:g} Hz ({size_text(rms, unit)} RMS)"
+        return [EmgFinding(name, "motion", first, last, rms, CONSEQUENCES["motion"], said)]
+    return []
+
+
+def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | None:
+    """Return first and last time and height of a heart's complexes in a channel of 4 to 40 Hz, (n,); None without."""
+    slowest, fastest = FINDING_LIMITS.heart_rates_hz
+    height = np.abs(slow)
+    spread = float(np.median(height)) / 0.6745
+    if spread == 0.0:
+        return None
+    peaks, _ = signal.find_peaks(height, height=4.0 * spread, distance=max(1, round(0.7 * rate / fastest)))
+    reach, wide = max(2, round(0.06 * rate)), round(0.15 * rate)
+    peaks = peaks[(peaks >= wide) & (peaks < len(slow) - wide)]
+    if len(peaks) < FINDING_LIMITS.min_complex_count:
+        return None
+    parts = np.array([slow[p - reach : p + reach + 1] for p in peaks])
+    sign = np.sign(np.median(parts[:, reach])) or 1.0
+    parts = parts[np.sign(parts[:, reach]) == sign]
+    if len(parts) < FINDING_LIMITS.min_complex_count or len(parts) < 0.8 * len(peaks):
+        return None
+    peaks = peaks[np.sign(slow[peaks]) == sign]
+    mean = np.median(parts, axis=0)
+    alike = (parts @ mean) / (np.linalg.norm(parts, axis=1) * np.linalg.norm(mean))
+    intervals = np.diff(peaks) / rate
+    middle = float(np.median(intervals))
+    variation = float(np.median(np.abs(intervals - middle))) / middle
+    complex_wave = np.median([slow[p - wide : p + wide + 1] for p in peaks], axis=0)
+    power = np.abs(np.fft.rfft(complex_wave, round(rate))) ** 2
+    frequency = np.fft.rfftfreq(round(rate), 1.0 / rate)
+    band = (frequency >= 4.0) & (frequency <= 40.0)
+    high = float(power[band & (frequency > 12.0)].sum() / power[band].sum())
+    if (
+        np.median(alike) < FINDING_LIMITS.min_complex_similarity
+        or not 1.0 / fastest <= middle <= 1.0 / slowest
+        or variation > FINDING_LIMITS.max_interval_variation
+        or high < FINDING_LIMITS.min_complex_high_share
+    ):
+        return None
+    return float(peaks[0] / rate), float(peaks[-1] / rate), float(np.max(np.abs(mean)))
+
+
+def _peak_findings(name: int | str, x: np.ndarray, rate: float) -> list[EmgFinding]:
+    """Return single short peaks far above everything else of a channel, (n,)."""
+    size = np.abs(x)
+    usual = float(np.quantile(size, 0.995))
+    if usual == 0.0:
+        return []
+    limit = FINDING_LIMITS.min_peak_ratio * usual
+    above = np.flatnonzero(size > limit)
+    if not len(above) or len(above) > FINDING_LIMITS.max_peak_share * len(x):
+        return []
+    gap = FINDING_LIMITS.max_peak_s * rate
+    groups = np.split(above, np.flatnonzero(np.diff(above) > gap) + 1)
+    if any(g[-1] - g[0] > gap for g in groups):
+        return []
+    ratio = float(size.max() / usual)
+    said = f"{len(groups)} peak{'s' if len(groups) > 1 else ''} up to {ratio:.1f} times all others"
+    first, last = float(above[0] / rate), float((above[-1] + 1) / rate)
+    return [EmgFinding(name, "mvc_artefact", first, last, ratio, CONSEQUENCES["mvc_artefact"], said)]

@@ -1,0 +1,54 @@
+"""EMG of files, or of a study's recordings: may it be used as it is?"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from ..._errors import PellucidError
+from ...study.procedures.audit import Audit, audit
+from ...study.study import STUDY_FILE, open_folder
+
+QUALITY_QUESTION = "May this EMG be used as it is?"
+"""Question of `pellucid emg quality`."""
+
+
+def audit_emg(files: Iterable[str | os.PathLike], *, rate: float | None = None) -> Audit:
+    """Return the audit of the channels of EMG alone.
+
+    Parameters
+    ----------
+    files : iterable of path-like
+        Files of any format, folders of them, or folders of studies, of which the recordings are read.
+    rate : float, optional
+        Sampling rate of files without a column of time [Hz].
+
+    Returns
+    -------
+    Audit
+
+    Raises
+    ------
+    PellucidError
+        If no channel of EMG is found.
+    """
+    found = audit(_recordings_of(files), rate=rate)
+    verdicts = tuple(v for v in found.verdicts if v.holds.split(",")[0].split(" ")[0] == "emg")
+    if not verdicts:
+        names = ", ".join(v.channel for v in found.verdicts)
+        raise PellucidError(f"emg quality: found no channel of EMG among {names}, expected one or more")
+    return replace(found, verdicts=verdicts, question=QUALITY_QUESTION)
+
+
+def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:
+    """Return the files that are named, and the files of the recordings of studies."""
+    paths: list[Path] = []
+    for path in map(Path, files):
+        if (path / STUDY_FILE).is_file():
+            paths += [each.path for each in open_folder(path).recordings()]
+            paths += [s.path for each in open_folder(path).recordings() for s in each.streams.values()]
+        else:
+            paths.append(path)
+    return list(dict.fromkeys(paths))
