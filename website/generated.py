@@ -199,7 +199,8 @@ def _default(schema: Mapping[str, Any]) -> str:
 def faults() -> Iterator[str]:
     """Faults of the supervisor: when each is found, what it then does, and what to do."""
     yield "# Faults of the supervisor"
-    yield "A stopped controller and its log name one of these. [Safety](safety.md) shows how well each is detected."
+    yield "A stopped controller and its log name one of these."
+    yield "[The validation](validation/supervisor.md) has detection rates and times."
     rows = (
         (
             ", ".join(f"`{name}`" for name in fault.names),

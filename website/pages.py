@@ -63,10 +63,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links of docs/ to pages of the root, and commands that print a page, lead to that page of the site."""
+    up = "../" * page.file.src_uri.count("/")
     for name, (file, _) in GENERATED["PAGES"].items():
-        markdown = markdown.replace(f"`python website/generated.py {name}`", f"[this page]({file})")
+        markdown = markdown.replace(f"`python website/generated.py {name}`", f"[this page]({up}{file})")
     for source, name in ROOT_PAGES.items():
-        markdown = markdown.replace(f"](../{source}", f"]({name}")
+        markdown = markdown.replace(f"]({up}../{source}", f"]({up}{name}")
     return markdown
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -37,6 +37,8 @@ from pellucid_lab.arm.worn_trial import WornTrial, run
 from pellucid_lab.drive_reading import LAGS_S, DriveReading, stated_readings
 from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
+
+from ._supervisor_page import FaultFigure, fault_figure
 
 SEED = 20290201
 """Seed of the arms, wearers and instruments of the proof: nothing was chosen on them."""
@@ -279,18 +281,19 @@ def _found(trials: Sequence[ArmFaultTrial]) -> float:
     return 100.0 * sum(t.found >= 0.0 for t in trials) / max(len(trials), 1)
 
 
-def arm_table_lines(made: Sequence[ArmOutcome]) -> Iterator[str]:
-    """Yield the Markdown table of faults of arms: found, median and latest time, excess until safe."""
-    trials = [trial for one in made for trial in one.trials]
-    alone = [replace(trial, fault=f"{trial.fault}, one encoder") for one in made for trial in one.one_encoder]
-    yield "| fault | what happens | found | median | latest | excess |"
-    yield f"|{'---|' * 2}{'--:|' * 4}"
-    for fault in dict.fromkeys(trial.fault for trial in (*trials, *alone)):
-        of = [trial for trial in (*trials, *alone) if trial.fault == fault]
-        name, _, without = fault.partition(", ")
-        found = [1e3 * t.found for t in of if t.found >= 0.0]
-        median, latest = (f"{np.median(found):.0f} ms", f"{max(found):.0f} ms") if found else ("", "")
-        beside = ", beside a second one" if name in ENCODER_FAULTS and not without else ""
-        sentence = KINDS[name]["sentence"].replace(", the only one,", "" if beside else ", the only one,") + beside
-        excess = max(t.safe_excess for t in of)
-        yield f"| `{name}` | {sentence} | {len(found)} of {len(of)} | {median} | {latest} | {excess:.2f} J |"
+def arm_fault_figures(made: Sequence[ArmOutcome]) -> Iterator[FaultFigure]:
+    """Yield what became of every fault of arms, with second encoders and without."""
+    by_robot = {
+        "arm": [trial for one in made for trial in one.trials],
+        "arm_one_encoder": [trial for one in made for trial in one.one_encoder],
+    }
+    for robot, trials in by_robot.items():
+        for name in dict.fromkeys(trial.fault for trial in trials):
+            own = [trial for trial in trials if trial.fault == name]
+            sentence = KINDS[name]["sentence"]
+            if robot == "arm":
+                sentence = sentence.replace(", the only one,", "")
+            yield fault_figure(
+                robot, name, sentence, hidden=False,
+                found=[trial.found for trial in own], excess=[trial.safe_excess for trial in own],
+            )  # fmt: skip

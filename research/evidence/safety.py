@@ -1,12 +1,13 @@
 """Single faults on robots that somebody wears, healthy hours, nonsense, and what a supervisor costs.
 
-``python -m research.evidence.safety`` writes docs/safety.md from the same figures; the table there is this proof's.
+``python -m research.evidence.safety`` writes the results file and its pages, with ``--page`` the pages alone.
 """
 
 from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
@@ -26,9 +27,10 @@ from pellucid_lab.safety.worn_knee import knee_table
 from pellucid_lab.safety.worn_robot import LAWS, WornRobot
 from research.benchmarks._size import sized
 
-from . import _exported
-from ._arm_faults import ArmOutcome, arm_rows, long_life_rows, long_lives, outcomes
+from . import _exported, _supervisor_page
+from ._arm_faults import ArmOutcome, arm_fault_figures, arm_rows, long_life_rows, long_lives, outcomes
 from ._exported_equal import compare_supervisors
+from ._supervisor_page import FaultFigure, Results, read_results, write_pages, write_results
 
 ROBOT_COUNT = sized(20, smallest=1)
 """Number of drawn robots, and of drawn knees."""
@@ -335,9 +337,16 @@ def without_supervisor(folder: Path) -> Path:
     return copy
 
 
-if __name__ == "__main__":
-    from ._arm_faults import arm_table_lines
-    from ._safety_page import write_page
+def fault_figures() -> Iterator[FaultFigure]:
+    """Yield what became of every fault on every kind of robot."""
+    yield from _exported.fault_figures()
+    yield from arm_fault_figures(worn_arms())
+    kinds = {kind.name: kind for kind in FAULT_KINDS}
+    yield from _supervisor_page.fault_figures("lab_elbow", measured().trials, kinds)
+    yield from _supervisor_page.fault_figures("lab_knee", worn_knees().trials, kinds)
 
-    figures = list(rows())
-    write_page(measured(), worn_knees(), figures, list(_exported.exported_tables()), list(arm_table_lines(worn_arms())))
+
+if __name__ == "__main__":
+    if sys.argv[1:] != ["--page"]:
+        write_results(Results(tuple(rows()), tuple(fault_figures())))
+    write_pages(read_results())

@@ -65,6 +65,6 @@ def test_a_page_is_printed_by_its_name():
 
 
 def test_pages_of_docs_name_commands_that_print_something():
-    for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+    for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
         for name in path.read_text(encoding="utf-8").split("website/generated.py ")[1:]:
             assert name.partition("`")[0] in MADE["PAGES"], path.name

@@ -18,7 +18,7 @@ from pellucid.study.procedures.run import check, identify
 ROOT = Path(__file__).parents[2]
 PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
-    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
 }
 README, COMMANDS, ARCHITECTURE = (PAGES[p] for p in ("README.md", "docs/commands.md", "docs/architecture.md"))
 BASES = (ROOT, ROOT / "src", ROOT / "src" / "pellucid", ROOT / "lab" / "src")

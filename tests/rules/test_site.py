@@ -12,7 +12,7 @@ LISTED = re.findall(r": ([\w./-]+\.(?:md|ipynb))$", SETTINGS, flags=re.MULTILINE
 def test_every_page_is_in_the_menu_once():
     made = {"index.md", "api.md", "gallery.md", "CONTRIBUTING.md", "CHANGELOG.md", "packaging.md", "board.md"}
     generated = {file for file, _ in runpy.run_path(str(ROOT / "website" / "generated.py"))["PAGES"].values()}
-    pages = {path.name for path in (ROOT / "docs").glob("*.md")}
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
     notebooks = {f"examples/{path.name}" for path in (ROOT / "examples").glob("*.ipynb")}
     assert len(LISTED) == len(set(LISTED))
     assert set(LISTED) == made | generated | pages | notebooks
@@ -27,7 +27,7 @@ def test_headings_have_the_words_that_users_search_for():
     """The site's search weighs headings more than text."""
     headings = [
         line.lower()
-        for path in (ROOT / "docs").glob("*.md")
+        for path in (ROOT / "docs").rglob("*.md")
         for line in path.read_text(encoding="utf-8").splitlines()
         if line.startswith("#")
     ]

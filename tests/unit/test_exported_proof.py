@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 import pytest
 from research.evidence import _exported
-from research.evidence._exported import exports, foreign_people, motion_bounds, table, trials
+from research.evidence._exported import exports, foreign_people, motion_bounds, trials
+from research.evidence._supervisor_page import fault_figures
 from test_export_elbow import CARDS, STUDY
 
 import pellucid
@@ -194,7 +195,7 @@ def test_an_alarm_is_wanted_only_for_what_truly_happened():
     assert trials.wanted_reason(run, **usual | {"lasting": 2.5}) == ""
 
 
-def test_rows_and_tables_say_what_they_assume(measured, transparent):
+def test_rows_and_figures_say_what_they_assume(measured, transparent):
     kinds = ("encoder_frozen", "drive_dead", "drive_sine", "wearer_spasm", "encoder_drift")
     blind, seeing = (tuple(trials.try_faults(law, 0, SEED, kinds)) for law in (transparent, measured))
     rows = {row.id: row for row in _exported.fault_rows("unmeasured", blind)}
@@ -204,9 +205,11 @@ def test_rows_and_tables_say_what_they_assume(measured, transparent):
     assert counted == ["encoder_frozen", "drive_dead"]
     sines = {row.id: row.value for row in _exported.shaking_rows(blind)}
     assert sines["safety.exported.unmeasured.shaking.worst_excess_energy"] > 0.0
-    lines = list(table.table_lines({"unmeasured": blind, "drive_measured": seeing}))
-    assert any("as exported by default" in line for line in lines)
-    assert any(line.startswith("| `encoder_drift` *") for line in lines)
+    figures = list(fault_figures("unmeasured", blind, trials.KINDS)) + list(
+        fault_figures("drive_measured", seeing, trials.KINDS)
+    )
+    assert {figure.fault for figure in figures if figure.hidden} == {"encoder_drift"}
+    assert [figure.amplitude for figure in figures if figure.fault == "drive_sine"] == 2 * [*trials.SINE_AMPLITUDES_NM]
 
 
 def test_starts_are_refused_only_without_a_reason(transparent):
@@ -239,10 +242,6 @@ def test_a_force_sensor_bounds_what_a_drive_adds(sensing, transparent):
     assert rows[f"{name}.force_sensor.worst_excess_energy"].value == max(t.excess for t in found)
     assert rows[f"{name}.encoder_alone.worst_excess_energy"].value == max(t.excess for t in blind)
     assert rows[f"{name}.force_sensor.found"].value > rows[f"{name}.encoder_alone.found"].value
-    lines = list(_exported.sine_lines({"force_sensor": found, "encoder_alone": blind}))
-    assert len(lines) == 2 + 2 * len(trials.SINE_AMPLITUDES_NM)
-    assert "a force sensor" in lines[2]
-    assert "of 3" in lines[2]
 
 
 def test_healthy_wearers_do_not_use_the_energy_that_a_drive_may_add(sensing):
@@ -296,7 +295,6 @@ def test_bounds_without_a_force_sensor_leave_more_than_the_bar(transparent, monk
     assert all(bound.needed > 0.0 and bound.left.shape == (6,) for bound in made)
     assert min(bound.left.max() for bound in made) > motion_bounds.BAR_J
     assert all(0.0 <= bound.stopped <= 1.0 and bound.bar < bound.needed for bound in made)
-    assert len(list(motion_bounds.bound_lines(made))) == 2 + len(made)
 
 
 # --- what an export does that cannot see its drive -------------------------------------------------------------------

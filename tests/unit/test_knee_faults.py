@@ -20,7 +20,7 @@ TRIED = {
     "drive_dead", "clock_ahead", "cycle_overrun", "law_memory", "supervisor_memory", "mode_memory",
 }  # fmt: skip
 """Faults that are found on every knee. A drive that gives more, late or what it gave, and a law that remembers the
-joint wrongly are not: docs/safety.md has what they give."""
+joint wrongly are not: docs/validation/supervisor.md has what they give."""
 
 
 @pytest.fixture(scope="module")

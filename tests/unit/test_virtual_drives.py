@@ -1,4 +1,4 @@
-"""Virtual drives obey `enable` by themselves within the time that docs/safety.md states, whatever was asked of them."""
+"""Virtual drives obey `enable` by themselves within the time that integrators must keep, whatever was asked of them."""
 
 import numpy as np
 import pytest

@@ -25,8 +25,6 @@ from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from pellucid._errors import PellucidError
 from pellucid.study.results import ResultRow
 from pellucid_lab.safety.fault_table import FAULT_KINDS
@@ -34,9 +32,10 @@ from pellucid_lab.safety.worn_robot import LAWS
 from research.benchmarks._size import sized
 
 from .._commissioned import commissioned_rows
+from .._supervisor_page import FaultFigure
+from .._supervisor_page import fault_figures as figures_of_faults
 from .exports import DATASET_EXPORTS, INSTRUMENT_SETS, RIG_EXPORTS, ExportedLaw, Exports
-from .motion_bounds import bound_lines, measure_bounds
-from .table import table_lines
+from .motion_bounds import BAR_J, measure_bounds
 from .trials import (
     KINDS,
     MIN_EFFECT_J,
@@ -260,6 +259,7 @@ def rows(seed: int = JUDGED_SEED) -> Iterator[ResultRow]:
     yield from commissioned_rows()
     yield from start_rows(starts(seed))
     yield from spring_rows(spring_trials(seed))
+    yield from bound_rows()
 
 
 @cache
@@ -283,7 +283,7 @@ def spring_rows(trials: Sequence[ForeignTrial]) -> Iterator[ResultRow]:
 
 
 def shown(trials: Sequence[ForeignTrial]) -> list[ForeignTrial]:
-    """Return the trials of robots' faults that docs/safety.md counts as visible: neither hidden, nor a wearer's.
+    """Return the trials of robots' faults that count as visible: neither hidden, nor a wearer's.
 
     A spasm, a table or an open strap is no fault of the robot, and what the wearer makes of it differs; each has its
     rows.
@@ -448,22 +448,6 @@ def sine_set_rows(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[Resu
         yield worst_row(f"safety.exported.added_sine.{name}.worst_excess_energy", trials, SINE_SETS[name])
 
 
-def sine_lines(by_set: Mapping[str, Sequence[ForeignTrial]]) -> Iterator[str]:
-    """Yield the Markdown lines of a table of added sines: amplitudes by what there is to find them with."""
-    yield "| what there is to find it with | amplitude | found | median | latest | median excess | largest excess |"
-    yield "|---|--:|--:|--:|--:|--:|--:|"
-    for name, trials in by_set.items():
-        for amplitude in sorted({trial.amplitude for trial in trials}):
-            own = [trial for trial in trials if trial.amplitude == amplitude]
-            found = [1e3 * trial.found for trial in own if trial.is_found]
-            times = f"{np.median(found):.0f} ms | {max(found):.0f} ms" if found else " | "
-            excess = [trial.excess for trial in own]
-            yield (
-                f"| {SINE_SETS[name]} | {amplitude:g} N m | {len(found)} of {len(own)} | {times} | "
-                f"{np.median(excess):.2f} J | {max(excess):.2f} J |"
-            )
-
-
 def life_rows(name: str, lives: Sequence[ForeignLife]) -> Iterator[ResultRow]:
     """Yield the figures of healthy lives under a `name`; every alarm that a person would want has its line."""
     false = [alarm for life in lives for alarm in life.alarms if not alarm.wanted]
@@ -496,37 +480,20 @@ def is_refused(life: ForeignLife) -> bool:
     return life.started != life.started or life.false_alarms > 0
 
 
-def alarm_lines(lives: Sequence[ForeignLife]) -> Iterator[str]:
-    """Yield a line for every alarm that a person would want, with its reason, and one for false alarms of a kind."""
-    false = Counter((alarm.law, alarm.fault) for life in lives for alarm in life.alarms if not alarm.wanted)
-    for (law, fault), count in false.most_common():
-        yield f"| {law} | | | {fault} | | | | false, {count} times |"
-    for alarm in (alarm for life in lives for alarm in life.alarms if alarm.wanted):
-        yield (
-            f"| {alarm.law} | {alarm.plant} | {alarm.time:.1f} s | {alarm.fault} | {alarm.event} | "
-            f"{alarm.speed:.1f} rad/s | {alarm.push:.1f} N m | {alarm.wanted} |"
-        )
+def fault_figures(seed: int = JUDGED_SEED) -> Iterator[FaultFigure]:
+    """Yield what became of every fault under exported controllers, by the instruments that they assume."""
+    for instruments in ("drive_measured", "unmeasured", "drive_measured_and_probe", "shaking", "blind"):
+        trials = fault_trials(instruments, seed)
+        if instruments == "shaking":
+            trials = tuple(trial for trial in trials if trial.kind == "drive_sine")
+        yield from figures_of_faults(instruments, trials, KINDS)
+    yield from figures_of_faults("knee-orthosis", spring_trials(seed), KINDS)
 
 
-def exported_tables(seed: int = JUDGED_SEED) -> Iterator[str]:
-    """Yield the Markdown lines of docs/safety.md on exported controllers, each row with the instruments it assumes."""
-    measured: dict[str, Sequence[ForeignTrial]] = {
-        name: fault_trials(name, seed) for name in ("drive_measured", "unmeasured")
-    }
-    measured["drive_measured_and_probe"] = fault_trials("drive_measured_and_probe", seed)
-    measured["knee-orthosis"] = spring_trials(seed)
-    yield from table_lines(measured)
-    yield "#### A sine of 2.5 Hz that a drive adds"
-    yield ""
-    yield from sine_lines(sines_by_instruments(seed))
-    yield ""
-    yield "#### Bounds that need no force sensor"
-    yield ""
-    yield from bound_lines(measure_bounds(unsensed_laws(), TUNING_SEED))
-    yield ""
-    yield "#### Alarms of healthy lives"
-    yield ""
-    yield "| law | plant | time | fault | the wearer | largest speed | largest push | why a person wants it |"
-    yield "|---|--:|--:|---|---|--:|--:|---|"
-    yield from alarm_lines(healthy_lives("drive_measured", seed))
-    yield ""
+def bound_rows() -> Iterator[ResultRow]:
+    """Yield what bounds of motion would need and leave, where no force sensor tells a drive from a wearer."""
+    for bound in measure_bounds(unsensed_laws(), TUNING_SEED):
+        name = f"safety.motion_bounds.{bound.name.split(' (')[0].replace(' ', '_')}"
+        stopped = f"{100.0 * bound.stopped:.0f} % of healthy lives stopped by a bound that leaves {BAR_J:g} J"
+        yield row(f"{name}.least_threshold", bound.needed, "1", f"{bound.unit}, memory {bound.memory:g} s")
+        yield row(f"{name}.worst_excess_energy", float(bound.left.max()), "J", stopped if bound.bar > 0.0 else "")

@@ -134,7 +134,7 @@ namespace foreign {
   X(traced, "1", "1: tell what the controller sees in every second period")                                            \
   X(passive, "1", "1: no power and limp muscles, to check the plant's energy")
 
-/// The faults, in the order of their numbers; those of docs/safety.md and, below the line, further ones.
+/// The faults, in the order of their numbers; those of the core and, below the line, further ones.
 #define FOREIGN_FAULTS(X)                                                                                              \
   X(none) X(encoder_frozen) X(encoder_repeats) X(encoder_nan) X(encoder_jump) X(encoder_slip) X(encoder_drift)         \
   X(encoder_drift_two) X(encoder_flipped) X(encoder_flipped_two) X(encoder_far) X(encoder_noise) X(encoder_half)       \

@@ -7,7 +7,7 @@ an added sine gives a wearer until the number passes that threshold.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -158,19 +158,3 @@ def measure_bounds(laws: Sequence[ExportedLaw], seed: int) -> list[MotionBound]:
         made.append(MotionBound(name, unit, MEMORIES_S[column % size], float(needed[column]), energies[:, column], bar,
                                 stopped))  # fmt: skip
     return made
-
-
-def bound_lines(bounds: Sequence[MotionBound]) -> Iterator[str]:
-    """Yield the Markdown lines of a table of bounded numbers."""
-    yield (
-        "| bounded number | memory | least threshold of healthy lives | largest excess that it leaves | median "
-        f"| threshold for {BAR_J:g} J | healthy lives that this stops |"
-    )
-    yield "|---|--:|--:|--:|--:|--:|--:|"
-    for one in bounds:
-        bar = f"{one.bar:.2g} {one.unit}" if one.bar > 0.0 else "none found"
-        stopped = f"{100.0 * one.stopped:.0f} %" if one.bar > 0.0 else ""
-        yield (
-            f"| {one.name} | {one.memory:g} s | {one.needed:.2g} {one.unit} | {one.left.max():.0f} J "
-            f"| {np.median(one.left):.1f} J | {bar} | {stopped} |"
-        )

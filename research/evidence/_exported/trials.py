@@ -73,7 +73,7 @@ EXTRA_KINDS: Mapping[str, FaultKind] = {
         FaultKind("drive_sine", "drive", "the drive adds a sine of 2.5 Hz, and says so", "", False, False, ""),
     )
 }
-"""Faults that docs/safety.md's first table does not have."""
+"""Faults that the core's list does not have."""
 
 KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in FAULT_KINDS} | EXTRA_KINDS
 """Every fault by name that all laws are tried with."""

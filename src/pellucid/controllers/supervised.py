@@ -1,7 +1,7 @@
 """Put a law under the core's supervisor: rules for the thresholds on raw data, sensors, drive, energy and memory.
 
 Every threshold follows from the law's own numbers (the card's body and the limits) and from the specification of the
-sensors. The constants below were chosen on robots and wearers that do not enter the fault table of docs/safety.md.
+sensors. The constants below were chosen on robots and wearers that do not enter docs/validation/supervisor.md.
 Thresholds against false alarms are the smallest values at which all of these ran without an alarm, plus a fifth; the
 tolerance for the force sensor's gain has no such margin.
 
@@ -595,7 +595,7 @@ def supervised(
 
     Without a fault the law's effort passes bit for bit. The supervisor answers a single fault of sensor, drive, wearer,
     clock or memory with a law that does without the lost sensor, a damped stop, or no effort and no power
-    (docs/safety.md).
+    (docs/explanation/supervision.md).
 
     Parameters
     ----------
