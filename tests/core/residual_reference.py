@@ -1,4 +1,4 @@
-"""The residual compensator once more, in plain NumPy, written from docs/theory.md: what the core is held against."""
+"""The residual compensator once more, in plain NumPy, written from docs/explanation/residual-compensation.md: what the core is held against."""
 
 import numpy as np
 

@@ -22,7 +22,8 @@ PAGES = {
 }
 README, COMMANDS, ARCHITECTURE = (PAGES[p] for p in ("README.md", "docs/commands.md", "docs/architecture.md"))
 BASES = (ROOT, ROOT / "src", ROOT / "src" / "pellucid", ROOT / "lab" / "src")
-FIRST_PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/theory.md", "docs/errata.md")
+EXPLANATION = tuple(page for page in PAGES if page.startswith("docs/explanation/"))
+FIRST_PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", *EXPLANATION, "docs/errata.md")
 
 
 def blocks(language: str, text: str) -> list[str]:
@@ -48,9 +49,19 @@ def test_links_lead_somewhere(page):
     assert not missing, missing
 
 
-def test_every_page_is_linked():
-    linked = {t.partition("#")[0].rpartition("/")[2] for p in PAGES.values() for t in re.findall(r"\]\(([^)]+)\)", p)}
-    assert not [page for page in PAGES if page != "README.md" and page.rpartition("/")[2] not in linked]
+def test_every_page_is_linked_from_another():
+    linked = {
+        ((ROOT / page).parent / target.partition("#")[0]).resolve()
+        for page, text in PAGES.items()
+        for target in re.findall(r"\]\(([^)\s#]+)", text)
+        if (ROOT / page).name != target.partition("#")[0]
+    }
+    assert not [page for page in PAGES if page != "README.md" and (ROOT / page).resolve() not in linked]
+
+
+def test_each_chapter_of_the_explanation_keeps_to_its_size():
+    assert len(EXPLANATION) >= 12
+    assert not [page for page in EXPLANATION if len(PAGES[page].split()) > 2000]
 
 
 @pytest.mark.parametrize("page", FIRST_PAGES)
