@@ -510,15 +510,16 @@ def live(
         print_line(out, "The robot's engine runs.")
         print_line(out, f"Operator:    {server.address('operator')}")
         print_line(out, f"Participant: {server.address('participant')}")
-        print_line(out, "Both pages are for this computer alone. Ctrl-C ends the session; what is recorded stays.")
+        print_line(out, "Both pages are for this computer alone. Ctrl-C ends the session; recordings stay.")
 
     found = run(
         folder, participant=participant, port=port, unattended=unattended, open_pages=browser and not unattended,
-        on_ready=show,
+        on_ready=show, show_evaluation=show_progress,
     )  # fmt: skip
     for note in found.notes:
         print_line(out, note)  # a note may end in a command, which no line may break
-    print_line(out, f"{found.participant}: {found.done} of {found.planned} trials are recorded.")
+    recorded = f"{found.done} of {found.planned} trials are recorded"
+    print_line(out, f"The session is finished. {found.participant}: {recorded}.")
     if found.report is not None:
         print_line(out, f"Report: {found.report}")
 

@@ -4,13 +4,14 @@ import re
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from pellucid.cli import app
 from pellucid.study.procedures.run import Outcome, identify_several, table_of
 from pellucid.study.results import read_rows
-from pellucid.study.terminal import _print_first_line, remaining_text, share_text
+from pellucid.study.terminal import RemainingTime, _print_first_line, share_text
 from pellucid_lab.bench.rig import bench_joint
 from pellucid_lab.study import write_study
 
@@ -89,13 +90,57 @@ def test_progress_without_a_terminal_goes_on_while_a_step_lasts(capsys, monkeypa
     assert lines[-1].endswith("s left")
 
 
+def rest_after(elapsed, share):
+    """Return a predicted rest, told at one step."""
+    rest = RemainingTime()
+    rest.step(elapsed, share)
+    return rest
+
+
 def test_the_time_that_remains_becomes_less_while_a_step_lasts():
-    assert remaining_text(100.0, 0.5) == "about 2 min left"
-    assert [remaining_text(100.0 + waited, 0.5, waited) for waited in (40.0, 60.0)] == [
-        "about 60 s left", "about 40 s left",
-    ]  # fmt: skip
-    # Nothing of the prediction is left: the step itself takes part in the next.
-    assert remaining_text(250.0, 0.5, 150.0) == "about 4 min left"
+    assert rest_after(100.0, 0.5).text(100.0) == "about 2 min left"
+    rest = rest_after(100.0, 0.5)
+    assert [rest.text(100.0 + waited) for waited in (40.0, 60.0)] == ["about 60 s left", "about 40 s left"]
+    # Nothing of the prediction is left, and what was shown cannot grow.
+    assert rest.text(250.0) == "longer than predicted"
+    # A step that ends shortens the prediction below what was shown.
+    rest.step(270.0, 0.9)
+    assert rest.text(270.0) == "about 30 s left"
+
+
+def seconds_shown(text):
+    """Return the time that a text on the rest shows [s]."""
+    number, unit = re.fullmatch("about ([0-9]+) (s|min) left", text).groups()
+    return float(number) * (60.0 if unit == "min" else 1.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_time_that_remains_never_grows(seed):
+    """A new prediction was shown whenever a step lasted long: the rest went from 5 s to 4 minutes."""
+    rng = np.random.default_rng([50, seed])
+    times = np.cumsum(rng.lognormal(1.0, 1.2, 30))
+    rest, shown = RemainingTime(), []
+    for i, (began, ended) in enumerate(zip([0.0, *times], times, strict=False)):
+        rest.step(began, i / len(times))
+        shown += [rest.text(now) for now in np.arange(began, ended, 2.0)]
+    seconds = [seconds_shown(text) for text in shown if text.startswith("about")]
+    assert len(seconds) > 5
+    assert seconds == sorted(seconds, reverse=True)
+
+
+def test_no_share_is_undone():
+    rest = RemainingTime()
+    assert [rest.step(1.0, 0.5), rest.step(2.0, 0.3), rest.step(3.0, 0.6)] == [0.5, 0.5, 0.6]
+
+
+def test_a_last_step_with_the_whole_share_is_told_while_it_lasts(capsys, monkeypatch):
+    """Nothing was printed while a step lasted that was told with a share of one."""
+    monkeypatch.setattr("pellucid.study.terminal.FIRST_PROGRESS_S", 0.05)
+    with _print_first_line() as tell:
+        tell("muscles together", 1.0)
+        lines = lines_told(capsys, 2)
+        tell("done", 1.0)
+    assert all(line.startswith("pellucid: 99 % muscles together") for line in lines)
 
 
 def test_a_decimal_is_told_where_a_percent_takes_longer_than_two_seconds():
@@ -122,4 +167,4 @@ def test_what_is_soon_done_is_not_told(capsys):
     [(10.0, 0.02, ""), (1.0, 0.5, ""), (10.0, 0.5, "about 10 s left"), (60.0, 0.1, "about 9 min left"), (9.0, 1.0, "")],
 )
 def test_the_time_that_remains_is_told_once_it_can_be_known(elapsed, share, text):
-    assert remaining_text(elapsed, share) == text
+    assert rest_after(elapsed, share).text(elapsed) == text

@@ -24,6 +24,7 @@ PROCEDURE_ENTRIES = (
         brings=Command("calibrate", "Estimate torque from EMG, and judge it held out.", reads_cards=True),
         whole=True,
         shortest_piece=MIN_PIECE_S,
+        cost=20.0,
     ),
     ProcedureEntry(
         package=f"{__package__}.study.activations",
@@ -59,6 +60,7 @@ PROCEDURE_ENTRIES = (
         draw="onset_page:page",
         brings=Command("onset", "Find when muscles become active, from raw EMG.", PEOPLE_GROUP, typed="emg onset"),
         whole=True,
+        cost=5.0,
     ),
     ProcedureEntry(
         package=f"{__package__}.study.cocontraction",

@@ -57,6 +57,18 @@ FIRST_PROGRESS_S = 2.0
 MIN_PREDICTED_SHARE = 0.05
 """The time that remains is told once this share of the work is done."""
 
+MAX_HELD_RATIO = 1.3
+"""A prediction of the remaining time that exceeds the last one shown by less than this factor leaves it standing."""
+
+SECONDS_SHOWN_BELOW_S = 90.0
+"""Below it the remaining time is shown in seconds, above it in minutes [s]."""
+
+DONE_TEXT = "done"
+"""What progress is told when all work is done."""
+
+MAX_UNFINISHED_SHARE = 0.99
+"""Largest share that is shown while a step lasts."""
+
 _is_quiet = ContextVar("_is_quiet", default=False)
 _is_verbose = ContextVar("_is_verbose", default=False)
 
@@ -122,15 +134,13 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
     )
     from rich.text import Text
 
-    stepped: list[float] = []  # time of each step that was told since the beginning [s]
+    remaining = RemainingTime()
 
     class RemainingColumn(TextColumn):
-        """Time that remains, from the time and the share of all work so far: it is told between steps, too."""
+        """Time that remains: it is shown anew between steps, too."""
 
         def render(self, task: Task) -> Text:
-            elapsed = task.elapsed or 0.0
-            waited = elapsed - stepped[-1] if stepped else 0.0
-            return Text(remaining_text(elapsed, task.percentage / 100.0, waited), style="dim")
+            return Text(remaining.text(task.elapsed or 0.0), style="dim")
 
     class ShareColumn(TextColumn):
         """Share of the work that is done."""
@@ -144,8 +154,7 @@ def show_progress() -> Iterator[Callable[[str, float], None]]:
         task = progress.add_task("", total=1.0)
 
         def tell(text: str, share: float) -> None:
-            stepped[:] = [progress.tasks[0].elapsed or 0.0]
-            progress.update(task, description=text, completed=share)
+            progress.update(task, description=text, completed=remaining.step(progress.tasks[0].elapsed or 0.0, share))
 
         yield tell
 
@@ -156,20 +165,44 @@ def share_text(share: float, elapsed: float) -> str:
     return f"{100.0 * share:.{int(0.0 < share < 1.0 and elapsed > 100.0 * FIRST_PROGRESS_S * share)}f} %"
 
 
-def remaining_text(elapsed: float, share: float, waited: float = 0.0) -> str:
-    """Return in words how long the rest takes if it goes on as the `share` done in `elapsed` [s]; "" at the start.
+class RemainingTime:
+    """Time that remains of some work, predicted from the share done, and shown so that it never grows.
 
-    `waited` is the part of that time since the last step ended [s]: the rest becomes shorter while a step lasts. If
-    the step lasts longer than the whole rest should, the rest is predicted anew from all the time so far.
+    A prediction becomes shorter while a step lasts. If the step lasts longer than the whole rest should, the rest is
+    predicted anew from all the time so far. A new prediction that is little longer than the last one shown leaves that
+    one standing; a much longer one is said in words, until a prediction is again as short as the last one shown.
     """
-    if share < MIN_PREDICTED_SHARE or elapsed < FIRST_PROGRESS_S or share >= 1.0:
-        return ""
-    left = (elapsed - waited) / share - elapsed
-    if left <= 0.0:
-        left = elapsed * (1.0 - share) / share
-    if left < 90.0:
-        return f"about {max(5.0 * round(left / 5.0), 5.0):.0f} s left"
-    return f"about {left / 60.0:.0f} min left"
+
+    def __init__(self) -> None:
+        self._share = 0.0
+        self._stepped = 0.0  # when the last step was told [s]
+        self._shown: float | None = None  # last time that was shown [s]
+
+    def step(self, elapsed: float, share: float) -> float:
+        """Take the `share` done at `elapsed` [s], and return the largest share so far: no work is undone."""
+        self._share, self._stepped = max(self._share, share), elapsed
+        return self._share
+
+    def text(self, elapsed: float) -> str:
+        """Return in words how long the rest takes, seen at `elapsed` [s]; "" at the start and at the end."""
+        share = self._share
+        if share < MIN_PREDICTED_SHARE or elapsed < FIRST_PROGRESS_S or share >= 1.0:
+            return ""
+        left = self._stepped / share - elapsed
+        if left <= 0.0:
+            left = elapsed * (1.0 - share) / share
+        left = _rounded_rest(left)
+        if self._shown is not None and left > self._shown:
+            if left > MAX_HELD_RATIO * self._shown:
+                return "longer than predicted"
+            left = self._shown
+        self._shown = left
+        return f"about {left:.0f} s left" if left < SECONDS_SHOWN_BELOW_S else f"about {left / 60.0:.0f} min left"
+
+
+def _rounded_rest(left: float) -> float:
+    """Return a remaining time [s] as coarse as it is shown: five seconds at least."""
+    return max(5.0 * round(left / 5.0), 5.0) if left < SECONDS_SHOWN_BELOW_S else 60.0 * round(left / 60.0)
 
 
 @contextmanager
@@ -180,22 +213,23 @@ def _print_first_line() -> Iterator[Callable[[str, float], None]]:
     from time import monotonic
 
     began, ended, lock = monotonic(), Event(), Lock()
-    last: list[tuple[str, float, float]] = []  # what is done, the share done, and when that was told [s]
+    remaining = RemainingTime()
+    last: list[tuple[str, float]] = []  # what is done, and the share done
 
     def tell(text: str, share: float) -> None:
         told = monotonic() - began
         with lock:
             changed = not last or last[0][0] != text
-            last[:] = [(text, share, told)]
-        if changed and _is_verbose.get() and share < 1.0:
-            _print_progress(text, share, told, told)
+            last[:] = [(text, remaining.step(told, share))]
+            if changed and _is_verbose.get():
+                _print_progress(*last[0], told, remaining.text(told))
 
     def beat() -> None:
         while not ended.wait(FIRST_PROGRESS_S):
+            elapsed = monotonic() - began
             with lock:
-                shown = last[0] if last else None
-            if shown is not None and shown[1] < 1.0:
-                _print_progress(*shown, monotonic() - began)
+                if last:
+                    _print_progress(*last[0], elapsed, remaining.text(elapsed))
 
     thread = Thread(target=beat, daemon=True)
     thread.start()
@@ -206,13 +240,16 @@ def _print_first_line() -> Iterator[Callable[[str, float], None]]:
         thread.join()
 
 
-def _print_progress(text: str, share: float, told: float, elapsed: float) -> None:
+def _print_progress(text: str, share: float, elapsed: float, left: str) -> None:
     """Print on standard error the share of the work that is done, what is done now, and how long the rest takes.
 
-    Before that can be predicted, the time so far is printed; `told` is the time of the last step [s].
+    Where that cannot be predicted, the time so far is printed; nothing, once all is done.
     """
-    left = remaining_text(elapsed, share, elapsed - told) or f"{elapsed:.0f} s so far"
-    typer.echo(f"pellucid: {share_text(share, elapsed)} {text}, {left}", err=True)
+    if share >= 1.0 and text == DONE_TEXT:
+        return
+    # A last step that is named with the whole share still lasts.
+    share = min(share, MAX_UNFINISHED_SHARE)
+    typer.echo(f"pellucid: {share_text(share, elapsed)} {text}, {left or f'{elapsed:.0f} s so far'}", err=True)
 
 
 def print_json(result: Result) -> None:

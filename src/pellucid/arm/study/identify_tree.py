@@ -66,7 +66,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         robot, fitted, judged, width=table.velocity_width, terms=terms, ripple=table.ripple
     )
     best = TreeModel(robot, found.rows.base, found.best.families, found.choice.speeds, found.best.ripples)
-    tell("bodies that can exist", 0.65)
+    tell("bodies that can exist", 0.74)
     models, failures, bodies = {"base": found.base, "best": found.best}, {}, None
     prior = {"stated": table.inertia_prior, "in_si": all(fitted[0].gain_known)}
     try:
@@ -74,10 +74,10 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     except IdentificationError as error:
         # Without consistent bodies, for example after a wrong sign, the base parameters may still show the cause.
         failures["consistent"] = str(error)
-    tell("judging", 0.75)
+    tell("judging", 0.76)
     errors = [*_baseline_errors(study, found, fitted, judged), *_errors_of_base_and_best(found, fitted, judged)]
     errors += _errors_of_consistent(found, bodies, judged, prior) if bodies is not None else ()
-    tell("payloads", 0.9)
+    tell("payloads", 0.97)
     payloads = identify_payloads(study, robot, motions, found.best, gains)
     out = found.best_out
     processing = study.processing_of(study.recordings()[0])

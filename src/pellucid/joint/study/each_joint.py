@@ -64,6 +64,10 @@ def each_joint_notes(study: Study) -> list[Fault]:
     return _of_joints(found)
 
 
+JOINTS_SHARE = 0.95
+"""Share of the work that the joints take, each on its own."""
+
+
 def identify_each_joint(
     study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
 ) -> EachJointResult:
@@ -74,7 +78,7 @@ def identify_each_joint(
     for i, (joint, view) in enumerate(views.items()):
 
         def tell_part(text: str, share: float, i: int = i, joint: str = joint) -> None:
-            tell(f"{joint}: {text}", (i + share) / len(views))
+            tell(f"{joint}: {text}", JOINTS_SHARE * (i + share) / len(views))
 
         why = resting_text(view)
         if why:
@@ -86,7 +90,7 @@ def identify_each_joint(
             left_out[joint] = str(error)
     if not joints:
         raise IdentificationError(_no_joint_text(study, resting, left_out))
-    tell("what one joint does to another", 1.0)
+    tell("what one joint does to another", JOINTS_SHARE)
     verdicts = [
         *coupling_verdicts({joint: views[joint] for joint in joints}, joints),
         *(Verdict("warning", f"{joint} is left out: {why}", finding="left_out") for joint, why in left_out.items()),

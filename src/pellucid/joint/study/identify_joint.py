@@ -17,7 +17,7 @@ from ...numerics.regression import stack
 from ...study.drive_channel import drive_channel
 from ...study.procedures.dead_effort import require_live_effort
 from ...study.procedures.findings import collect_findings
-from ...study.procedures.procedure import Progress, quiet
+from ...study.procedures.procedure import CostedSteps, Progress, quiet
 from ...study.quality import require_sound
 from ...study.recorded_motions import carries_unknown_payload, drive_model, filtering_of, motions_of, take_excerpt
 from ...study.study import Study
@@ -38,6 +38,29 @@ from .joint_causes import causes_of
 from .joint_faults import require_sign, require_velocity
 from .joint_result import JointResult, complete_result, traces_of
 
+# Costs of steps are processor times measured on three public data sets, relative to a fit of symmetric friction.
+
+FAMILY_COSTS = {"symmetric": 1.0, "directional": 1.0, "load": 4.0, "stribeck": 2.0, "combined": 6.0}
+"""Cost of fitting each friction family."""
+
+OTHER_FAMILY_COST = 2.0
+"""Cost of fitting another family."""
+
+LOOKING_COST = 0.3
+"""Cost of looking for faults before the fits."""
+
+FILTERING_COST = 4.5
+"""Cost of filtering, and of deciding on directions, springs and shares of load."""
+
+CHOICE_COST = 2.0
+"""Cost of choosing family and estimator."""
+
+POSTERIOR_COST = 10.0
+"""Cost of drawing a posterior."""
+
+VERDICT_COST = 1.5
+"""Cost of verdicts and tables."""
+
 
 def identify_joint(
     study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
@@ -52,15 +75,26 @@ def identify_joint(
             raise IdentificationError(f"unknown friction family '{name}'; known: {', '.join(FAMILIES)}")
     if study.model.posterior:
         require_sampler()
-    tell("reading recordings", 0.0)
+    posterior_cost = {"drawing a posterior": POSTERIOR_COST} if study.model.posterior else {}
+    steps = CostedSteps(
+        tell,
+        {
+            "looking at recordings": LOOKING_COST,
+            "filtering": FILTERING_COST,
+            **{f"fitting {name}": FAMILY_COSTS.get(name, OTHER_FAMILY_COST) for name in names},
+            "choosing the model": CHOICE_COST,
+            **posterior_cost,
+            "verdicts": VERDICT_COST,
+        },
+    )
+    steps.begin("looking at recordings")
     recordings = study.recordings()
-    tell("looking at recordings", 0.05)
     for recording in recordings:
         require_sound(recording, study)
     require_live_effort(study)
     require_velocity(study)
     require_clocks(study)
-    tell("filtering", 0.1)
+    steps.begin("filtering")
     every_one = align_recordings(study)
     carried = [r for r in every_one if carries_unknown_payload(r)]
     aligned_ones = [r for r in every_one if not carries_unknown_payload(r)]
@@ -113,8 +147,8 @@ def identify_joint(
     solved: dict[str, SolvedFamily] = {}
     machine = machine_of(study.rig)
     failures: dict[str, str] = {}
-    for i, name in enumerate(names):
-        tell(f"fitting {name}", 0.2 + 0.65 * i / len(names))
+    for name in names:
+        steps.begin(f"fitting {name}")
         try:
             solved[name] = fit_family(
                 model_of(name, constant, separate_load=shares.separate),
@@ -132,7 +166,7 @@ def identify_joint(
                 raise
             failures[name] = str(error)
     fits: dict[str, FamilyFit] = {name: each.fit for name, each in solved.items()}
-    tell("choosing the model", 0.85)
+    steps.begin("choosing the model")
     candidates = {name: each.candidates for name, each in solved.items()}
     searched = next(iter(solved.values())).data
     choice = choose_headline(candidates, searched, machine, study.model.purpose, study.model.min_improvement)
@@ -143,12 +177,12 @@ def identify_joint(
     del solved  # its regressors are large
     posterior, no_posterior = None, ""
     if study.model.posterior:
-        tell("drawing a posterior", 0.87)
+        steps.begin("drawing a posterior")
         try:
             posterior = joint_posterior(fits[best].estimate, data)
         except IdentificationError as error:
             no_posterior = str(error)
-    tell("verdicts", 0.9)
+    steps.begin("verdicts")
     fitted, held = ([m for m in part.motions if m.split == split] for split in ("fitted", "heldout"))
     estimate = fits[best].estimate
     if constant is not None and not known_drive:

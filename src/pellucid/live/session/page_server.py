@@ -139,7 +139,8 @@ class PageServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._watched = 0.0  # when the operator's pages were looked at last [s]
         self._pings: set[asyncio.Future] = set()
-        self.ends_with_session = False  # whether the server stops by itself once the session is over
+        self.farewell: float | None = None  # time that pages are served once the session is over [s]; None: for ever
+        self._over: float | None = None  # when the session was first seen to be over [s]
 
     def address(self, page: str) -> str:
         """Return the address of a page, ``"operator"`` or ``"participant"``, with the token."""
@@ -362,10 +363,19 @@ class PageServer:
                 due["health"] = now + HEALTH_INTERVAL_S
                 health = health_numbers(self.session.engine.health())
                 self._broadcast("operator", json.dumps({"type": "health", **health}))
-            if self.ends_with_session and self.session.phase == Phase.finished:
+            if self._has_said_farewell(now):
                 self.stopped.set()
             following = max(following + STEP_S, now)
             await asyncio.sleep(max(following - time.monotonic(), 0.001))
+
+    def _has_said_farewell(self, now: float) -> bool:
+        """Return whether the session is over and its pages are closed, or have been served for the time of farewell."""
+        if self.farewell is None or self.session.phase != Phase.finished:
+            return False
+        if self._over is None:
+            self._over = now
+            self._tell_state()
+        return not self.clients or now - self._over >= self.farewell
 
     def _send_samples(self, client: Client) -> None:
         """Send the samples since the last packet; a page that was away starts with the newest second."""

@@ -13,7 +13,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -26,6 +26,7 @@ from ..._plugins import load_plugins
 from ...files.readers._apart import start_reading_process
 from ...study.instruments_table import RUN_FOLDER, SessionTable
 from ...study.pages.page import PAGE_FILE
+from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.registry import asked, open_study
 from ...study.study import STUDY_FILE, Study
 from .live_session import LiveSession
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 
 COMMAND_LIMIT_S = 3600.0
 """Longest time that one command may take at the end of a session [s]."""
+
+FAREWELL_S = 60.0
+"""Once a session is finished its pages are served until they are closed, and no longer than this [s]."""
 
 VIRTUAL_DEVICE_PREFIX = "virtual-"
 """Names of devices without hardware begin with this."""
@@ -74,8 +78,9 @@ def live(
     open_pages: bool = False,
     on_ready: Callable[[PageServer], None] | None = None,
     engine: Callable[[Study, Sequence[PlannedTrial]], LiveEngine] | None = None,
+    show_evaluation: Callable[[], AbstractContextManager[Progress]] | None = None,
 ) -> SessionResult:
-    """Run a participant's session.
+    """Run a participant's session, evaluate it, and end.
 
     Parameters
     ----------
@@ -93,6 +98,8 @@ def live(
         Called with the server once pages can be opened.
     engine : callable, optional
         Makes the engine of a study and its plan, instead of the device that study.toml names.
+    show_evaluation : callable, optional
+        Returns a context whose function is told the progress of the commands at the end.
 
     Returns
     -------
@@ -117,8 +124,13 @@ def live(
     try:
         with ThreadPoolExecutor(2) as executor:
             executor.submit(start_reading_process)
+
+            def finish(study: Study) -> tuple[Path | None, list[str]]:
+                with nullcontext(quiet) if show_evaluation is None else show_evaluation() as tell:
+                    return evaluate(study, tell)
+
             session = LiveSession(
-                study, running, left, participant, executor=executor, finish=evaluate, total=len(plan),
+                study, running, left, participant, executor=executor, finish=finish, total=len(plan),
                 unattended=unattended,
             )  # fmt: skip
             require_limits(session)
@@ -130,7 +142,7 @@ def live(
                 if on_ready is not None:
                     on_ready(server)
 
-            asyncio.run(_serve(server, opened, until_finished=unattended))
+            asyncio.run(_serve(server, opened, 0.0 if unattended else FAREWELL_S))
             done = len(recorded_names(session.study) & {trial.name for trial in plan})
             return SessionResult(participant, done, len(plan), session.report, tuple(session.notes))
     finally:
@@ -139,13 +151,13 @@ def live(
             close()
 
 
-async def _serve(server: PageServer, opened: Callable[[PageServer], None], *, until_finished: bool) -> None:
-    """Serve until the session is over and its pages are closed, or until the terminal's Ctrl-C."""
+async def _serve(server: PageServer, opened: Callable[[PageServer], None], farewell: float) -> None:
+    """Serve until the session is over and its pages are closed or `farewell` [s] has passed, or until Ctrl-C."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         with suppress(NotImplementedError, RuntimeError, ValueError):
             loop.add_signal_handler(number, server.stopped.set)
-    server.ends_with_session = until_finished
+    server.farewell = farewell
     await server.run(opened)
 
 
@@ -214,13 +226,15 @@ def require_limits(session: LiveSession) -> None:
         )
 
 
-def evaluate(study: Study) -> tuple[Path | None, list[str]]:
+def evaluate(study: Study, tell: Progress = quiet) -> tuple[Path | None, list[str]]:
     """Run every command that the study asks for, then the report; return its page and what was refused.
 
     Each command is a process of its own, so that the pages go on meanwhile.
     """
     notes = []
-    for command in (*dict.fromkeys(procedure.command for procedure in asked(study)), "report"):
+    commands = (*dict.fromkeys(procedure.command for procedure in asked(study)), "report")
+    for i, command in enumerate(commands):
+        tell(f"the session is over and is evaluated: {command}", i / len(commands))
         try:
             made = subprocess.run(
                 [sys.executable, "-m", "pellucid", command, str(study.folder)],
@@ -234,6 +248,7 @@ def evaluate(study: Study) -> tuple[Path | None, list[str]]:
             notes.append(f"{command}: {said[-1] if said else f'ended with status {made.returncode}'}")
         else:
             notes.append(f"{command}: done")
+    tell("done", 1.0)
     page = study.report_dir / PAGE_FILE
     return (page if page.is_file() else None), notes
 

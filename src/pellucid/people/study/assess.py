@@ -12,7 +12,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ...files.fault import Fault
 from ...files.recording import Recording
-from ...study.procedures.procedure import Progress, quiet
+from ...study.procedures.procedure import CostedSteps, Progress, quiet
 from ...study.study import Study
 from ...units import Coordinate
 from ..analysis import Analysis
@@ -53,12 +53,24 @@ PLANNED_CHANGE_SHARES = (0.05, 0.1, 0.2, 0.3)
 """Changes from control that these participants should detect, as shares."""
 
 
+# Costs of steps are processor times measured on eight people who pointed [s].
+
+MOVEMENTS_COST = 0.2
+"""Cost of finding the movements of one person."""
+
+PERSON_COST = 0.5
+"""Cost of the indices of one person."""
+
+NEEDED_COST = 7.0
+"""Cost of simulating `DEFAULT_STUDIES` studies of the participants needed."""
+
+
 def assess(
     study: Study, tell: Progress = quiet, *, studies: int = DEFAULT_STUDIES, executor: Any = None
 ) -> AssessmentResult:
     """Compare a study's conditions by the settings of its table."""
     table = study.table(AssessmentTable)
-    tell("reading recordings", 0.05)
+    tell("reading recordings", 0.0)
     return assess_recordings(
         study.name, study.recordings(), table, on_progress=tell, studies=studies, executor=executor,
         registered=registered_analysis(study),
@@ -82,7 +94,7 @@ def assess_recordings(
     tell = on_progress or quiet
     used = recordings_with_condition(recordings)
     conditions = _conditions(used, spec.control)
-    tell("finding movements", 0.1)
+    tell("finding movements", 0.02)
     records, gaps = usable_records(used, spec)
     unusable = {recording.name: gap.message for recording, gap in zip(_others(used, records), gaps, strict=True)}
     participants, absent, without = _participants(used, records, conditions, spec.analysis.excluded)
@@ -100,8 +112,17 @@ def assess_recordings(
     parts: dict[str, list[MeasuredStudy]] = {words: [] for words in rules}
     shifted: list[MeasuredStudy] = []
     curves: Curves = {}
-    for i, person in enumerate(participants):
-        tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
+    costs = {f"indices, {person}": PERSON_COST for person in participants}
+    steps = CostedSteps(
+        tell,
+        {
+            "finding movements": MOVEMENTS_COST * len(participants),
+            **costs,
+            "participants needed": NEEDED_COST * studies / DEFAULT_STUDIES,
+        },
+    )
+    for person in participants:
+        steps.begin(f"indices, {person}")
         own = [record for record in records if record.recording.participant == person]
         # EMG is processed for one person at a time, because that of a whole study may not fit into memory.
         emg, largest, clocks = activities(own, spec, with_rule(spec))
@@ -126,7 +147,7 @@ def assess_recordings(
             {words: join_studies(shifted)}, spec, participants, conditions, along,
             index_names(lambda index: index.delay_place), order,
         )  # fmt: skip
-    tell("participants needed", 0.85)
+    steps.begin("participants needed")
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
     lines = isochrony(whole.movements, participants, conditions, along)
     profiles, profile_of = _profiles(whole, participants, conditions, along)

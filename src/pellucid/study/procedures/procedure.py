@@ -7,7 +7,7 @@ ask for.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -39,6 +39,43 @@ def quiet(text: str, share: float) -> None:
     """Ignore progress."""
 
 
+class CostedSteps:
+    """Progress of steps one after another, each with its share of the cost of all.
+
+    Parameters
+    ----------
+    tell : callable
+        Told what is done and the share of all work done.
+    costs : mapping of str to float
+        Measured cost of each step relative to the others, in the order of the steps.
+
+    Examples
+    --------
+    >>> steps = CostedSteps(lambda text, share: print(text, share), {"filtering": 1.0, "fitting": 3.0})
+    >>> steps.begin("filtering")
+    filtering 0.0
+    >>> steps.part("fitting")("fitting load", 0.5)
+    fitting load 0.625
+    """
+
+    def __init__(self, tell: Progress, costs: Mapping[str, float]) -> None:
+        total, done = sum(costs.values()), 0.0
+        self._tell = tell
+        self._parts: dict[str, tuple[float, float]] = {}  # share done before each step, and its own share
+        for name, cost in costs.items():
+            self._parts[name] = done / total, cost / total
+            done += cost
+
+    def begin(self, name: str) -> None:
+        """Tell that a step begins."""
+        self._tell(name, self._parts[name][0])
+
+    def part(self, name: str) -> Progress:
+        """Return a function that is told the progress of one step."""
+        before, own = self._parts[name]
+        return lambda text, share: self._tell(text, before + own * share)
+
+
 class Procedure(ABC, Generic[Table, Found]):
     """A question that a study can ask: the table that asks it, the faults that prevent it, its run and its page.
 
@@ -54,6 +91,7 @@ class Procedure(ABC, Generic[Table, Found]):
     # With `whole`: recordings with cuts are taken as the pieces between them that are at least so long [s]. None:
     # they are left out.
     shortest_piece: float | None = None
+    cost: float = 1.0  # Measured processor time relative to procedures that stand in the same studies
     takes_families: bool = False  # Whether the caller may choose the friction families that it compares
     takes_each_joint: bool = False  # Whether it identifies the joints of a machine of several, each on its own
     # Whether its cards hold the limits of joints. For other procedures the limits belong to a controller, and may be
@@ -151,6 +189,7 @@ class ProcedureEntry(Procedure[Any, Any]):
     leaves_out: bool = True  # Whether recordings with too many cuts are left out; otherwise they refuse the study
     whole: bool = False
     shortest_piece: float | None = None
+    cost: float = 1.0
     takes_families: bool = False
     takes_each_joint: bool = False
     uses_limits: bool = False

@@ -26,6 +26,7 @@ from ....study.answer import (
     reason_of_parts,
     verdict_of_parts,
 )
+from ....study.procedures.procedure import CostedSteps, Progress, quiet
 from ....study.procedures.result import FigureTable, Result
 from ....study.study import Study
 from ...estimators.condition_choice import ERROR_BAND, ConditionTestErrors
@@ -190,8 +191,8 @@ CARD_ESTIMATOR = "ridge"
 LIVE_ESTIMATORS = tuple(name for name, family in ESTIMATOR_FAMILIES.items() if family.runs_live)
 """Estimators whose causal maps become cards that a session or a robot runs sample by sample."""
 
-Progress = Callable[[str, float], None]
-"""Function that is told what is done now and the share of all work that is done."""
+TOGETHER_COST = 0.3
+"""Cost of fitting the muscles of all joints together, relative to that of every estimator of each joint."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -223,10 +224,11 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     table = study.table(EmgTorqueTable)
     if table.posterior:
         require_sampler()  # A missing sampler is reported before minutes of calibration
-    tell = on_progress or (lambda text, share: None)
+    tell = on_progress or quiet
     with keep_helpers():
-        found = _choose_evaluation(study)(study, tell)
-        together = across_joints.calibrate_together(found, tell, table.posterior)
+        steps = CostedSteps(tell, {"estimators": 1.0, "muscles together": TOGETHER_COST * (len(table.joints) > 1)})
+        found = _choose_evaluation(study)(study, steps.part("estimators"))
+        together = across_joints.calibrate_together(found, steps.part("muscles together"), table.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = findings.recommend_estimator(evaluated, what)

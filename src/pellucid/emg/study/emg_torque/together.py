@@ -112,6 +112,10 @@ class TogetherFindings:
         return bool(r2[OFFSET_FIT] > r2[PLAIN_FIT])
 
 
+POSTERIOR_BEGINS_AT = 0.5
+"""Share of the muscles' work before the posterior is drawn."""
+
+
 def calibrate_together(
     found: CalibrationFindings, tell: Callable[[str, float], None], posterior: bool = False
 ) -> TogetherFindings | None:
@@ -124,9 +128,10 @@ def calibrate_together(
         return None
     what = _joint_words(tuple(across))
     try:
-        made = _evaluate_fits(across, lambda i, share: tell(f"muscles of {what} together", 1.0))
+        fits_share = POSTERIOR_BEGINS_AT if posterior else 1.0
+        made = _evaluate_fits(across, lambda i, share: tell(f"muscles of {what} together", fits_share * share))
         if posterior:
-            tell(f"drawing a posterior of the muscles of {what}", 1.0)
+            tell(f"drawing a posterior of the muscles of {what}", POSTERIOR_BEGINS_AT)
             made = _add_posterior(made, across)
         return made
     except IdentificationError as error:

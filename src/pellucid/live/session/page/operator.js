@@ -144,7 +144,11 @@ session.onText = (told) => {
   if (told.type === "health") showHealth(told);
   if (told.type === "refused") refuse(told.why);
 };
-session.onClose = () => { $("kicker").textContent = "No connection to the session. Stop the robot by its own switch."; };
+session.onClose = () => {
+  const over = state && state.phase === "finished";
+  $("kicker").textContent = over ? "The session is over and its program has ended. This page can be closed." : "No connection to the session. Stop the robot by its own switch.";
+  if (over) $("report-line").hidden = true;
+};
 
 function refuse(why) {
   $("refused").textContent = why;

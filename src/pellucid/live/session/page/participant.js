@@ -71,7 +71,7 @@ function show(state) {
   const asked = !state.stopped && connected && (state.phase === "running" || state.phase === "preparing");
   let words = asked || reading ? null : WORDS[state.phase];
   if (state.stopped) words = ["Stopped", "The robot lets go of you. Please wait for the operator."];
-  if (!connected) words = ["No connection", "Please wait for the operator."];
+  if (!connected && state.phase !== "finished") words = ["No connection", "Please wait for the operator."];
   if (words && state.phase === "rest" && connected && !state.stopped) words = ["Rest", clock(state.left)];
   $("message").hidden = !words;
   if (words) { $("message-heading").textContent = words[0]; $("message-text").textContent = words[1]; }
