@@ -33,6 +33,8 @@ from .study.terminal import (
     Json,
     count_of,
     example,
+    exit_unless_answered,
+    exit_with_message,
     is_verbose,
     make_console,
     print_answer,
@@ -230,7 +232,7 @@ def try_files(
         print_items(console, worst, MAX_TRIED_WARNING_LINES)
         print_line(console, f"Page: {tried.page}")
         print_line(console, f"Next: {tried.answer.next_command}")
-    _exit_unless_answered([tried.answer])
+    exit_unless_answered([tried.answer])
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid check my-elbow"))
@@ -444,17 +446,21 @@ def plan(
     from .people.study.registered import register
 
     study, console = _opened(folder, None, allow_outside), make_console()
-    with cluster(scheduler) as executor:
+    with cluster(scheduler) as executor, show_progress() as tell:
+        tell("simulating studies", 0.0)
         people, noise = (None, None) if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
         found = run(
             study, power=power, participants=participants, pilot=people, noise_shares=noise, studies=studies,
             executor=executor,
         )  # fmt: skip
+    answer = found.answer.in_folder(folder)
+    print_answer(console, answer)
     print_line(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
     print_short_table(console, found.heads, rows, 30)
     print_line(console, found.note)
     print_line(console, register(study))
+    print_line(console, f"Next: {answer.next_command}")
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid certificate my-people"))
@@ -473,7 +479,7 @@ def certificate(folder: Folder, out: Out = None, allow_outside: Outside = False)
     console = make_console()
     print_answer(console, found.answer, with_steps=True)
     print_line(console, f"Certificate: {page}")
-    _exit_unless_answered([found.answer])
+    exit_unless_answered([found.answer])
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid live my-session"))
@@ -547,7 +553,7 @@ def report(
             place.note_drawn(page, study.files(), with_pdf=with_pdf)
     print_line(make_console(), f"Report: {page}")
     if page.parent != place.report_dir:
-        _exit_with_message(f"{place.report_dir} could not be written; the report is elsewhere", 1)
+        exit_with_message(f"{place.report_dir} could not be written; the report is elsewhere", 1)
 
 
 @app.command(rich_help_panel=IDENTIFY_GROUP, epilog=example("pellucid paper my-elbow"))
@@ -573,7 +579,7 @@ def compare(
     accept_stale: Stale = False,
 ) -> None:
     """Compare the parameters of a joint in two studies."""
-    from .study.pages.quantities import number, typeset_quantities, unit_text
+    from .study.pages.quantities import number, unit_text
     from .study.procedures.compare import compare as run
 
     found = run(a, b, family=family, allow_outside=allow_outside, accept_stale=accept_stale)
@@ -590,10 +596,11 @@ def compare(
         for row in found.rows
     ]
     out = make_console()
-    print_line(out, f"\n{found.family} friction; A is {a}, B is {b}")
+    print_line(out, f"{found.family} friction; A is {a}, B is {b}")
+    print_answer(out, found.answer)
     print_short_table(out, ("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, 24)
-    print_items(out, [(v.kind, typeset_quantities(v.text)) for v in found.verdicts], 14)
-    out.print()
+    print_line(out, f"Next: {found.answer.next_command}")
+    exit_unless_answered([found.answer])
 
 
 @app.command(rich_help_panel=DEPLOY_GROUP, epilog=example("pellucid export my-elbow --out controller"))
@@ -745,9 +752,14 @@ def incident(
         _echo_json(account_table(found))
         return
     console = make_console()
-    print_items(console, found.sentences, 20)
+    answer = found.answer
+    print_answer(console, answer)
+    print_items(console, [each for each in found.sentences if each[1] != answer.said], 16)
     print_short_table(console, *found.watch_table(NEAREST_WATCH_COUNT))
     print_line(console, f"Page: {page}")
+    if answer.next_command:
+        print_line(console, f"Next: {answer.next_command}")
+    exit_unless_answered([answer])
 
 
 @app.command(rich_help_panel=DESCRIBE_GROUP, epilog=example("pellucid repair trial.xdf --out whole.xdf"))
@@ -1001,18 +1013,18 @@ def main() -> None:
     try:
         app()
     except UnfitRecordingError as error:
-        _exit_with_message(_text_with_notes(error), 1)
+        exit_with_message(_text_with_notes(error), 1)
     except PellucidError as error:
-        _exit_with_message(_text_with_notes(error))
+        exit_with_message(_text_with_notes(error))
     except ModuleNotFoundError as error:
         domain = missing_domain(error)
         if domain is None:
             raise
-        _exit_with_message(f"this command needs pellucid/{domain}, which this installation lacks")
+        exit_with_message(f"this command needs pellucid/{domain}, which this installation lacks")
     except OSError as error:
-        _exit_with_message(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
+        exit_with_message(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
     except MemoryError as error:
-        _exit_with_message(f"not enough memory{f': {error}' if str(error) else ''}")
+        exit_with_message(f"not enough memory{f': {error}' if str(error) else ''}")
     except Exception as error:
         import traceback
 
@@ -1020,7 +1032,7 @@ def main() -> None:
             raise
         frame = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(frame.filename).name}:{frame.lineno}"
-        _exit_with_message(
+        exit_with_message(
             f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70
         )
 
@@ -1028,23 +1040,6 @@ def main() -> None:
 def _text_with_notes(error: PellucidError) -> str:
     """Return an error's message, and its notes on lines of their own."""
     return "\n".join([str(error), *getattr(error, "__notes__", ())])
-
-
-def _exit_with_message(text: str, status: int = 2) -> None:
-    """Print one message, with its control characters replaced, and exit with a status."""
-    from ._given import visible_text
-
-    typer.echo(f"pellucid: {visible_text(text)}", err=True)
-    raise SystemExit(status)
-
-
-def _exit_unless_answered(answers: Sequence[Answer]) -> None:
-    """Exit with status 1, and say why, if a question could not be answered."""
-    from .study.answer import unanswered_message
-
-    why = unanswered_message(answers)
-    if why:
-        _exit_with_message(why, 1)
 
 
 def _echo_json(table: dict[str, Any]) -> None:
@@ -1070,7 +1065,7 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
     except OSError as error:
         # The result of minutes of work is printed if it cannot be written.
         print_json(result)
-        _exit_with_message(f"nothing could be written: {error.strerror or error}; what was found is printed above")
+        exit_with_message(f"nothing could be written: {error.strerror or error}; what was found is printed above")
     if json:
         print_json(result)
     else:
@@ -1080,8 +1075,8 @@ def _run_and_save(study: Study, command: str, json: bool, run: Callable[[Study, 
         print_line(out, f"Next: {result.answers[0].next_command}")
     if elsewhere:
         # A next command after && would use the study's own cards, which are older, so it must not run.
-        _exit_with_message(elsewhere, 1)
-    _exit_unless_answered(result.answers)
+        exit_with_message(elsewhere, 1)
+    exit_unless_answered(result.answers)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pellucid.files.fault import Fault
 from pellucid.joint.study.joint_result import complete_result
 from pellucid.models.estimates import Verdict
 from pellucid.study import terminal
+from pellucid.study.answer import Answer, Step
 from pellucid.study.procedures.command import HELP_GROUPS
 from pellucid.study.procedures.print_result import print_result
 from pellucid.study.procedures.procedure import procedure_commands, typed_command
@@ -242,7 +243,7 @@ def test_compare_marks_what_changed(bench, monkeypatch):
     found = SimpleNamespace(
         family="symmetric",
         rows=(row("viscous", 0.2, 0.4, 1e-9), row("coulomb", 0.5, 0.5, 0.9)),
-        verdicts=(Verdict("warning", "viscous changed."),),
+        answer=Answer("Did it change?", "yes", "it did", next=(Step("Compare again", line="pellucid compare A B"),)),
     )
     monkeypatch.setattr("pellucid.study.procedures.compare.compare", lambda a, b, **options: found)
     result = run(cli.app, ["compare", "A", "B"])

@@ -16,6 +16,7 @@ from pellucid.study.terminal import (
     Json,
     count_of,
     example,
+    exit_unless_answered,
     is_verbose,
     make_console,
     print_answer,
@@ -141,6 +142,7 @@ def reproduce(
     print_answer(console, made.answer)
     print_lines(console, made.lines, 40, "further figure")
     print_line(console, f"Page: {made.page}")
+    exit_unless_answered([made.answer])
 
 
 def rank(
@@ -167,7 +169,8 @@ def rank(
 
     with show_progress() as tell:
         made = run(out, pairs=pairs, seed=None if sealed else seed, laws=law or (), on_progress=tell)
-    console = make_console()
+    console, answer = make_console(), made.answer
+    print_answer(console, answer)
     for task in made.tasks:
         low, middle, high = task.spread(task.torque)
         rows = [
@@ -192,6 +195,8 @@ def rank(
     if sealed:
         print_line(console, f"The seed was {made.seed}.")
     print_line(console, f"Page: {made.page}")
+    print_line(console, f"Next: {answer.next_command}")
+    exit_unless_answered([answer])
 
 
 def add_commands(app: typer.Typer) -> None:

@@ -272,6 +272,23 @@ def print_answer(out: Console, answer: Answer, *, with_steps: bool = False) -> N
     print_lines(out, [text.replace("`", "") for text in steps], MAX_STEP_LINES, "further step")
 
 
+def exit_unless_answered(answers: Sequence[Answer]) -> None:
+    """Exit with status 1, and say why, if a question could not be answered."""
+    from .answer import unanswered_message
+
+    why = unanswered_message(answers)
+    if why:
+        exit_with_message(why, 1)
+
+
+def exit_with_message(text: str, status: int = 2) -> None:
+    """Print one message, with its control characters replaced, and exit with a status."""
+    from .._given import visible_text
+
+    typer.echo(f"pellucid: {visible_text(text)}", err=True)
+    raise SystemExit(status)
+
+
 def print_items(out: Console, items: Sequence[tuple[str, str]], max_lines: int = MAX_ITEM_LINES_UNLESS_VERBOSE) -> None:
     """Print sentences, each with the mark of its kind: "good", "note" or "warning".
 

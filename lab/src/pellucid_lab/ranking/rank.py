@@ -13,6 +13,7 @@ from pellucid._errors import PellucidError
 from pellucid._given import require_folder
 from pellucid.numerics.tied_ranks import tied_ranks
 from pellucid.people.comparison import friedman, nemenyi
+from pellucid.study.answer import Answer
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 
 from ..processes import shared_results
@@ -57,6 +58,13 @@ class ControllerRanking:
     seed: int
     page: Path
     laws: tuple[ForeignLaw, ...] = ()  # foreign laws among the controllers
+
+    @property
+    def answer(self) -> Answer:
+        """Whether a controller leaves less torque than every simple rival, as the page shows it."""
+        from .ranking_page import ranking_answer
+
+        return ranking_answer(self.tasks, self.pairs)
 
 
 def rank(

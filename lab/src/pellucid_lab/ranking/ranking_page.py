@@ -10,7 +10,7 @@ import numpy as np
 
 from pellucid.controllers.supervisor_faults import NO_FAULT
 from pellucid.people.share_of_people import MIN_PEOPLE
-from pellucid.study.answer import Answer, AnswerPart, Basis, Step, answer_of_parts
+from pellucid.study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step, answer_of_parts
 from pellucid.study.drawing.drawing import draw
 from pellucid.study.pages.forest import Row, Table, number_table
 from pellucid.study.pages.page import Page, Section, without_drawing, write_page
@@ -77,9 +77,17 @@ def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
         "Does any controller leave less torque than every simple rival, by a test?",
         _headline(tasks, pairs),
         parts,
+        [_number(task) for task in tasks],
         basis=Basis(pairs, pairs, "pair", is_simulated=True),
         next=tuple(steps),
     )
+
+
+def _number(task: TaskRanking) -> AnswerNumber:
+    """Return the median torque that the first controller leaves, over that without power, with 80 % of pairs."""
+    low, middle, high = task.spread(_shares(task))[:, 0].tolist()
+    what = f"torque of {option_name(task.controllers[0])} over that without power, {task.task}"
+    return AnswerNumber(what, middle, "1", (low, high) if task.has_interval else None)
 
 
 def _is_told_from_rivals(task: TaskRanking) -> bool:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..._printed_command import printed_command
 from ...numerics.arguments import with_checked_arguments
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS, number, unit_text
 from ..incident import Incident, read_incident
 from ..supervisor_faults import NO_FAULT, SUPERVISOR_FAULTS_BY_NAME
@@ -29,6 +31,9 @@ STOPPED_MODES = ("damped_stop", *POWERLESS_MODES)
 
 NEAREST_WATCH_COUNT = 8
 """Number of watches that are printed, those nearest to their thresholds first."""
+
+STOP_QUESTION = "Does the record show why the supervisor stopped the controller?"
+"""Question that the account of an incident answers."""
 
 LARGE_SHARE = 10.0
 """From this share on a value is told as a multiple of its threshold, not in percent [1]."""
@@ -58,9 +63,35 @@ class IncidentAccount:
     ----------
     record : Incident
         The whole record: samples, efforts, watches and thresholds.
+    path : str
+        File of the record as it was given; "" without one.
     """
 
     record: Incident
+    path: str = ""
+
+    @property
+    def answer(self) -> Answer:
+        """Whether the record shows why the supervisor stopped the law, in the words of `sentences`."""
+        record, acting = self.record, self.acting
+        count = len(record.time)
+        _, said = self.sentences[1 if record.damages else 0]  # damages of the record are told before
+        verdict: AnswerVerdict = "yes"
+        reason, numbers = "", ()
+        if record.stop is None:
+            verdict, reason = "no", "the record holds no stop"
+        elif acting is None and self._has_watch_of(self.fault):
+            verdict, reason = "cannot say", "no watch of this fault was beyond its threshold in the record of the stop"
+        nearest = acting or (self.watches[0] if self.watches else None)
+        if nearest is not None:
+            numbers = (AnswerNumber(f"value over threshold of the watch {nearest.name}", nearest.share, "1"),)
+        known = SUPERVISOR_FAULTS_BY_NAME.get(self.fault)
+        steps = [Step(known.advice)] if known and record.stop is not None else []
+        if self.path:
+            listing = printed_command("incident", self.path, "--json")
+            steps.append(Step("Print every watch with its value and its threshold", line=listing))
+        basis = Basis(count, count, "record")
+        return Answer(STOP_QUESTION, verdict, said, reason, numbers=numbers, basis=basis, next=tuple(steps))
 
     @property
     def fault(self) -> str:
@@ -282,7 +313,7 @@ def incident(path: str | Path) -> IncidentAccount:
     >>> import pellucid as pl
     >>> print(pl.incident("incident.bin"))                                    # doctest: +SKIP
     """
-    return IncidentAccount(read_incident(path))
+    return IncidentAccount(read_incident(path), str(path))
 
 
 def account_table(account: IncidentAccount) -> dict[str, object]:
@@ -302,6 +333,7 @@ def account_table(account: IncidentAccount) -> dict[str, object]:
         }
 
     return {
+        "answer": account.answer.table(),
         "law": account.record.law,
         "fault": account.fault,
         "stop_time": None if account.record.stop is None else finite(account.record.time[account.record.stop]),

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...study.answer import Answer, AnswerVerdict
 from ...study.drawing.drawing import Drawing, draw
 from ...study.drawing.style import colour
 from ...study.pages.forest import Row, Table, number_table
@@ -25,10 +24,9 @@ SHOWN_SHARES = 4.0
 
 def write_incident_page(account: IncidentAccount, folder: Path) -> Path:
     """Write index.html and its figure into a folder, and return the page's path."""
-    (_, first), *others = account.sentences
+    answer = account.answer
+    others = [each for each in account.sentences if each[1] != answer.said]
     figure = draw(incident_figure, account) if len(account.time) else None
-    acted: AnswerVerdict = "yes" if account.acting is not None and account.acting.share >= 1.0 else "cannot say"
-    answer = Answer("Did a watch pass its threshold?", "no" if account.record.stop is None else acted, first)
     page = Page(
         title="After an incident",
         kicker="pellucid incident",

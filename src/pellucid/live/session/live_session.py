@@ -881,7 +881,7 @@ class LiveSession:
             "levels": {} if self.levels is None else self.levels.levels,
             "faults": [asdict(fault) for fault in self.faults[-SHOWN_FAULTS:]],
             "indices": self.indices,
-            "verdicts": [asdict(verdict) for verdict in self.verdicts],
+            "verdicts": [verdict.answer.table() for verdict in self.verdicts],
             "notes": self.notes,
             "report": self.report is not None,
         }  # fmt: skip

@@ -20,10 +20,12 @@ from ...people.certificate import CANNOT_SAY, decide
 from ...people.indices import Index, indices_along
 from ...people.movement_indices import index_table
 from ...people.power import Active, find_equivalence_participants
+from ...people.study.assessment_answer import CERTIFICATE_VERDICTS
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.certified import PLANNED_POWER, study_changes
 from ...people.study.measured_study import MeasuredStudy, join_studies, measure, with_assumed_delays
 from ...people.study.pointing import PointingRecord, labelled_amplitudes, session_order, usable_records, with_rule
+from ...study.answer import Answer, Basis, Step
 
 SHOWN_INDEX_NAMES = ("duration_median", "vmax", "end_absolute", "torque_rms", "unsettled")
 """Indices that the operator's page shows."""
@@ -50,6 +52,22 @@ class RunningVerdict:
     people: int  # people with every end point
     more: int | None  # further people for a power of 90 %; None if that is not known
     why: str = ""
+
+    @property
+    def answer(self) -> Answer:
+        """Whether the condition is transparent by what was recorded so far, as the operator's page shows it."""
+        verdict = CERTIFICATE_VERDICTS.get(self.said.partition(" (")[0], "cannot say")
+        who = f"{self.people} {'person' if self.people == 1 else 'people'} so far"
+        words = f"{self.condition.replace('_', ' ')}: {self.said}"
+        step = Step("Record the next participant")
+        if self.more is not None:
+            more = f"about {self.more} more {'person' if self.more == 1 else 'people'}"
+            words, step = f"{words}, {more}", Step(f"Record {more}")
+        said = f"{words}; {who}{f' ({self.why})' if self.why else ''}"
+        reason = "" if verdict == "yes" else self.why or f"the end points of {who} do not show it"
+        basis = Basis(self.people, self.people, "participant")
+        return Answer(f"Is {self.condition.replace('_', ' ')} transparent?", verdict, said, reason, basis=basis,
+                      next=(step,))  # fmt: skip
 
 
 @dataclass

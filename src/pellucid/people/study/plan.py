@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..._errors import PellucidError, StudyError
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Assumption, Step
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT
 from ..analysis import EndPoint, Estimand
@@ -42,6 +43,7 @@ class Plan:
     heads: tuple[str, ...]
     rows: tuple[tuple[str | int, ...], ...]
     note: str
+    answer: Answer
 
 
 def plan(
@@ -113,7 +115,42 @@ def plan(
         f"{_tested(analysis.estimand, analysis.people, spec.false_transparent)}, people's changes normal; going "
         f"together: correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_active_words(ordered)} {studies} "
         "studies simulated for each number of people.",
+        _plan_answer(rows, power, participants, Assumption("people's changes", "normal", is_question=False)),
     )
+
+
+def _plan_answer(
+    rows: Sequence[Sequence[str | int]], power: float, participants: int | None, *assumed: Assumption
+) -> Answer:
+    """Return whether the number of people that was decided on, or any that was tried, certifies in enough studies.
+
+    The first row is of a robot that changes nothing, the last of the largest true change that is planned for.
+    """
+    first, last = rows[0], rows[-1]
+    share = f"{100.0 * power:g} % of studies"
+    needed = first[1]
+    at_most = f"a change of {last[0]} of the margin needs {last[1]}"
+    if participants is None:
+        verdict: AnswerVerdict = "yes" if isinstance(needed, int) else "no"
+        said = f"A robot that changes nothing needs {needed} people; {at_most}"
+        reason = "" if verdict == "yes" else f"even a robot that changes nothing needs {needed} people"
+        question = f"Can at most {CERTIFICATE_SIZES[-1]} people show transparency in {share}?"
+    else:
+        reached = int(first[-1])
+        verdict = "yes" if reached >= 100.0 * power else "no"
+        said = (
+            f"With {participants} people {reached} % of studies show that a robot changes nothing; for {share} "
+            f"{needed} people are needed, and {at_most}"
+        )
+        reason = "" if verdict == "yes" else f"{participants} people show it in {reached} % of studies"
+        question = f"Are {participants} people enough to show transparency in {share}?"
+    numbers = [
+        AnswerNumber(f"people needed, true change {words}", count, "1")
+        for words, count, *_ in rows
+        if isinstance(count, int)
+    ]
+    step = Step("Record these people, then evaluate them", "assess")
+    return Answer(question, verdict, said, reason, numbers=tuple(numbers), assumed=assumed, next=(step,))
 
 
 def pilot_changes(pilot: Study) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -187,6 +224,7 @@ def _of_pilot(
         f"moved to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
         "number of people. "
         f"{_noise_words(active)}What so few people show of a distribution is itself uncertain.",
+        _plan_answer(rows, power, participants),
     )
 
 

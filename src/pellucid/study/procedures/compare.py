@@ -6,21 +6,29 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.special import chdtrc, ndtr
+from scipy.special import chdtrc, ndtr, ndtri
 
 from ..._errors import IdentificationError, PellucidError
+from ..._printed_command import printed_command
 from ...models.card import Card, read_card
 from ...models.estimates import Verdict
 from ...models.slider_joint import read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
 from ...numerics.arguments import with_checked_arguments
 from ...numerics.block_test import holm
+from ..answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Step, begun
 from ..study import STUDY_FILE
 from .card_sources import require_fresh
 from .registry import open_study
 
 DETECTABLE_STANDARD_ERRORS = 2.8
 """Size of a detectable change in standard errors. It is found in 80 % of comparisons at the 5 % level."""
+
+CHANGE_QUESTION = "Did the joint change from A to B?"
+"""Question that a comparison answers."""
+
+MAX_UNSEEN_CHANGE = 0.5
+"""A comparison that would have missed this change of every parameter, as a share, cannot say that nothing changed."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,23 @@ class ComparedParameter:
     z: float  # difference divided by its standard error
     p_value: float  # p value with Holm's adjustment
     changed: bool  # whether the change is significant
+    interval: tuple[float, float] = (np.nan, np.nan)  # of the difference; excludes zero where the change is significant
+
+    @property
+    def sentence(self) -> str:
+        """The change with its interval, in words."""
+        share = f", {100.0 * (self.b - self.a) / abs(self.a):+.3g} %" if self.a else ""
+        low, high = self.interval
+        return (
+            f"{self.name.replace('_', ' ')} changed from {self.a:.4g} to {self.b:.4g} {self.unit}{share} "
+            f"(difference {low:.3g} to {high:.3g} {self.unit}, p = {self.p_value:.1g})"
+        )
+
+    @property
+    def detectable(self) -> float:
+        """Smallest change that would have been found in 80 % of comparisons, as a share of the first value."""
+        known = self.a and self.standard_error
+        return DETECTABLE_STANDARD_ERRORS * self.standard_error / abs(self.a) if known else np.inf
 
 
 @dataclass(frozen=True)
@@ -46,6 +71,7 @@ class Comparison:
     statistic: float  # statistic of the joint test over all parameters
     p_value: float  # p value of the joint test
     verdicts: tuple[Verdict, ...]  # results in plain sentences
+    answer: Answer  # whether the joint changed, with what a command shows of it
 
 
 @with_checked_arguments
@@ -111,14 +137,30 @@ def compare(
     sd = np.sqrt(np.diag(covariance))
     z = np.divide(difference, sd, out=np.zeros_like(difference), where=sd > 0.0)
     p = holm(2.0 * ndtr(-np.abs(z)))
+    half_widths = _half_widths(sd, z, np.asarray(p), level)
     rows = tuple(
-        ComparedParameter(n, one[n].unit, one[n].value, two[n].value, float(s), float(zi), pi, pi < 1.0 - level)
-        for n, s, zi, pi in zip(shared, sd, z, p, strict=True)
+        ComparedParameter(
+            n, one[n].unit, one[n].value, two[n].value, float(s), float(zi), pi, pi < 1.0 - level, (d - half, d + half)
+        )
+        for n, s, zi, pi, d, half in zip(
+            shared, sd, z, p, difference.tolist(), half_widths.tolist(), strict=True
+        )
     )
     free = sd > 0.0
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
     joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
-    return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p))
+    answer = _answer(rows, joint_p, level, (str(a), str(b)))
+    return Comparison(one.family, rows, statistic, joint_p, (_verdict(answer),), answer)
+
+
+def _half_widths(sd: np.ndarray, z: np.ndarray, p: np.ndarray, level: float) -> np.ndarray:
+    """Return half widths of intervals that exclude zero exactly where Holm's test finds a change, shape (n,).
+
+    The test of a parameter multiplies its p value by a factor; its interval has the level that the factor leaves.
+    """
+    alone = 2.0 * ndtr(-np.abs(z))
+    factors = np.divide(p, alone, out=np.full_like(sd, len(sd)), where=alone > 0.0)
+    return sd * -ndtri(0.5 * (1.0 - level) / np.maximum(factors, 1.0))
 
 
 def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stale: bool) -> Card | TreeCard:
@@ -159,22 +201,56 @@ def _part(card: Card | TreeCard, names: list[str]) -> np.ndarray:
     return np.array(card.statistical or card.covariance)[np.ix_(index, index)]
 
 
-def _sentences(rows: tuple[ComparedParameter, ...], p_value: float) -> tuple[Verdict, ...]:
-    changed = [r for r in rows if r.changed]
-    if not changed:
-        shares = {
-            r.name: 100.0 * DETECTABLE_STANDARD_ERRORS * r.standard_error / abs(r.a)
-            for r in rows
-            if r.a and r.standard_error
-        }
-        visible = ", ".join(f"{n.replace('_', ' ')} {s:.2g} %" for n, s in shares.items() if s < 100.0)
-        small = f" Changes that would have shown: {visible}." if visible else ""
-        return (Verdict("good", f"No parameter changed beyond its uncertainty (joint p = {p_value:.2g}).{small}"),)
-    return tuple(
-        Verdict(
-            "warning",
-            f"{r.name.replace('_', ' ')} changed from {r.a:.4g} to {r.b:.4g} {r.unit} "
-            f"({100.0 * (r.b - r.a) / abs(r.a):+.3g} %, p = {r.p_value:.1g}).",
-        )
-        for r in changed
+def _answer(rows: tuple[ComparedParameter, ...], p_value: float, level: float, compared: tuple[str, str]) -> Answer:
+    """Return whether the joint changed between two cards.
+
+    Where no single parameter did, the answer is no if a change of `MAX_UNSEEN_CHANGE` would have shown in some
+    parameter, and if the parameters did not change together.
+    """
+    changed = [row for row in rows if row.changed]
+    seen = [row for row in rows if row.detectable < 1.0]
+    joint = f"joint p = {p_value:.2g}"
+    reason = ""
+    verdict: AnswerVerdict = "yes"
+    if changed:
+        said = f"{'; '.join(row.sentence for row in changed)}"
+    else:
+        visible = ", ".join(f"{row.name.replace('_', ' ')} {100.0 * row.detectable:.2g} %" for row in seen)
+        small = f". Changes that would have shown: {visible}" if visible else ""
+        said = f"No parameter changed beyond its uncertainty ({joint}){small}"
+        verdict, reason = "no", "no parameter changed beyond its uncertainty"
+        if p_value < 1.0 - level:
+            verdict, reason = "cannot say", f"the parameters changed together ({joint}), and none alone"
+        elif not any(row.detectable < MAX_UNSEEN_CHANGE for row in seen):
+            bound = f"{100.0 * MAX_UNSEEN_CHANGE:g} %"
+            verdict, reason = "cannot say", f"no parameter is known so well that a change of {bound} would show"
+    parts = tuple(_part_of(row) for row in rows)
+    numbers = tuple(
+        AnswerNumber(f"change of {row.name.replace('_', ' ')}", row.b - row.a, row.unit, row.interval)
+        for row in (changed or rows)
     )
+    if verdict == "cannot say":
+        step = Step("Record longer, over a larger range, and identify again; then compare", line=_typed(compared))
+    else:
+        step = Step("Draw the page of the later one", line=printed_command("report", compared[1]))
+        step = step if (Path(compared[1]) / STUDY_FILE).is_file() else Step("Compare again", line=_typed(compared))
+    return Answer(CHANGE_QUESTION, verdict, said, reason, parts, numbers, next=(step,))
+
+
+def _typed(compared: tuple[str, str]) -> str:
+    return printed_command("compare", *compared)
+
+
+def _part_of(row: ComparedParameter) -> AnswerPart:
+    """Return whether one parameter changed."""
+    if row.changed:
+        return AnswerPart(row.name, "yes", row.sentence)
+    if row.detectable < MAX_UNSEEN_CHANGE:
+        return AnswerPart(row.name, "no", f"a change of {100.0 * row.detectable:.2g} % would have shown")
+    return AnswerPart(row.name, "cannot say", "its uncertainty hides changes")
+
+
+def _verdict(answer: Answer) -> Verdict:
+    """Return the answer as a finding."""
+    return Verdict("warning" if answer.verdict == "yes" else "good" if answer.verdict == "no" else "note",
+                   begun(answer.said))  # fmt: skip

@@ -264,11 +264,8 @@ function showIndices() {
     $("indices").replaceChildren(head, ...body);
   }
   $("verdicts-panel").hidden = !state.verdicts.length;
-  list("verdicts", state.verdicts.map((v) => {
-    const more = v.more === null ? "" : `, about ${v.more} more ${v.more === 1 ? "person" : "people"}`;
-    const why = v.why ? ` (${v.why})` : "";
-    return [v.said === "transparent" ? "good" : v.said === "not transparent" ? "wrong" : "note", `${v.condition}: ${v.said}${more}; ${v.people} ${v.people === 1 ? "person" : "people"} so far${why}`];
-  }));
+  const kinds = { yes: "good", no: "wrong", "cannot say": "note" };
+  list("verdicts", state.verdicts.map((v) => [kinds[v.verdict], v.said]));
 }
 
 function showHealth(health) {
