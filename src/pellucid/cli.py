@@ -380,7 +380,7 @@ if emg_app.registered_commands:
     app.add_typer(emg_app, rich_help_panel=PEOPLE_GROUP)
 
 
-@app.command("help", hidden=True, add_help_option=False)
+@app.command("help", hidden=True, epilog=example("pellucid help identify"))
 def help_of(
     ctx: typer.Context, words: Annotated[list[str] | None, typer.Argument(metavar="[COMMAND]")] = None
 ) -> None:

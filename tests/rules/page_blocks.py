@@ -29,6 +29,9 @@ from typing import Any
 COMMENT = re.compile(r"<!-- (not run|into|study|status|needs): (.+) -->")
 LANGUAGES = ("sh", "python", "toml", "text", "c")
 TERMINAL_WIDTH = 80
+PROGRESS_LINE = re.compile(
+    r"pellucid: [0-9.]+ % .*, (?:about [0-9]+ (?:s|min) left|longer than predicted|[0-9]+ s so far)$"
+)
 NUMBER = re.compile(r"[-−+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?%?")
 RELATIVE_TOLERANCE = 0.05
 """Shown numbers may differ from printed ones by this share: another BLAS kernel rounds otherwise."""
@@ -230,7 +233,7 @@ class Reader:
             )  # fmt: skip
         except subprocess.TimeoutExpired as error:
             raise PageFailed(f"{block.where}: not at its end after {timeout:.0f} s\n{error.stdout}") from None
-        self.printed = ended.stdout
+        self.printed = without_progress(ended.stdout)
         expected = int(block.comment.get("status", 0))
         if ended.returncode != expected:
             raise PageFailed(f"{block.where}: status {ended.returncode}, expected {expected}\n{ended.stdout}")
@@ -271,6 +274,11 @@ class Reader:
         before = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(toml_text(merged(before, told)), encoding="utf-8")
+
+
+def without_progress(printed: str) -> str:
+    """Return what was printed without the lines on progress, which depend on the speed of the machine."""
+    return "".join(line for line in printed.splitlines(keepends=True) if not PROGRESS_LINE.match(line))
 
 
 def merged(before: dict[str, Any], added: dict[str, Any]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from page_blocks import (
     first_difference,
     refresh,
     toml_text,
+    without_progress,
 )
 
 from pellucid.study.datasets.registry import shipped
@@ -220,6 +221,14 @@ def test_what_does_not_run_is_found(reader, text, said):
 )
 def test_shown_lines_are_looked_for_in_order(shown, printed, missing):
     assert first_difference(shown, printed) == missing
+
+
+def test_lines_on_progress_are_no_part_of_what_is_printed():
+    """A refreshed block held hundreds of them: their number is that of seconds."""
+    told = "pellucid: 3 % reading P2, 4 s so far\nIs it transparent?\npellucid: 70 % indices, P1, about 5 s left\n"
+    assert without_progress(f"{told}pellucid: cannot say: no margin.\n") == (
+        "Is it transparent?\npellucid: cannot say: no margin.\n"
+    )
 
 
 def test_a_stale_block_is_refreshed_and_keeps_what_is_shortened(tmp_path):
