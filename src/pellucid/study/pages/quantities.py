@@ -214,7 +214,8 @@ def typeset_sentence(text: str) -> str:
         text = text.replace(f"'{method}'", words)
     for name in (n for n in PARAMETER_LABELS if "_" in n):
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS_SIGN}"), text)
-    text = re.sub(rf"(`[^`]*`|{_FILE_PATTERN})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
+    # A key with a value, such as lever_arm=0.3 m, is there to be copied.
+    text = re.sub(rf"(`[^`]*`|{_FILE_PATTERN}|\b\w+(?= ?=))|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"\bR2\b", "R²", typeset_quantities(text))
     return text if own else capitalised(text)
