@@ -176,7 +176,9 @@ class Step:
     @property
     def sentence(self) -> str:
         """The step in a sentence, with its command between backticks."""
-        return f"{self.text}: `{self.command}`." if self.command else f"{self.text.rstrip('.')}."
+        if self.command:
+            return f"{self.text}: `{self.command}`."
+        return self.text if self.text.endswith("?") else f"{self.text.rstrip('.')}."
 
 
 PAPER_STEP = Step("Write figures, tables and methods for a paper", "paper")
