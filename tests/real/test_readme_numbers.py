@@ -8,7 +8,7 @@ import pytest
 from pellucid.joint.study.joint_result import rows_of
 
 ROOT = Path(__file__).parents[2]
-FINDINGS = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+FINDINGS = (ROOT / "docs" / "validation" / "real-data.md").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TABLE = re.findall(r"^\| `([\w.]+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", FINDINGS, flags=re.MULTILINE)
 UNITS = {"N·s/m": "N*s/m"}

@@ -84,7 +84,7 @@ def test_a_tutorial_begins_with_how_to_reach_the_command(page):
     assert first.text.splitlines()[0] == "source .venv/bin/activate", first.where
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / "findings.md"], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / "validation" / "simulation.md"], ids=lambda page: page.name)
 def test_a_paper_that_is_reproduced_is_named_in_full_and_said_to_be_re_enacted(page):
     text = " ".join(page.read_text(encoding="utf-8").split())
     for name in dict.fromkeys(re.findall(r"pellucid reproduce (\w+) --out", text)):
