@@ -1,4 +1,4 @@
-// What travels between the engine and a device behind a network, little-endian, a datagram each (docs/live-timing.md).
+// What travels between the engine and a device behind a network, little-endian, a datagram each (docs/design/live-engine.md).
 #pragma once
 
 #include "layout.hpp"

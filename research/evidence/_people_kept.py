@@ -1,7 +1,7 @@
 """Do people who were set without a robot keep their movements in one? The ABLE study, beside "nothing changes".
 
 The figures are those of `python -m research.evidence people`, the study drawn smaller. The people are frozen
-(docs/frozen-people.md): nothing of them was set by what anybody did in a robot.
+(docs/design/frozen-participants.md): nothing of them was set by what anybody did in a robot.
 """
 
 from collections.abc import Iterator

@@ -58,7 +58,7 @@ GENERATED_PAGES = sized(4, smallest=0)
 GENERATED_COMMANDS = sized(6, smallest=0)
 """Number of them that are identified by the command, and whose next commands are run."""
 
-TYPED_PAGES = sized(("README.md", "docs/try-a-log.md", "docs/tutorial-identify-your-joint.md"), smallest=())
+TYPED_PAGES = sized(("README.md", "docs/how-to/identify-a-log-in-one-command.md", "docs/tutorials/identify-a-joint.md"), smallest=())
 """Pages whose output blocks are compared; the nightly tests compare every page's."""
 
 ROOT = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""People are as they were frozen: numbers and equations have the hashes that `docs/frozen-people.md` says."""
+"""People are as they were frozen: numbers and equations have the hashes that `docs/design/frozen-participants.md` says."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ import pytest
 from pellucid_lab.pointing.rig import elbow_people
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "frozen-people.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "design" / "frozen-participants.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| (numbers|equations) \| ([^|]+) \| `(\w+)` \|$", PAGE, flags=re.MULTILINE)
 NOBODYS = {"kind", "robot", "emg", "force_sensor", "cameras"}
 """Tables of instruments and of the robot."""
@@ -35,7 +35,7 @@ def test_everything_about_people_is_frozen():
     named = [name for kind, what, _ in ROWS if kind == "numbers" for name in what.split(", ")]
     assert len(named) == len(set(named))
     open_ = sorted(set(elbow_people().tables) - NOBODYS - set(named))
-    assert not open_, "add to docs/frozen-people.md: " + "; ".join(
+    assert not open_, "add to docs/design/frozen-participants.md: " + "; ".join(
         f"| numbers | {name} | `{hashed('numbers', name)}` |" for name in open_
     )
     assert {what for kind, what, _ in ROWS if kind == "equations"}

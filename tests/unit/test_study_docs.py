@@ -114,7 +114,7 @@ def test_every_key_is_explained(table):
 
 
 def test_the_assessment_s_tutorial_is_a_valid_study(tmp_path):
-    page = (PAGE.parent / "tutorial-assess.md").read_text(encoding="utf-8")
+    page = (PAGE.parent / "tutorials" / "assess-transparency.md").read_text(encoding="utf-8")
     whole = next(lines for lines in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "[[recordings]]" in lines)
     (tmp_path / "study.toml").write_text(whole, encoding="utf-8")
     study = open_study(tmp_path).config

@@ -158,7 +158,7 @@ def test_a_cap_can_be_raised(tmp_path, monkeypatch):
 
 
 def test_the_page_says_the_caps():
-    page = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "design" / "untrusted-files.md").read_text(encoding="utf-8")
     for said in (
         f"columns of a recording | {_caps.DEFAULT_MAX_COLUMNS:,} |",
         f"bytes of a recording | {_caps.DEFAULT_MAX_FILE_BYTES:.0e} |".replace("e+0", "e"),

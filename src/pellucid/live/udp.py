@@ -1,6 +1,6 @@
 """Packets between the engine and a device behind a network, for devices that are written in Python, and for tests.
 
-`engine/udp_packets.hpp` has the same in C++, and docs/live-timing.md the layout for any other language.
+`engine/udp_packets.hpp` has the same in C++, and docs/design/live-engine.md the layout for any other language.
 """
 
 from __future__ import annotations
