@@ -1,4 +1,4 @@
-"""The residual compensator once more, in plain NumPy, written from docs/explanation/residual-compensation.md: what the core is held against."""
+"""The residual compensator in plain NumPy, from docs/explanation/residual-compensation.md, to compare the core with."""
 
 import numpy as np
 

@@ -50,7 +50,9 @@ def test_the_joints_findings_are_found():
     assert {"prediction", "weak_parameter", "estimators_disagree"} <= names
 
 
-@pytest.mark.parametrize(("heading", "module"), [("Findings about a joint", joint_findings), ("Findings about a robot", tree_findings)])
+@pytest.mark.parametrize(
+    ("heading", "module"), [("Findings about a joint", joint_findings), ("Findings about a robot", tree_findings)]
+)
 def test_the_docs_explain_every_finding(heading, module):
     page = (Path(__file__).parents[2] / "docs" / "verdicts.md").read_text(encoding="utf-8")
     section = page.split(f"## {heading}\n")[1].split("\n## ")[0]

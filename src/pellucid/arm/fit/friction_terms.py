@@ -1,8 +1,8 @@
 """Friction terms of a joint: their regressor columns, and the core's parameters for them.
 
 A family is a tuple of terms; every joint has at least those of `PLAIN_TERMS`. A load term makes friction alpha |y|
-sign(v), with y the load that bodies, rotors and motor inertias need (docs/explanation/joint-and-friction.md). Terms of a motor that
-turns with several joints begin with ``motor_`` and belong to the family of the joint with the motor's number.
+sign(v), with y the load that bodies, rotors and motor inertias need. Terms of a motor that turns with several joints
+begin with ``motor_`` and belong to the family of the joint with the motor's number.
 """
 
 from __future__ import annotations
