@@ -95,6 +95,24 @@ SERIES_SCRIPT = """() => {
   return made;
 }"""
 
+MIN_LABEL_PX = 11.0
+"""Smallest size of a letter in a figure, in a wide window."""
+
+SMALL_LABELS_SCRIPT = """least => {
+  const found = [];
+  for (const svg of document.querySelectorAll('figure svg')) {
+    let smallest = null;
+    for (const text of svg.querySelectorAll('text')) {
+      const matrix = text.getScreenCTM();
+      if (!text.textContent.trim() || !text.getClientRects().length || !matrix) continue;
+      const size = parseFloat(getComputedStyle(text).fontSize) * Math.hypot(matrix.a, matrix.b);
+      if (size < least - 0.05 && (!smallest || size < smallest[0])) smallest = [size, text.textContent.trim()];
+    }
+    if (smallest) found.push(`${svg.closest('figure').id}: ${smallest[0].toFixed(1)} px, ${smallest[1].slice(0, 30)}`);
+  }
+  return found;
+}"""
+
 ROLE_SCRIPT = "role => getComputedStyle(document.documentElement).getPropertyValue(`--${role}`).trim()"
 
 VALUES_SCRIPT = """() => {
@@ -119,6 +137,7 @@ class Looks:
     lowest_contrast_text: str
     lowest_distance: float  # of two series of one figure that do not differ by dash or mark
     lowest_distance_figure: str
+    small_labels: list[str] = field(default_factory=list)  # figures with letters below `MIN_LABEL_PX`
     values: list[tuple[str, str, float]] = field(default_factory=list)  # id, digits and number of each value
 
 
@@ -163,11 +182,12 @@ def look_at(browser: Any, name: str, path: Path, pictures: Path | None = None) -
             if tone and ground:
                 lowest = min(lowest, (contrast(tone, ground), f"{scheme}: {text}"))
         series += _closest(wide, scheme)
+    small = wide.evaluate(SMALL_LABELS_SCRIPT, MIN_LABEL_PX)
     values = [(row, text, float(number)) for row, text, number in wide.evaluate(VALUES_SCRIPT)]
     wide.close()
     narrow.close()
     near = min(series, default=(100.0, ""))
-    return Looks(name, answers, main_px, narrow_px, overflows, *lowest, *near, values)
+    return Looks(name, answers, main_px, narrow_px, overflows, *lowest, *near, small, values)
 
 
 def _closest(page: Any, scheme: str) -> list[tuple[float, str]]:

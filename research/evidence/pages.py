@@ -1,10 +1,10 @@
 """Does every page answer first, and does one number have one value? Pages are made as a user makes them, and looked at.
 
 The demo is run by its command, and its seconds are its clock's. Further pages are reports of public data sets whose
-identification takes seconds, an audit and a proposal of the same files. Chromium opens each at 1,280 and 420 pixels,
-in light and in dark, with every folded part opened for what is counted but lengths. A value's id on a page is that of
-a row of results.json: its digits must be the same wherever it stands, on every page, and must be that row's, rounded.
-What is not marked with an id is not compared.
+identification takes seconds, an audit, a proposal and a trial of the same files, and two recorded stops. Chromium opens
+each at 1,280 and 420 pixels, in light and in dark, with every folded part opened for what is counted but lengths. A
+value's id on a page is that of a row of results.json: its digits must be the same wherever it stands, on every page,
+and must be that row's, rounded. What is not marked with an id is not compared.
 
 Answers are compared beside it: of generated results (`_answers`), and of every study whose page is looked at, the page
 with results.json. Output blocks of pages that a reader types along are compared with what is printed now.
@@ -22,7 +22,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pellucid import audit, init
+import numpy as np
+
+from pellucid import audit, incident, init, supervised
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.instruments import Instruments
+from pellucid.controllers.study.incident_page import write_incident_page
+from pellucid.start.try_log import try_log
 from pellucid.study.procedures.audit_page import write_audit_page
 from pellucid.study.procedures.result import Result
 from pellucid.study.procedures.run import report, run
@@ -34,7 +40,7 @@ from ._page_looks import Looks, chromium, look_at
 
 DATA_SETS = sized(
     ("emps", "sydney_pendulum", "bam_xl330", "modexo_joint", "dfjimu_two_imu_joint", "rat_soleus_hill",
-     "elderly_isometric", "lumbar_lifting"),
+     "elderly_isometric", "lumbar_lifting", "uci_lower_limb", "ur10e", "human_pointing"),
     smallest=("rat_soleus_hill",),
 )  # fmt: skip
 """Public data sets whose reports are looked at."""
@@ -57,6 +63,9 @@ GENERATED_PAGES = sized(4, smallest=0)
 
 GENERATED_COMMANDS = sized(6, smallest=0)
 """Number of them that are identified by the command, and whose next commands are run."""
+
+PERIOD_S = 1e-3
+"""Period of the law whose stop is drawn [s]."""
 
 TYPED_PAGES = sized(("README.md", "docs/how-to/identify-a-log-in-one-command.md", "docs/tutorials/identify-a-joint.md"), smallest=())
 """Pages whose output blocks are compared; the nightly tests compare every page's."""
@@ -107,6 +116,8 @@ def rows() -> Iterator[ResultRow]:
     yield _row("pages.longest_main_part_narrow", round(narrow.narrow_px), f"px at 420: {narrow.name}")
     cut = [f"{look.name}: {one}" for look in looks for one in look.overflows]
     yield _row("pages.overflows", len(cut), "; ".join(cut)[:900])
+    small = [f"{look.name}: {one}" for look in looks for one in look.small_labels]
+    yield _row("pages.labels_below_11_px", len(small), "; ".join(small)[:900])
     least = min(looks, key=lambda look: look.lowest_contrast)
     yield _row("pages.contrast.lowest", least.lowest_contrast, f"{least.name}, {least.lowest_contrast_text}")
     near = min(looks, key=lambda look: look.lowest_distance)
@@ -149,7 +160,32 @@ def _file_pages(place: Path, recordings: Path) -> list[Made]:
     files = sorted(recordings.rglob("*.csv"))[:2]
     audited = write_audit_page(audit(files), place / "audit")
     init(place / "proposed", files=files)
-    return [Made("audit", audited, ()), Made("proposal", place / "proposed" / "proposal" / "index.html", ())]
+    tried = try_log(files, out=place / "tried")
+    return [
+        Made("audit", audited, ()),
+        Made("proposal", place / "proposed" / "proposal" / "index.html", ()),
+        Made("try", tried.page, ()),
+        *(Made(f"incident-{kind}", _incident_page(place / kind, kind), ()) for kind in ("jump", "silent")),
+    ]
+
+
+def _incident_page(folder: Path, kind: str) -> Path:
+    """Return the page of a stop that a supervised law recorded: its encoder jumps, or gives no number."""
+    stated = {"inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 5.0, "rate_limit": 500.0}
+    stated |= {"velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": PERIOD_S}
+    law = ControlLaw("joint", LAWS["joint"].defaults | stated)
+    safe = supervised(law, instruments=Instruments(drive=True), start_up=False)
+    safe.record(600, 1, 80)
+    effort = 0.0
+    for k in range(900):
+        position = 0.5 + 0.3 * np.sin(6.0 * k * PERIOD_S)
+        if k >= 400:
+            position += 1.0 if kind == "jump" else np.nan
+        effort = safe.step(k * PERIOD_S, position, drive=effort)
+    folder.mkdir()
+    path = folder / "incident.bin"
+    path.write_bytes(safe.incident())
+    return write_incident_page(incident(path), folder / "page")
 
 
 def _shown_otherwise(one: Made) -> Iterator[str]:

@@ -11,11 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..models.estimates import Parameter
-from ..study.drawing.drawing import Drawing, Head, draw, heads, key, line, tidy
+from ..study.drawing.drawing import SHADED_GAPS_WORDS, Drawing, Head, draw, heads, key, line, shade_gaps, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
 from ..study.pages.page import Page, Section
 from ..study.pages.quantities import (
+    effort_label,
     number,
     parameter_interval,
     parameter_label,
@@ -58,7 +59,11 @@ def try_page(tried: TriedLog) -> Page:
     """Return the page of a tried log."""
     result = tried.result
     verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in tried.verdicts)
-    sections = [*_held_out(tried), _assumed(tried)]
+    held = _held_out_joints(tried)
+    sections = [_assumed(tried)]
+    if len(held) > 1:
+        drawing = draw(_efforts, held, "held_out_joints")
+        sections.insert(0, Section("held-out", "Prediction of held-out data of each joint", drawings=(drawing,)))
     tables = (*parameter_tables(result), *figure_tables(result))
     sections.append(Section("result", "Parameters and comparisons", (), tables))
     for layout in (tried.proposal.main, *tried.proposal.streams):
@@ -77,6 +82,7 @@ def try_page(tried: TriedLog) -> Page:
         f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
         verdicts,
         tried.answer,
+        figure=draw(_efforts, held[:1]) if held else None,
         summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
     )
 
@@ -86,7 +92,7 @@ def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ..
     level, joints = tried.result.confidence, tried.joints
     share = f"{100.0 * level:g} %"
     if len(joints) <= MAX_DETAILED_JOINTS:
-        heads = ("Parameter", "Value", "Unit", f"{share} interval", "")
+        heads = ("Parameter", "Value", "Unit", f"{share} interval", "Note")
         return heads, [_row(p, level) for joint in joints for p in joint.parameters]
     counts = Counter((p.name, p.unit) for joint in joints for p in joint.parameters)
     wanted = [which for name in FIRST_PARAMETERS for which in counts if which[0] == name]
@@ -155,30 +161,33 @@ def _assumed(tried: TriedLog, most: int | None = None) -> Section:
     if most is not None:
         more = len(assumed) - most
         notes = (f"and {more} more, which stand below",) if more > 0 else ()
-        rows = tuple(Row((_short(a.subject), _short(a.taken), "default" if a.is_question else "guess"))
+        rows = tuple(Row((_short(a.subject), _short(a.taken), "default" if a.is_question else "from the files"))
                      for a in assumed[:most])  # fmt: skip
-        return Section(anchor, "Assumed", (), (Table(("", "Taken", ""), rows, wide=True),), notes=notes)
+        return Section(anchor, "Assumed", (), (Table(("Assumption", "Value", "Origin"), rows, wide=True),), notes=notes)
     rows = tuple(
-        Row((a.subject, a.taken, "default of a question" if a.is_question else "guess", typeset_quantities(a.why)))
+        Row((a.subject, a.taken, "default" if a.is_question else "from the files", typeset_quantities(a.why)))
         for a in assumed
     )
-    text = "Answer a question with `--answer KEY=VALUE`. Correct a guess in study.toml."
-    return Section(anchor, "Assumed", (text,), (Table(("Assumption", "Taken", "Kind", "Why"), rows, wide=True),))
+    text = "Replace a default with `--answer KEY=VALUE`. Correct in study.toml what was taken from the files."
+    table = Table(("Assumption", "Value", "Origin", "Question or reason"), rows, wide=True)
+    return Section(anchor, "Assumed", (text,), (table,))
 
 
 def _short(text: str, most: int = 34) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def _held_out(tried: TriedLog) -> list[Section]:
-    """Return the section that draws measured and predicted efforts on held-out data."""
-    held = [joint for joint in tried.joints if joint.held_out is not None][:MAX_DRAWN_JOINTS]
-    return [Section("held-out", "Prediction of held-out data", drawings=(draw(_efforts, held),))] if held else []
+def _held_out_joints(tried: TriedLog) -> list[TriedJoint]:
+    """Return the joints whose efforts are drawn on held-out data, the one with the largest error first."""
+    held = [(joint.held_out.error, joint) for joint in tried.joints if joint.held_out is not None]
+    return [joint for _, joint in sorted(held, key=lambda each: -each[0])][:MAX_DRAWN_JOINTS]
 
 
-def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
+def _efforts(joints: Sequence[TriedJoint], name: str = "held_out") -> Drawing:
+    """Draw measured and predicted efforts on held-out data, a joint beneath another."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
     axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]
+    has_gaps = several = False
     for axis, joint in zip(axes, joints, strict=True):
         held = joint.held_out
         assert held is not None  # such joints alone are drawn
@@ -186,16 +195,22 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
         steps = np.diff(held.time, prepend=held.time[:1])
         usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
         time = np.cumsum(np.where(steps < 0.0, usual, steps))
+        has_gaps = shade_gaps(axis, time) or has_gaps
+        for begun in time[steps < 0.0]:
+            axis.axvline(begun, color=colour("faint"), linewidth=0.9, zorder=1)
+        several = several or bool((steps < 0.0).any())
         line(axis, time, held.measured, color=colour("measured"), linewidth=1.2)
         line(axis, time, held.predicted, color=colour("fitted"), linewidth=1.2, linestyle=(0, (4, 2)))
         axis.axhline(float(held.measured.mean()), color=colour("muted"), linewidth=0.9)
-        tidy(axis, first=True, text=unit_text(held.unit), ticks=4)
+        tidy(axis, first=True, text=effort_label(held.unit), ticks=4)
         heads([axis], [Head(joint.name, f"error {percent(held.error)} %", colour("fitted"))])
     entries = [("measured", colour("measured")), ("predicted", colour("fitted")), ("mean", colour("muted"))]
     key(axes[0], entries, room=0.2)
     axes[-1].set_xlabel("Time (s)")
     return Drawing(
-        "held_out",
+        name,
         figure,
-        "Effort on held-out data: measured, predicted by the model (dashed), and its mean, the best constant.",
+        "Effort on held-out data: measured, predicted by the model (dashed), and its mean, the best constant."
+        + (" Vertical lines separate recordings." if several else "")
+        + (f" {SHADED_GAPS_WORDS}" if has_gaps else ""),
     )

@@ -14,7 +14,7 @@ from ...models.kinematic_tree import Tree
 from ...study.drawing.drawing import Drawing, Head, dots, heads, key, line, tidy
 from ...study.drawing.style import FIGURE_WIDTH, colour
 from ...study.pages.moving import MovingDrawing, Way, strokes
-from ...study.pages.quantities import number, percent, unit_text
+from ...study.pages.quantities import effort_label, number, percent, unit_text
 from .tree_result import MODEL_DESCRIPTIONS, TreeResult, TreeTrace
 
 
@@ -154,7 +154,7 @@ def efforts(trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors
         left.axvspan(low, high, color=colour("panel"), zorder=0)
         for axis in (left, right):
             axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-            tidy(axis, first=axis is left, text=unit_text(units[k]), ticks=4)
+            tidy(axis, first=axis is left, text=effort_label(units[k]), ticks=4)
         heads([left], [Head(names[k].replace("_", " "), f"error {percent(errors[k])} %", colour("muted"))])
         right.set_xlim(low, high)
     key(
@@ -250,7 +250,7 @@ def friction(curves: Sequence[FrictionCurve]) -> Drawing:
             axis.plot(curve.grid, values, color=colour(role), linewidth=1.8, zorder=4)
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-        tidy(axis, first=True, text=unit_text(curve.unit), ticks=5)
+        tidy(axis, first=True, text=effort_label(curve.unit), ticks=5)
         # The axis ignores a few outliers, which would compress all other rows.
         low, high = np.quantile(curve.measured, (0.003, 0.997)) if len(curve.measured) else (-1.0, 1.0)
         made = np.concatenate([np.array([low, high]), *curve.curves.values()])
@@ -285,7 +285,7 @@ def friction_by_load(curves: Sequence[FrictionCurve]) -> Drawing:
         x = np.array([0.0, float(load.max(initial=1e-9))])
         axis.plot(x, curve.slope * x, color=colour("load"), linewidth=2.0, zorder=4)
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-        tidy(axis, first=True, text=unit_text(curve.unit), ticks=5)
+        tidy(axis, first=True, text=effort_label(curve.unit), ticks=5)
         low, high = np.quantile(beyond, (0.003, 0.997)) if len(beyond) else (-1.0, 1.0)
         pad = 0.08 * float(high - low)
         axis.set_ylim(float(min(low, 0.0)) - pad, float(max(high, curve.slope * x[1])) + pad)
@@ -441,7 +441,7 @@ def ripples(spectra: Sequence[RippleSpectrum]) -> Drawing:
             number(spectrum.found, digits=4), (spectrum.found, top), xytext=(8, -2), textcoords="offset points",
             va="center", color=colour("heldout"), fontsize=9, fontweight="bold",
         )  # fmt: skip
-        tidy(axis, first=True, text=unit_text(spectrum.unit), ticks=5)
+        tidy(axis, first=True, text=f"Amplitude ({unit_text(spectrum.unit)})", ticks=5)
         axis.set_ylim(0.0, 1.12 * float(np.nanmax(spectrum.amplitude)))
         axis.set_xlabel("Periods in a turn of the motor, gears taken out")
         axis.set_title(short(spectrum.joint), fontweight="bold", fontsize=9.5)

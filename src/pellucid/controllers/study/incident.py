@@ -206,12 +206,16 @@ class IncidentAccount:
 
     @property
     def _position_text(self) -> str:
-        position = self.record.samples.get("position")
-        if position is None or not math.isfinite(position[self.record.stop]):
-            return " The encoder gave no valid position then."
+        position, stop = self.record.samples.get("position"), self.record.stop
+        said = " The encoder gave no valid position then"
+        valid = [] if position is None else np.flatnonzero(np.isfinite(position[: stop + 1])).tolist()
+        if not valid:
+            return f"{said}."
         reading = MOTION_READINGS["prismatic" if self.record.prismatic else "rotary"]
-        there = number(reading.scale * float(position[self.record.stop]), digits=SHOWN_DIGITS)
-        return f" The joint was at {there} {reading.position}."
+        there = f"{number(reading.scale * float(position[valid[-1]]), digits=SHOWN_DIGITS)} {reading.position}"
+        if valid[-1] == stop:
+            return f" The joint was at {there}."
+        return f"{said}; the last one was {there}, {-1e3 * float(self.time[valid[-1]]):.3g} ms before."
 
     @property
     def _watch_sentences(self) -> list[tuple[str, str]]:

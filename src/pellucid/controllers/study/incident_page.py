@@ -15,8 +15,8 @@ from ...study.pages.page import Page, Section, Tile, write_page
 from ...study.pages.quantities import MINUS_SIGN, MOTION_READINGS
 from .incident import STOPPED_MODES, IncidentAccount, quantity, share_text
 
-PANEL_HEIGHT = 1.9
-"""Height of a panel of the figure [in]."""
+PANEL_HEIGHT = 1.08
+"""Height of a panel of the figure [in]; three of them fill the first screen without being drawn smaller."""
 
 SHOWN_SHARES = 4.0
 """Shares of a threshold above this one are drawn at it, so that a watch's approach stays visible [1]."""

@@ -18,6 +18,7 @@ from ...models.friction_terms import FAMILIES_BY_NAME, grows_with_load
 from ...numerics.gravity_holds import GravityFit, Hold
 from ...study.drawing.drawing import (
     LINE_POINTS,
+    SHADED_GAPS_WORDS,
     Drawing,
     Head,
     broken,
@@ -29,15 +30,16 @@ from ...study.drawing.drawing import (
     line,
     one_panel,
     origin,
+    shade_gaps,
     tidy,
 )
 from ...study.drawing.style import FIGURE_WIDTH, colour
 from ...study.pages.moving import MovingDrawing, Way, cursor, strokes
 from ...study.pages.quantities import (
-    EFFORT_NAMES,
     METHODS,
     MOTION_READINGS,
     Reading,
+    effort_label,
     number,
     parameter_label,
     percent,
@@ -171,7 +173,7 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
     rows = (
         (f"Position ({reading.position})", "position", reading.scale),
         (f"Velocity ({reading.velocity})", "velocity", reading.scale),
-        (_effort_label(fit), "effort", 1.0),
+        (effort_label(fit.effort_unit), "effort", 1.0),
     )
     for column, trace in enumerate(traces):
         for row, (text, signal, scale) in enumerate(rows):
@@ -212,10 +214,11 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
             # A zoom shows every sample; the overview only needs the outline.
             bt, bp = broken(*((t, p) if axis is zoom else every(LINE_POINTS, t, p)))
             axis.fill_between(bt, bp - half, bp + half, color=colour(first.split), alpha=0.2, linewidth=0)
+            shade_gaps(axis, t)
             line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
             line(axis, t, p, color=colour(first.split), linewidth=1.1)
             axis.set_xlim(low, high)
-        tidy(wide, first=True, text=_effort_label(fit))
+        tidy(wide, first=True, text=effort_label(fit.effort_unit))
         tidy(zoom, first=False)
         zoom.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         if window[1] - window[0] < 0.4 * (np.nanmax(time) - np.nanmin(time)):
@@ -236,9 +239,9 @@ def effort(fit: JointResult, family: FamilyFit) -> Drawing:
     return Drawing(
         "effort",
         figure,
-        f"Effort measured (grey) and predicted by the {family.family} model (colour); the band is the 95 % prediction "
-        "interval. Error is the norm of the difference as a share of the norm of the effort."
-        + (" Lines break where samples are not scored (see Processing)." if gaps else "")
+        f"Effort measured (black; white on a dark page) and predicted by the {family.family} model (colour); the band "
+        "is the 95 % prediction interval. Error is the norm of the difference as a share of the norm of the effort."
+        + (f" {SHADED_GAPS_WORDS}" if gaps else "")
         + _rest(left_out).replace("the table below", "the table of held-out errors"),
     )
 
@@ -265,7 +268,7 @@ def simulation(
     )
     off_scale, off_unit = difference_unit(chosen, reading)
     position, velocity = f"Position ({reading.position})", f"Velocity ({reading.velocity})"
-    labels = (position, f"Difference ({off_unit})", velocity, _effort_label(fit))
+    labels = (position, f"Difference ({off_unit})", velocity, effort_label(fit.effort_unit))
     for column, run in enumerate(chosen):
         top, off, speed, drive = axes[:, column]
         signals = ((top, "position", reading.scale), (speed, "velocity", reading.scale), (drive, "effort", 1.0))
@@ -296,7 +299,8 @@ def simulation(
     return Drawing(
         name,
         figure,
-        f"{loop}. Grey is measured, colour simulated; the second row is the difference in position"
+        f"{loop}. The line without a hue is measured, the coloured one simulated; the second row is the difference in "
+        "position"
         + (", for each way of estimating the parameters." if len(simulations) > 1 else ".")
         + _rest(len({s.recording for s in simulations[reference]}) - len(chosen)),
     )
@@ -588,10 +592,6 @@ def heldout(fit: JointResult) -> Drawing:
 # --- common to several ----------------------------------------------------------------------------------------------
 
 
-def _effort_label(fit: JointResult) -> str:
-    return f"{EFFORT_NAMES.get(fit.effort_unit, 'Effort')} ({unit_text(fit.effort_unit)})"
-
-
 def _durations(times: Iterable[np.ndarray]) -> list[float]:
     spans = [float(np.nanmax(t) - np.nanmin(t)) if len(t) else 1.0 for t in times]
     # Panel widths are limited, so that recordings of very different length stay readable side by side.
@@ -647,7 +647,7 @@ def moving_joint(
     upright : float
         Angle at which the link hangs along gravity [rad].
     unit : str
-        Unit of the effort, as it is shown.
+        Name of the effort and its unit, as the axis shows it.
     error : Value
         Error of the prediction over all `parts` [%].
     use : str
@@ -672,9 +672,10 @@ def moving_joint(
     bt, bp = broken(time, predicted)
     if np.isfinite(half):
         traces.fill_between(bt, bp - half, bp + half, color=colour(role), alpha=0.18, linewidth=0)
+    has_gaps = shade_gaps(traces, time)
     line(traces, time, measured, color=colour("measured"), linewidth=2.4)
     line(traces, time, predicted, color=colour(role), linewidth=1.5, linestyle=(0, (5, 1.6)))
-    tidy(traces, first=True, text=f"Effort ({unit})", ticks=5)
+    tidy(traces, first=True, text=unit, ticks=5)
     traces.set_xlim(start, stop)
     traces.set_xlabel("Time (s)")
     key(traces, [("measured", colour("measured")), ("predicted (dashed)", colour(role))], room=0.14)
@@ -684,6 +685,7 @@ def moving_joint(
     moved = np.interp(frames, time[known], position[known])
     ways = _turning(stick, moved - upright) if rotary else _sliding(stick, moved)
     ways["cursor"] = cursor(traces, frames)
+    caption = f"{caption} {SHADED_GAPS_WORDS}" if has_gaps else caption
     return MovingDrawing(name, figure, caption, ways, float(stop - start))
 
 
@@ -736,7 +738,7 @@ def posture_figure(fit: GravityFit, judged: Sequence[Hold], unit: str) -> Drawin
     for _, holds, role in (each for each in drawn if each[1]):
         angle, effort = ([getattr(hold, name) for hold in holds] for name in ("angle", "torque"))
         dots(axis, np.degrees(angle), np.array(effort), colour(role), alpha=0.9, size=POSTURE_DOT_POINTS)
-    tidy(axis, first=True, text=f"{EFFORT_NAMES.get(unit, 'Effort')} ({unit_text(unit)})")
+    tidy(axis, first=True, text=effort_label(unit))
     axis.set_xlabel("Angle (deg)")
     names = [("weight", colour("fitted")), *((words, colour(role)) for words, holds, role in drawn if holds)]
     key(axis, names, room=0.14)
@@ -772,6 +774,7 @@ def spring_loop(trace: SpringTrace, unit: str, effort_label: str) -> Drawing:
     return Drawing(
         "spring-loop",
         figure,
-        f"Effort over deflection of {trace.recording} ({said}): measured (grey), and dashed as the spring predicts it. "
+        f"Effort over deflection of {trace.recording} ({said}): measured "
+        f"(black; white on a dark page), and dashed as the spring predicts it. "
         "Hysteresis and damping make the loop wide.",
     )

@@ -31,14 +31,33 @@ LINE_POINTS = 900
 """A drawn line has at most about this many points: the extremes of every stretch, so that no peak is lost."""
 
 
-def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Insert NaN wherever samples are missing, so that no line bridges a gap; both arrays have shape (n,)."""
+SHADED_GAPS_WORDS = "Shaded stretches are not compared, mostly because the joint is near standstill there."
+"""Sentence of a caption below a figure whose gaps are shaded."""
+
+
+def _gaps(time: np.ndarray) -> np.ndarray:
+    """Return the indices of the samples, of `time` (n,), that follow a gap."""
     steps = np.diff(time)
     known = steps[np.isfinite(steps)]
-    if not len(known):
-        return time, values
-    gaps = np.flatnonzero(steps > 3.5 * np.median(known)) + 1
+    return np.flatnonzero(steps > 3.5 * np.median(known)) + 1 if len(known) else np.empty(0, dtype=int)
+
+
+def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Insert NaN wherever samples are missing, so that no line bridges a gap; both arrays have shape (n,)."""
+    gaps = _gaps(time)
     return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
+
+
+def shade_gaps(axis: Axes, time: np.ndarray) -> bool:
+    """Shade the stretches of `time`, (n,), where samples are missing, so that a broken line is read as segments.
+
+    Return whether there is one.
+    """
+    time = time[np.isfinite(time)]
+    gaps = _gaps(time)
+    for gap in gaps:
+        axis.axvspan(time[gap - 1], time[gap], color=colour("rule"), alpha=0.6, linewidth=0, zorder=0)
+    return bool(len(gaps))
 
 
 def outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> tuple[np.ndarray, np.ndarray]:

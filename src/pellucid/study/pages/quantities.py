@@ -132,6 +132,11 @@ def interval(low: float, high: float, uncertainty: float) -> str:
     return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
 
 
+def effort_label(unit: str) -> str:
+    """Return what an axis calls an effort: its name and its unit, such as "Voltage (V)"."""
+    return f"{EFFORT_NAMES.get(unit, 'Effort')} ({unit_text(unit)})"
+
+
 def parameter_interval(parameter: Parameter, level: float) -> str:
     """Return a parameter's interval as text, cut at a physical bound; a value that was chosen has none."""
     if parameter.standard_error == 0.0:
@@ -175,7 +180,7 @@ def parameter_note(parameter: Parameter, level: float) -> str:
     if parameter.standard_error == 0.0:
         return "not fitted"
     if parameter.refused:
-        return f"refused: {parameter.refused}"
+        return parameter.refused  # the interval itself says that it is refused
     if parameter.identifiable:
         return ""
     return "may be zero" if low <= 0.0 <= high else "unclear"

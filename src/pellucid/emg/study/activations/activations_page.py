@@ -138,7 +138,8 @@ def page(study: Study, found: ActivationsResult) -> Page:
             ),
             draw(
                 removed_electrodes, [each for each in own if each.recording == first.recording], fs, f"taken_away_{i}",
-                f"{name}, {first.recording.replace('_', ' ')}: activation by the removed electrode (grey), and "
+                f"{name}, {first.recording.replace('_', ' ')}: activation by the removed electrode "
+                f"(black; white on a dark page), and "
                 "filled in.",
             ),
         ]  # fmt: skip

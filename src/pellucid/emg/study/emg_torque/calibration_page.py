@@ -391,7 +391,8 @@ def _torque_section(findings: CalibrationResult) -> Section:
                 torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i}", chosen=chosen,
                 bare=BASELINE_ESTIMATOR, words=words | SHORT_ESTIMATOR_NAMES, half_width=bands,
                 unit=findings.evaluated[0].torque_unit,
-                caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what "
+                caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference "
+                f"(black; white on a dark page), what "
                 "was made of EMG and motion that were not fitted, what angles alone make (dashed), and their errors"
                 f"{coverage_text(replace(trace, half_width=bands))}.",
             )

@@ -340,7 +340,8 @@ def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
     return draw(
         figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=COLOUR_ROLES,
         caption=f"Motor current during {m.recording.replace('_', ' ')}, with the carriage at {1e3 * m.slider:.0f} mm: "
-        "measured (grey) and predicted where the joint moves (colour), with the velocity beneath.",
+        "measured "
+        "(black; white on a dark page) and predicted where the joint moves (colour), with the velocity beneath.",
     )  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
     return MovingDrawing(
         f"mismatch_{who}",
         figure,
-        f"Left: orthosis (grey) and leg (black) as they were recorded, the angle between them "
+        f"Left: orthosis (grey) and leg (black; white on a dark page) as they were recorded, the angle between them "
         f"{PAGE_SETTINGS.mismatch_magnification:g} times as large. Right: angle between limb and orthosis "
         f"of {who}: by the IMU, and as the identified strap answers the torque that the orthosis's balance gives. "
         + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")

@@ -56,7 +56,8 @@ def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
     return Drawing(
         f"response-{found.recording}".replace(".", "-"),
         figure,
-        f"{found.recording.replace('_', ' ')}, {'held out' if heldout else 'fitted'}: measured (grey) and simulated, "
+        f"{found.recording.replace('_', ' ')}, {'held out' if heldout else 'fitted'}: measured "
+        f"(black; white on a dark page) and simulated, "
         f"what the simulation misses, and the input. Fit {number(found.fit, digits=3)} %.",
     )
 
