@@ -25,22 +25,24 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import audit, incident, init, supervised
+from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.instruments import Instruments
 from pellucid.controllers.study.incident_page import write_incident_page
 from pellucid.start.try_log import try_log
 from pellucid.study.procedures.audit_page import write_audit_page
+from pellucid.study.procedures.registry import open_study
 from pellucid.study.procedures.result import Result
 from pellucid.study.procedures.run import report, run
 from pellucid.study.results import ResultRow, read_rows
 from research.benchmarks._size import sized
 
-from ._answers import compare_answers, contradictions, page_contradictions
+from ._answers import compare_answers, contradictions, page_contradictions, write_joint
 from ._page_looks import Looks, chromium, look_at
 
 DATA_SETS = sized(
     ("emps", "sydney_pendulum", "bam_xl330", "modexo_joint", "dfjimu_two_imu_joint", "rat_soleus_hill",
-     "elderly_isometric", "lumbar_lifting", "uci_lower_limb", "ur10e", "human_pointing"),
+     "elderly_isometric", "lumbar_lifting", "ur10e", "human_pointing"),
     smallest=("rat_soleus_hill",),
 )  # fmt: skip
 """Public data sets whose reports are looked at."""
@@ -63,6 +65,9 @@ GENERATED_PAGES = sized(4, smallest=0)
 
 GENERATED_COMMANDS = sized(6, smallest=0)
 """Number of them that are identified by the command, and whose next commands are run."""
+
+JOINT_SEEDS = sized((0, 1, 2, 3), smallest=())
+"""Seeds of the simulated joints whose reports are looked at."""
 
 PERIOD_S = 1e-3
 """Period of the law whose stop is drawn [s]."""
@@ -90,6 +95,7 @@ def rows() -> Iterator[ResultRow]:
         place = Path(folder)
         seconds, made = _demo_pages(place / "demo")
         made += [page for name in DATA_SETS for page in _data_set_pages(place, name)]
+        made += [page for seed in JOINT_SEEDS for page in _joint_pages(place / "joints", seed)]
         made += _file_pages(place, place / "demo" / "bam_servo")
         with chromium() as browser:
             looks = [look_at(browser, one.name, one.page, PICTURES) for one in made]
@@ -153,6 +159,17 @@ def _data_set_pages(place: Path, name: str) -> list[Made]:
     found = run(study)
     found.save(study)
     return [Made(name, report(study, found), (study.results_path,), found)]
+
+
+def _joint_pages(place: Path, seed: int) -> Iterator[Made]:
+    """Yield the report of a simulated joint, unless `check` refuses its recordings."""
+    study = open_study(write_joint(place / f"joint{seed}", seed))
+    try:
+        found = run(study, "identify", joint={"thorough": False})
+    except PellucidError:
+        return
+    found.save(study)
+    yield Made(study.name, report(study, found), (study.results_path,), found)
 
 
 def _file_pages(place: Path, recordings: Path) -> list[Made]:
