@@ -36,6 +36,7 @@ from .inference.assign_roles import (
 )
 from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
+from .inference.gears import FoundGear, find_gear
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import (
     DERIVATIVE_LIMITS,
@@ -260,9 +261,11 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main, limit = _with_limit(_with_full_duty(main), drive)
     if limit is not None:
         facts["limit"] = limit
+    gear = find_gear(main.roles, ("torque",) if drive == "torque" else ())
+    main = _with_gear(main, gear, answers, facts)
     # The same deflection with another torque is another spring, and no payload.
     repeated = _repeated(recordings, main, drive) if spring is None else None
-    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity, bool(given.robots)))
+    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots)))
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts":
         possible.add("counts_per_turn")
@@ -1260,7 +1263,43 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     return next((each for each in found if each is not None), None)
 
 
-def _questions(main, streams, recordings, drive, facts, person, repeated, gravity, has_robot):
+def _with_gear(
+    main: Layout, gear: FoundGear | None, answers: Mapping[str, str], facts: dict[str, FileFact]
+) -> Layout:
+    """Return a layout in which speeds and torques before a gear are those of the joint; `facts` then has its limit."""
+    if gear is None:
+        return main
+    turns = _gear_turns(gear, answers, facts)
+
+    def geared(role: ColumnRole) -> ColumnRole:
+        if role.column in gear.speeds:
+            times = gear.speeds[role.column]
+            why = f"it is {times:.4g} times the joint's, as of a motor before a gear"
+            return _scaled(role, 1.0 / times, why)
+        if role.column in gear.efforts and turns != 1.0:
+            return _scaled(role, turns, f"a motor's, which turns {turns:.6g} times for a turn of the joint")
+        return role
+
+    found = _main_effort([main], "torque")
+    if "limit" in facts and found is not None and found[1].column in gear.efforts:
+        facts["limit"] = replace(facts["limit"], value=turns * facts["limit"].value)
+    return main.with_each(geared)
+
+
+def _scaled(role: ColumnRole, factor: float, why: str) -> ColumnRole:
+    """Return a role of which one number is `factor` times as much as it was, and why."""
+    keys = {**role.keys, "scale": factor * float(str(role.keys.get("scale", 1.0)))}
+    return replace(role, keys=keys, why=f"{role.why}; {why}")
+
+
+def _gear_turns(gear: FoundGear, answers: Mapping[str, str], facts: Mapping[str, FileFact]) -> float:
+    """Return how often a motor turns for a turn of its joint where a torque is the motor's, and 1 where it is not."""
+    if "gear_turns" in answers or (gear.is_named and "gear_ratio" in facts):
+        return _motor_turns(answers, facts)
+    return gear.turns if gear.is_named else 1.0
+
+
+def _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, has_robot):
     """Yield what only the lab can answer, with defaults."""
     layouts = [main, *streams]
     if any(layout.roles.rate is None for layout in layouts):
@@ -1327,6 +1366,16 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "The positions are motors'. How often does a motor turn for a turn of its joint (1 without a gear)?",
             f"{_motor_turns({}, facts):g}",
             "every angle, inertia and torque of the joints",
+        )
+    elif gear is not None and gear.efforts and not (gear.is_named and "gear_ratio" in facts):
+        times = next(iter(gear.speeds.items()), None)
+        seen = "" if times is None else f'"{times[0]}" is {times[1]:.4g} times the derivative of the position. '
+        yield Question(
+            "gear_turns",
+            f'{seen}Is "{gear.efforts[0]}" the torque of the motor, and the position the joint\'s? How often does the '
+            "motor then turn for a turn of the joint (1 if the torque is the joint's)?",
+            f"{_gear_turns(gear, {}, facts):.6g}",
+            "the scale of all efforts, and with it every parameter",
         )
     if any(r.quantity == "duty" and "scale" in r.keys and not r.unit_is_certain for r in main.channels):
         yield Question(

@@ -1,0 +1,76 @@
+"""Find a gear between what was recorded of a motor and of its joint: by a speed no unit explains, and by names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...files.name_evidence import words_of
+from ...units import to_si_factor
+from .assign_roles import ColumnRole, TableRoles
+from .joint_keys import side_of
+
+MIN_TURNS = 1.5
+"""A speed is a motor's if it is at least so many times its joint's: filters and delays change it by far less."""
+
+WHOLE_TURNS_TOLERANCE = 0.01
+"""A gear whose turns are within this share of a whole number has that number."""
+
+_MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
+"""Words of what is measured before a gear. An actuator may contain one."""
+
+
+@dataclass(frozen=True)
+class FoundGear:
+    """A gear behind which the joint's position was recorded, and before which something else was."""
+
+    turns: float  # turns of the motor for a turn of the joint, 1 where nothing tells them
+    speeds: dict[str, float]  # speeds of motors, and how many times their joints' they are
+    efforts: tuple[str, ...]  # torques that may be the motors'
+    is_named: bool  # whether an effort is named after the motor
+
+
+def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
+    """Return the gear of a table's joints; None if nothing shows one. `efforts` are quantities of the drive.
+
+    A speed in a stated unit that is many times its position's derivative is the motor's. Without one, a torque that is
+    named after the motor beside a position that is named after the joint may stand before a gear.
+    """
+    channels = {role.column: role for role in roles.roles if role.quantity is not None and not role.is_command}
+    speeds = {}
+    for pair in roles.pairs:
+        of, by = channels.get(pair.of), channels.get(pair.by)
+        ratio = None if of is None or by is None else _speed_ratio(of, by, abs(pair.ratio))
+        if ratio is not None and ratio >= MIN_TURNS:
+            speeds[pair.by] = ratio
+    positions = {role.label: role for role in channels.values() if role.quantity == "position"}
+    driving = [r for r in channels.values() if r.quantity in efforts and r.label in positions]
+    named = [r for r in driving if is_before_gear(r, positions[r.label])]
+    # A torque that is named after the joint is behind the gear, whatever the speed is.
+    moved = {channels[column].label for column in speeds}
+    open_ones = [r for r in driving if r in named or (r.label in moved and side_of(r.column) != "output")]
+    if not speeds and not named:
+        return None
+    turns = min(speeds.values(), default=1.0)
+    whole = round(turns)
+    turns = float(whole) if abs(turns / whole - 1.0) < WHOLE_TURNS_TOLERANCE else float(f"{turns:.4g}")
+    return FoundGear(turns, speeds, tuple(r.column for r in open_ones), bool(named))
+
+
+def is_before_gear(effort: ColumnRole, position: ColumnRole) -> bool:
+    """Whether an effort is named after the motor, beside a position that is named after the joint."""
+    return bool(_MOTOR_WORDS & set(words_of(effort.column))) and side_of(position.column) == "output"
+
+
+def _speed_ratio(of: ColumnRole, by: ColumnRole, ratio: float) -> float | None:
+    """Return how many times the derivative of a position a speed is, by the units of both; None if one is open.
+
+    `ratio` is that of their numbers.
+    """
+    if of.quantity != "position" or by.quantity != "velocity" or not (of.unit_is_certain and by.unit_is_certain):
+        return None
+    try:
+        units = to_si_factor(by.unit, None)[0] / to_si_factor(of.unit, None)[0]
+    except ValueError:
+        return None
+    scales = float(str(by.keys.get("scale", 1.0))) / float(str(of.keys.get("scale", 1.0)))
+    return ratio * units * scales

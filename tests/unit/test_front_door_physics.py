@@ -1,0 +1,61 @@
+"""Logs whose numbers contradict what their names and headers say: physics must ask, refuse or doubt."""
+
+import numpy as np
+import pytest
+from test_front_door_logs import GRAVITY, INERTIA, proposed, swing, written
+
+from pellucid.start.try_log import try_log
+
+GEAR = 80.0
+
+
+def parameters_of(tried):
+    return {p.name: p for joint in tried.joints for p in joint.parameters}
+
+
+def geared_log(path, *names, speed=GEAR):
+    """Write a log of a joint's angle [deg] with its motor's speed [rpm] and torque, by the names that are given."""
+    t, q, v, tau = swing()
+    columns = [t, np.degrees(q), speed * v * 30.0 / np.pi, tau / GEAR]
+    chosen = [c for c, name in zip(columns, names, strict=True) if name]
+    return written(path, ",".join(name for name in names if name), chosen)
+
+
+@pytest.mark.parametrize(
+    ("names", "default"),
+    [
+        (("Time [s]", "Joint Angle [deg]", "Motor Speed [rpm]", "Motor Torque [Nm]"), "80"),
+        (("Time [s]", "Joint Angle [deg]", "", "Motor Torque [Nm]"), "1"),
+        (("Time [s]", "Angle [deg]", "Speed [rpm]", "Torque [Nm]"), "1"),
+    ],
+)
+def test_a_torque_before_a_gear_is_asked_for(tmp_path, names, default):
+    path = geared_log(tmp_path / "log.csv", *names)
+    asked = {question.key: question.default for question in proposed(path).asked}
+    assert asked["gear_turns"] == default
+    torque = next(r for r in proposed(path, gear_turns="80").main.channels if r.quantity == "torque")
+    assert torque.keys["scale"] == GEAR
+
+
+def test_a_gear_that_nobody_stated_is_no_yes(tmp_path):
+    path = geared_log(tmp_path / "log.csv", "Time [s]", "Joint Angle [deg]", "", "Motor Torque [Nm]")
+    assert try_log([path], out=tmp_path / "page").answer.verdict == "cannot say"
+    tried = try_log([path], out=tmp_path / "sure", answers={"gear_turns": "80"})
+    assert tried.answer.verdict == "yes"
+    found = parameters_of(tried)
+    assert found["inertia"].value == pytest.approx(INERTIA, rel=0.05)
+    assert found["gravity"].value == pytest.approx(GRAVITY, rel=0.05)
+
+
+def test_a_motors_speed_beside_a_joints_torque_is_no_doubt(tmp_path):
+    names = ("Time [s]", "Joint Angle [deg]", "Motor Speed [rpm]", "Joint Torque [Nm]")
+    found = proposed(geared_log(tmp_path / "log.csv", *names))
+    assert "gear_turns" not in {question.key for question in found.asked}
+    velocity = next(r for r in found.main.channels if r.quantity == "velocity")
+    assert float(velocity.keys["scale"]) == pytest.approx(1.0 / GEAR, rel=0.02)
+
+
+def test_a_speed_of_the_joint_shows_no_gear(tmp_path):
+    names = ("Time [s]", "Angle [deg]", "Speed [rpm]", "Motor Torque [Nm]")
+    found = proposed(geared_log(tmp_path / "log.csv", *names, speed=1.0))
+    assert "gear_turns" not in {question.key for question in found.asked}
