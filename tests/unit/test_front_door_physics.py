@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from test_front_door_logs import GRAVITY, INERTIA, proposed, swing, written
+from test_front_door_logs import COULOMB, GRAVITY, INERTIA, proposed, swing, written
 
+import pellucid as pl
+from pellucid.start.propose_study import require_possible_clock
 from pellucid.start.try_log import try_log
 
 GEAR = 80.0
@@ -59,3 +61,28 @@ def test_a_speed_of_the_joint_shows_no_gear(tmp_path):
     names = ("Time [s]", "Angle [deg]", "Speed [rpm]", "Motor Torque [Nm]")
     found = proposed(geared_log(tmp_path / "log.csv", *names, speed=1.0))
     assert "gear_turns" not in {question.key for question in found.asked}
+
+
+@pytest.mark.parametrize(("head", "factor", "right"), [("time [s]", 1e3, "ms"), ("time [ms]", 1.0, "s")])
+def test_a_clock_by_which_no_joint_could_move_is_refused(tmp_path, head, factor, right):
+    t, q, _, tau = swing()
+    path = written(tmp_path / "log.csv", f"{head},angle [rad],torque [Nm]", [factor * t, q, tau])
+    with pytest.raises(pl.PellucidError, match=rf'"{right}".*time_unit={right}'):
+        try_log([path], out=tmp_path / "page")
+    tried = try_log([path], out=tmp_path / "sure", answers={"time_unit": right})
+    assert parameters_of(tried)["inertia"].value == pytest.approx(INERTIA, rel=0.05)
+
+
+def test_a_slow_log_of_a_slow_joint_keeps_its_clock(tmp_path):
+    t, q, v, _ = swing(rate=20.0)
+    weight = GRAVITY * np.sin(q) + COULOMB * np.tanh(v / 0.01)
+    tau = weight + 0.05 * np.random.default_rng(4).standard_normal(len(t))
+    path = written(tmp_path / "log.csv", "time [s],angle [rad],torque [Nm]", [20.0 * t, q, tau])
+    require_possible_clock(proposed(path))
+
+
+def test_the_lab_may_not_say_what_is_no_unit_of_time(tmp_path):
+    t, q, _, tau = swing()
+    path = written(tmp_path / "log.csv", "time [s],angle [rad],torque [Nm]", [t, q, tau])
+    with pytest.raises(pl.PellucidError, match='found "deg"'):
+        proposed(path, time_unit="deg")

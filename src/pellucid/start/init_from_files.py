@@ -33,6 +33,7 @@ from .propose_study import (
     require_agreeing_units,
     require_known_units,
     require_lever_arm,
+    require_possible_clock,
     require_signed_effort,
     require_turns_of_motors,
     shared_folders,
@@ -232,6 +233,7 @@ def make_study(
     page = None
     try:
         require_known_units(proposal)
+        require_possible_clock(proposal)
         require_agreeing_units(proposal)
         require_turns_of_motors(proposal)
         require_lever_arm(proposal)

@@ -34,6 +34,7 @@ from .inference.assign_roles import (
     assign_roles,
     is_known_unit,
 )
+from .inference.clocks import UNIT_SECONDS
 from .inference.emg_spectrum import swings_fast
 from .inference.encodings import decode_counts
 from .inference.gears import FoundGear, find_gear
@@ -44,10 +45,13 @@ from .inference.motion_efforts import (
     UNIT_RATIOS,
     MotionSamples,
     RepeatedMotion,
+    acceleration_scale,
     find_repeated_motion,
     find_resting_limit,
     is_magnitude,
+    is_possible_acceleration,
     is_reversed,
+    is_usual_acceleration,
     motion_samples,
     weigh_turns,
 )
@@ -232,7 +236,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     remarks: list[str] = []
     tables, paired = _pair_columns_with_sheets(given.tables)
     shows_people = _shows_people(tables)
-    layouts = [_layout(group, shows_people=shows_people) for group in _grouped(tables)]
+    clock_unit = _clock_answer(answers)
+    layouts = [_layout(group, shows_people=shows_people, clock_unit=clock_unit) for group in _grouped(tables)]
     main = max(layouts, key=_merit)
     person = _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
@@ -265,10 +270,14 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     main = _with_gear(main, gear, answers, facts)
     # The same deflection with another torque is another spring, and no payload.
     repeated = _repeated(recordings, main, drive) if spring is None else None
-    questions = list(_questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots)))
+    questions = list(
+        _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots))
+    )
     possible = {question.key for question in questions}
     if unit_from_text(answers.get("position_unit", "")) == "counts":
         possible.add("counts_per_turn")
+    if any(layout.roles.clock.column is not None for layout in layouts):
+        possible.add("time_unit")
     unknown = set(answers) - possible
     if unknown:
         known = ", ".join(question.key for question in questions)
@@ -397,6 +406,43 @@ def require_agreeing_units(proposal: Proposal) -> None:
             )
 
 
+def require_possible_clock(proposal: Proposal) -> None:
+    """Raise a StudyError if the motion refutes the unit of the clock, and another one makes it a usual one."""
+    main, clock = proposal.main, proposal.main.roles.clock
+    fitting = [unit for unit in UNIT_SECONDS if clock.column is not None and clock.would_be_usual(unit)]
+    if not fitting or clock.rate is None:
+        return
+    for unit in fitting:
+        rate = clock.rate * UNIT_SECONDS[clock.unit] / UNIT_SECONDS[unit]
+        for role, position, effort, motion in _moved_efforts(main, proposal.drive, rate):
+            if position.unit == "counts":
+                continue
+            pushed = acceleration_scale(effort, motion)
+            fits = None if pushed is None else pushed * to_si_factor(position.unit, None)[0]
+            if fits is None or not is_usual_acceleration(fits):
+                continue
+            stated = fits * (clock.rate / rate) ** 2
+            if is_possible_acceleration(stated):
+                continue
+            per = "m/s^2" if proposal.motion == "prismatic" else "rad/s^2"
+            raise StudyError(
+                f'{main.tables[0].path.name}: column "{clock.column}": found the unit "{clock.unit}", by which it has '
+                f'{clock.rate:.3g} samples a second, and the usual size of "{role.column}" would accelerate the joint '
+                f'by {stated:.2g} {per}; expected "{unit}", by which both are usual ({rate:.4g} Hz, {fits:.3g} {per}); '
+                f'correct the unit in the file, or say which it is: --answer "time_unit={unit}"'
+            )
+
+
+def _clock_answer(answers: Mapping[str, str]) -> str | None:
+    """Return the unit of the clock that the lab said; None if it said none."""
+    if "time_unit" not in answers:
+        return None
+    unit = unit_from_text(answers["time_unit"])
+    if unit not in UNIT_SECONDS:
+        raise StudyError(f'time_unit: found "{answers["time_unit"]}", expected {" or ".join(UNIT_SECONDS)}')
+    return unit
+
+
 def _key_of_unit(role: ColumnRole) -> str:
     """Return the key of the question that says a role's unit."""
     if role.quantity in DRIVE_QUANTITIES:
@@ -453,7 +499,7 @@ def _with_supersets(groups: list[list[GivenTable]]) -> list[list[GivenTable]]:
     return made
 
 
-def _layout(group: Sequence[GivenTable], *, shows_people: bool) -> Layout:
+def _layout(group: Sequence[GivenTable], *, shows_people: bool, clock_unit: str | None = None) -> Layout:
     fewest = min(len(table.columns) for table in group)
     alike = [table for table in group if len(table.columns) == fewest]
     first, ranked = alike[0], sorted(alike, key=lambda table: -table.rows)[: PROPOSAL_LIMITS.max_representatives]
@@ -467,6 +513,7 @@ def _layout(group: Sequence[GivenTable], *, shows_people: bool) -> Layout:
         shows_people=shows_people,
         joint=read_name(first.path.stem).joint,
         facts=first.facts,
+        clock_unit=clock_unit,
     )
     if len(alike) >= PROPOSAL_LIMITS.min_pooled_tables and first.key:
         # Short cells of one file show quanta and ranges only together.
@@ -1139,9 +1186,14 @@ def _steady_supply(layout: Layout) -> FileFact | None:
     return None
 
 
-def _moved_efforts(main: Layout, drive: str | None) -> list[tuple[ColumnRole, ColumnRole, np.ndarray, MotionSamples]]:
-    """Return the drive's efforts with the positions of their joints: both roles, the effort's numbers, the motion."""
-    names, rate = DRIVE_CHANNELS.get(drive or "", ()), main.roles.rate
+def _moved_efforts(
+    main: Layout, drive: str | None, rate: float | None = None
+) -> list[tuple[ColumnRole, ColumnRole, np.ndarray, MotionSamples]]:
+    """Return the drive's efforts with the positions of their joints: both roles, the effort's numbers, the motion.
+
+    The motion is that at another `rate` [Hz] than the table's, if one is given.
+    """
+    names, rate = DRIVE_CHANNELS.get(drive or "", ()), rate or main.roles.rate
     if rate is None:
         return []
     table, first = main.tables[0], main.roles.clock.first_sound
@@ -1263,9 +1315,7 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     return next((each for each in found if each is not None), None)
 
 
-def _with_gear(
-    main: Layout, gear: FoundGear | None, answers: Mapping[str, str], facts: dict[str, FileFact]
-) -> Layout:
+def _with_gear(main: Layout, gear: FoundGear | None, answers: Mapping[str, str], facts: dict[str, FileFact]) -> Layout:
     """Return a layout in which speeds and torques before a gear are those of the joint; `facts` then has its limit."""
     if gear is None:
         return main

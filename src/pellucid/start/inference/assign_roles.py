@@ -170,6 +170,7 @@ class TableHints:
     shows_people: bool = False  # whether the files hold EMG, markers or a person
     joint: str | None = None  # joint that the file's name says of all its columns
     facts: Mapping[str, str] = field(default_factory=dict)  # settings that the file states
+    clock_unit: str | None = None  # unit of the clock that the lab said, in place of the stated one
 
 
 def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
@@ -189,6 +190,7 @@ def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = N
     if printed is not None:
         names = {name: _with_documented(evidence, printed.columns.get(name)) for name, evidence in names.items()}
     clock = find_clock(columns, list(names.values()))
+    clock = clock if hints.clock_unit is None else clock.in_unit(hints.clock_unit, "said by the lab")
     rate = clock.rate or hints.rate
     time = _times(columns, clock, rate, n)
     return _Assignment(columns, names, hints, clock, rate, time, printed).run()

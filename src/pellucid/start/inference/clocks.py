@@ -82,6 +82,17 @@ class FoundClock:
             times[known] = np.unwrap(times[known], period=self.period)
         return times * UNIT_SECONDS[self.unit]
 
+    def in_unit(self, unit: str, why: str) -> FoundClock:
+        """Return the clock with its numbers in another unit, and the reason for it."""
+        rate = None if self.rate is None else self.rate * UNIT_SECONDS[self.unit] / UNIT_SECONDS[unit]
+        return replace(self, unit=unit, rate=rate, why=why, is_certain=True)
+
+    def would_be_usual(self, unit: str) -> bool:
+        """Whether the clock has an unusual rate, and a usual one with its numbers in another unit."""
+        if self.rate is None or _is_usual(self.rate):
+            return False
+        return _is_usual(self.rate * UNIT_SECONDS[self.unit] / UNIT_SECONDS[unit])
+
 
 def find_clock(columns: Mapping[str, np.ndarray], names: Sequence[NameEvidence]) -> FoundClock:
     """Return the clock among columns of one length, shape (n,) each.

@@ -65,6 +65,12 @@ class EffortLimits:
     max_signed_left: float = 0.15
     # Without them it leaves at least this many times as much.
     min_unsigned_ratio: float = 3.0
+    # Inertia is told from the rest of an effort if it explains at least this share of its variance.
+    min_inertia_share: float = 0.02
+    # The spread of an effort accelerates usual joints by as much as this [rad/s^2; m/s^2], and no machine beyond the
+    # wider range: a telescope on the one side, a galvanometer without a load on the other.
+    usual_accelerations: tuple[float, ...] = (0.1, 1e5)
+    possible_accelerations: tuple[float, ...] = (1e-2, 1e6)
 
 
 EFFORT_LIMITS = EffortLimits()
@@ -167,6 +173,42 @@ def is_magnitude(effort: np.ndarray, motion: MotionSamples, radians_per_unit: fl
         if EFFORT_LIMITS.min_each_sign_share < np.mean(signed < 0.0) < 1.0 - EFFORT_LIMITS.min_each_sign_share:
             best = min(best, float(left @ left) / max(float(np.sum((signed - signed.mean()) ** 2)), 1e-300))
     return best < EFFORT_LIMITS.max_signed_left and unsigned > EFFORT_LIMITS.min_unsigned_ratio * best
+
+
+def acceleration_scale(effort: np.ndarray, motion: MotionSamples) -> float | None:
+    """Return the acceleration that an effort's spread gives by the inertia that it shows, in the position's unit.
+
+    It depends on the unit of time and on none of the effort. None if inertia explains too little of `effort`, shape
+    (n,), beside friction and what is a polynomial in the position.
+    """
+    target = running_mean(effort, motion.width)
+    place = (motion.position - motion.position.mean()) / (float(np.ptp(motion.position)) or 1.0)
+    speed = np.tanh(EFFORT_LIMITS.friction_sharpness[1] * motion.velocity / _usual(motion.velocity))
+    columns = [motion.acceleration, motion.velocity, speed, *(place**k for k in range(4))]
+    end = 3 * motion.width + 2
+    rows = slice(end, len(target) - end, max(1, len(target) // EFFORT_LIMITS.max_rows))
+    matrix, seen = np.column_stack(columns)[rows], target[rows]
+    scales = np.linalg.norm(matrix, axis=0)
+    power = float(np.sum((seen - seen.mean()) ** 2))
+    if len(seen) < 50 or power <= 0.0 or scales.min() <= 0.0:
+        return None
+    matrix = matrix / scales
+    inertia = float(np.linalg.lstsq(matrix, seen, rcond=None)[0][0]) / scales[0]
+    left, without = _left(matrix, seen), _left(matrix[:, 1:], seen)
+    gained = float(without @ without - left @ left) / power
+    return float(np.std(seen)) / inertia if inertia > 0.0 and gained >= EFFORT_LIMITS.min_inertia_share else None
+
+
+def is_usual_acceleration(value: float) -> bool:
+    """Whether efforts accelerate usual joints by as much [rad/s^2; m/s^2]."""
+    low, high = EFFORT_LIMITS.usual_accelerations
+    return low <= value <= high
+
+
+def is_possible_acceleration(value: float) -> bool:
+    """Whether efforts accelerate any machine by as much [rad/s^2; m/s^2]."""
+    low, high = EFFORT_LIMITS.possible_accelerations
+    return low <= value <= high
 
 
 def _residuals(effort: np.ndarray, motion: MotionSamples, radians_per_unit: float | None) -> tuple[float, np.ndarray]:
