@@ -12,22 +12,23 @@ from ..units import to_si_factor
 from .stated_units import ends_in_multiple, scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
-    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "elapsed", "tijd", "datetime",
-        "epoch", "uptime", "sec", "secs", "millis", "micros"},
+    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "tempo", "elapsed", "tijd",
+        "datetime", "epoch", "uptime", "sec", "secs", "millis", "micros"},
     "counter": {"counter", "count", "sample", "samples", "number", "index", "idx", "seq", "frame", "row", "packet",
         "no", "nr"},
     "position": {"position", "pos", "angle", "q", "theta", "th", "enc", "encoder", "deg", "winkel", "angulo", "phi",
         "rotation", "goniometer", "gonio", "flexion", "qj", "ang", "x", "displacement", "disp", "stroke", "travel",
-        "jointangle", "qpos"},
+        "jointangle", "qpos", "posizione", "posición", "posicion", "posição", "angolo", "ángulo", "ângulo", "hoek"},
     "velocity": {"velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "dtheta", "v", "rate", "geschwindigkeit",
-        "drehzahl", "qvel", "spd", "thetadot", "w", "velo", "dqj"},
+        "drehzahl", "qvel", "spd", "thetadot", "w", "velo", "dqj", "vitesse", "velocità", "velocidad",
+        "velocidade", "snelheid"},
     "acceleration": {"ddq", "qdd", "qddot", "alpha", "angacc", "qacc"},
     "torque": {"torque", "tau", "trq", "tq", "moment", "drehmoment", "mom", "effort", "eff", "couple", "par", "tauj",
-        "torsion"},
+        "torsion", "coppia", "koppel"},
     "force": {"force", "load", "loadcell", "kraft", "fz", "fy", "thrust", "f", "dynamometer", "grf", "fuerza", "cable",
-        "tension"},
+        "tension", "forza", "força", "kracht"},
     "current": {"current", "i", "cur", "curr", "strom", "amps", "iq", "amp", "imotor", "corriente", "ampere",
-        "courant"},
+        "courant", "corrente", "stroom"},
     "voltage": {"voltage", "volt", "volts", "u", "vin", "spannung", "um", "umotor"},
     "duty": {"duty", "pwm"},
     "supply": {"supply", "battery", "vbus", "bus", "busvoltage", "vbat", "inputvolts"},
@@ -49,15 +50,45 @@ COMMAND_WORDS = frozenset({
     "ref", "reference", "des", "desired", "cmd", "command", "commanded", "goal", "target", "setpoint", "sp", "set",
         "soll",
     "demand", "demanded", "planned", "asked", "applied", "qr", "qref", "qdes", "nominal", "consigne", "desire",
-    "taucmd", "icmd",
+    "taucmd", "icmd", "limited", "setpunkt", "vorgabe", "consignes", "commande", "référence", "cible", "riferimento",
+    "comando", "comandato", "comandata", "desiderato", "desiderata", "consigna", "referencia", "deseado", "deseada",
+    "objetivo", "referência", "desejado", "desejada", "alvo", "referentie", "gewenst", "gewenste", "börvärde",
 })  # fmt: skip
-"""Words of names that tell a command from a measurement."""
+"""Words of names that tell a command from a measurement; a drive's limited command is the one that it follows."""
+
+COMMAND_PARTS = (
+    "指令", "目标", "目標", "期望", "给定", "給定", "设定", "設定", "命令", "参考", "목표", "지령", "명령", "설정",
+    "задан", "целев",
+)  # fmt: skip
+"""Parts of names that tell a command in languages that write several words as one."""
 
 COMPUTED_WORDS = frozenset({"error", "err", "feedforward", "feedback", "ff", "fb", "gain", "estimated", "model"})
 """Words of names that say that a program computed the column from others."""
 
-MEASURED_WORDS = frozenset({"measured", "meas", "actual", "act", "sensor", "present", "ist"})
+MEASURED_WORDS = frozenset({
+    "measured", "meas", "actual", "act", "sensor", "present", "ist", "istwert", "gemessen",
+    "mesuré", "mesurée", "mesure", "misurato", "misurata", "effettivo", "effettiva", "medido", "medida", "ärvärde",
+})  # fmt: skip
 """Words of names that say that the column was measured."""
+
+MEASURED_PARTS = (
+    "实测", "實測", "实际", "實際", "反馈", "反饋", "测量", "測量", "測定", "実測", "現在", "検出", "실측", "측정",
+    "현재", "실제", "фактич", "измерен",
+)  # fmt: skip
+"""Parts of names that say that the column was measured, in languages that write several words as one."""
+
+QUANTITY_PARTS = {
+    "time": ("时间", "時間", "時刻", "시간", "시각", "время"),
+    "acceleration": ("加速度", "가속도", "ускорение"),
+    "velocity": ("速度", "转速", "轉速", "속도", "скорость"),
+    "torque": ("力矩", "扭矩", "转矩", "轉矩", "トルク", "토크", "момент"),
+    "current": ("电流", "電流", "전류"),
+    "voltage": ("电压", "電壓", "電圧", "전압", "напряжение"),
+    "temperature": ("温度", "溫度", "온도", "температура"),
+    "force": ("荷重", "推力", "하중"),
+    "position": ("角度", "位置", "转角", "轉角", "각도", "위치", "угол", "положение"),
+}  # fmt: skip
+"""Parts of names that stand for quantities in languages that write several words as one; the first that fits counts."""
 
 INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
 """Words of names that tell an effort between robot and person."""
@@ -184,7 +215,7 @@ def read_name(name: str) -> NameEvidence:
     if _COMPUTER_WORDS & set(words) or _VALVE_WORDS & set(words):
         words = ["state"]
     joined = re.sub(r"[\W_]+", "", own.casefold())
-    is_command = bool(COMMAND_WORDS & {*words, joined})
+    is_command = bool(COMMAND_WORDS & {*words, joined}) or _has_part(words, COMMAND_PARTS, "soll")
     muscle = _muscle(bare)
     quantity = _quantity_of_words(words, joined, has_muscle=muscle is not None)
     if quantity is None and muscle is None and own != bare:
@@ -207,10 +238,31 @@ def read_name(name: str) -> NameEvidence:
         _axis(words, joined),
         numbers[-1] if numbers else None,
         bool(COMPUTED_WORDS & set(words)),
-        bool(MEASURED_WORDS & set(words)),
+        bool(MEASURED_WORDS & set(words)) or _has_part(words, MEASURED_PARTS, "ist"),
         multiple or (_unknown_unit(name) if unit is None else None),
         scale,
     )
+
+
+def _has_part(words: Sequence[str], parts: Sequence[str], german: str) -> bool:
+    """Whether a word contains one of some parts, or is a German compound with a quantity, as in sollwinkel."""
+    if any(part in word for word in words for part in parts):
+        return True
+    rests = [word.removeprefix(german) for word in words if word.startswith(german)]
+    rests += [word.removesuffix(german) for word in words if word.endswith(german)]
+    return any(len(rest) >= 4 and rest != "wert" and _is_quantity(rest) for rest in rests) or any(
+        f"{german}wert" in word for word in words
+    )
+
+
+def _is_quantity(word: str) -> bool:
+    """Whether a word stands for a quantity, or contains such a word."""
+    return any(len(known) >= 4 and known in word for each in QUANTITY_WORDS.values() for known in each)
+
+
+def quantity_of_part(name: str) -> str | None:
+    """Return the quantity that a part of a name says in a language that writes several words as one; else None."""
+    return next((q for q, parts in QUANTITY_PARTS.items() if any(part in name for part in parts)), None)
 
 
 def _quantity_of_path(path: str) -> str | None:
@@ -317,7 +369,7 @@ def _quantity_of_words(words: list[str], joined: str, *, has_muscle: bool) -> st
     for quantity in order:
         if any(len(word) >= 4 and word in joined for word in QUANTITY_WORDS[quantity]):
             return quantity
-    return None
+    return quantity_of_part(joined)
 
 
 def _derived(first: str, second: str) -> str | None:

@@ -41,7 +41,8 @@ _UNITS_BY_TEXT = {
     "pulses": "counts", "puls": "counts", "pls": "counts", "increments": "counts", "steps": "counts", "bit": "counts",
     "arms": "A", "a rms": "A", "a_rms": "A", "a (rms)": "A", "ma rms": "mA", "apk": "A", "a pk": "A", "a peak": "A",
     "%mvic": "%MVC", "percent mvc": "%MVC", "counts": "counts", "count": "counts", "cts": "counts", "qc": "counts",
-    "inc": "counts",
+    "inc": "counts", "incr": "counts", "increment": "counts", "cnt": "counts", "cnts": "counts", "lu": "counts",
+    "puu": "counts",
     "ticks": "counts", "tick": "counts", "lsb": "counts", "adc": "counts", "dots": "counts",
     "px": "counts", "pixels": "counts", "degc": "degC", "°c": "degC", "celsius": "degC", "degf": "degF", "°f": "degF",
     "fahrenheit": "degF", "k": "K", "kelvin": "K", "w": "W", "watt": "W", "watts": "W", "kw": "kW", "mw": "mW",
@@ -60,8 +61,15 @@ _UNITS_BY_TEXT = {
     "ft_lbs": "lbf*foot", "ftlb": "lbf*foot", "ftlbs": "lbf*foot", "ftlbf": "lbf*foot", "lb_ft": "lbf*foot",
     "lbf_ft": "lbf*foot", "lbft": "lbf*foot", "lbfft": "lbf*foot", "kg_cm": "kgf*cm", "kgcm": "kgf*cm",
     "kgf_cm": "kgf*cm", "kgfcm": "kgf*cm", "kgf_m": "kgf*m", "kgfm": "kgf*m",
+    "度": "deg", "도": "deg", "град": "deg", "弧度": "rad", "라디안": "rad", "рад": "rad", "转": "turn", "회전": "turn",
+    "秒": "s", "초": "s", "сек": "s", "с": "s", "毫秒": "ms", "밀리초": "ms", "мс": "ms", "度/s": "deg/s",
+    "度/秒": "deg/s", "도/s": "deg/s", "도/초": "deg/s", "рад/с": "rad/s", "转/分": "rpm", "об/мин": "rpm",
+    "牛米": "N*m", "牛*米": "N*m", "н*м": "N*m", "нм": "N*m", "牛": "N", "安": "A", "毫安": "mA", "伏": "V",
 }  # fmt: skip
-"""Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case."""
+"""Single units, and compound ones of one word, as study.toml writes them, by how headers write them in lower case.
+
+Siemens' LU and Delta's PUU are lengths that the machine's builder sets: counts, of which a turn has some number.
+"""
 
 _CASE_MATTERS = {
     "A": "A", "a": "", "N": "N", "n": "", "V": "V", "v": "", "T": "T", "t": "", "C": "", "c": "", "K": "", "k": "",

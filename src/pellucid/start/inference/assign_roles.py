@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ...files.name_evidence import (
     JOINT_WORDS,
     QUANTITY_WORDS,
     NameEvidence,
+    quantity_of_part,
     quantity_of_unit,
     read_name,
     with_stated_unit,
@@ -42,6 +44,7 @@ from .motion_efforts import (
     effort_share,
     find_command,
     find_derivatives,
+    find_leader,
     is_set_by_program,
     is_stepped,
     motion_samples,
@@ -661,7 +664,10 @@ class _Assignment:
                         break
             if name not in self.roles and evidence.is_command:
                 self._set(name, "reference", "its name says a command", evidence, False)
+        self._find_leaders()
         for name, role in list(self.roles.items()):
+            if role.is_command:
+                continue
             if role.quantity == "position" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="reference", is_command=True, why="its name says a command")
             elif role.quantity in DRIVE_QUANTITIES and self.names[name].is_command:
@@ -671,6 +677,34 @@ class _Assignment:
                 self.roles[name] = replace(role, quantity="desired_velocity", is_command=True)
         for name in self._free():
             self._leave_out(name, "neither its name nor its numbers tell what it is")
+
+    def _find_leaders(self) -> None:
+        """Tell which of two columns of one quantity leads the other: the one is asked for, the other measured."""
+        kept = {"position", "torque", "current"}
+        names = [n for n, r in self.roles.items() if r.quantity in kept and not self.names[n].is_command]
+        for a, b in combinations(names, 2):
+            role, other = self.roles[a], self.roles[b]
+            is_open = role.quantity == other.quantity and not (role.is_command or other.is_command)
+            if not is_open or not self._may_be_one(a, b) or self._compared >= ROLE_LIMITS.max_compared_commands:
+                continue
+            self._compared += 1
+            found = find_leader((a, self.values[a]), (b, self.values[b]))
+            if found is None or self.names[found.command].is_measured:
+                continue
+            quantity = "reference" if role.quantity == "position" else f"desired_{role.quantity}"
+            self.roles[found.command] = replace(
+                self.roles[found.command], quantity=quantity, is_command=True, why=found.why
+            )
+            self.commands.append(found)
+
+    def _may_be_one(self, a: str, b: str) -> bool:
+        """Whether two columns of one unit may be a command and its measurement, and not two joints or two sensors."""
+        one, other = self.names[a], self.names[b]
+        words = [set(words_of(each.bare)) & {"left", "right", "l", "r"} for each in (one, other)]
+        sides = side_of(a), side_of(b)
+        is_one_joint = one.number == other.number and one.joint == other.joint and words[0] == words[1]
+        is_one_side = None in sides or sides[0] == sides[1]
+        return is_one_joint and is_one_side and one.unit == other.unit and _stem(a) != _stem(b)
 
     def _is_measured(self, name: str, quantity: str) -> bool:
         """Whether a column is a measurement of a quantity: neither asked for nor computed."""
@@ -1156,7 +1190,9 @@ def _is_long_name(evidence: NameEvidence) -> bool:
     known = QUANTITY_WORDS.get(evidence.quantity or "", set())
     words = words_of(evidence.bare)
     joined = "".join(words)
-    return any(len(word) >= 3 and word in known for word in words) or any(len(w) >= 4 and w in joined for w in known)
+    if any(len(word) >= 3 and word in known for word in words) or any(len(w) >= 4 and w in joined for w in known):
+        return True
+    return evidence.quantity is not None and quantity_of_part(joined) == evidence.quantity
 
 
 def _is_stepped_name(evidence: NameEvidence, values: np.ndarray) -> bool:

@@ -45,6 +45,14 @@ class EffortLimits:
     min_following_correlation: float = 0.9
     # A measurement follows its command with a slope within this of 1; a saturated drive follows by less.
     max_scale_error: float = 0.5
+    # Of two columns that may both be measured, one is the other's command if they correlate at least so, if its
+    # roughness is at most this share of the other's, if it leads in all but so many blocks of the recording, and if
+    # their means differ by at most this share of their spread: both have one zero.
+    min_leading_correlation: float = 0.98
+    max_leading_roughness: float = 0.9
+    leading_blocks: int = 8
+    max_lost_blocks: int = 1
+    max_zero_difference: float = 0.3
     # The measurement may come later by at most this share of the recording.
     max_shift_share: float = 0.02
     # A column that changes in less than this share of its rows is stepped: a program set it.
@@ -347,6 +355,38 @@ def find_command(a: tuple[str, np.ndarray], b: tuple[str, np.ndarray]) -> Follow
     else:
         return None
     return FollowedCommand(first, late, slope if first == name_a else 1.0 / slope, why)
+
+
+def find_leader(a: tuple[str, np.ndarray], b: tuple[str, np.ndarray]) -> FollowedCommand | None:
+    """Return which of two named columns, shape (n,) each, leads the other and is smoother; None if neither does.
+
+    A controlled joint moves after its command. A filtered copy of a measurement is smoother, but it does not lead.
+    """
+    good = np.isfinite(a[1]) & np.isfinite(b[1])
+    lags: list[float] = []
+    x, y = a[1][good], b[1][good]
+    if len(x) < 50 * EFFORT_LIMITS.leading_blocks or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return None
+    spread = float(np.std(x))
+    is_alike = abs(float(np.mean(x) - np.mean(y))) <= EFFORT_LIMITS.max_zero_difference * spread
+    correlation, gain = float(np.corrcoef(x, y)[0, 1]), float(np.std(y)) / spread
+    if not is_alike or abs(gain - 1.0) > EFFORT_LIMITS.max_scale_error:
+        return None
+    if correlation < EFFORT_LIMITS.min_leading_correlation:
+        return None
+    for one, other in zip(
+        np.array_split(x, EFFORT_LIMITS.leading_blocks), np.array_split(y, EFFORT_LIMITS.leading_blocks), strict=True
+    ):
+        # The difference of both holds the derivative times the lag; at the same time, it would hold none.
+        shape = np.column_stack([np.gradient(0.5 * (one + other)), 0.5 * (one + other), np.ones(len(one))])
+        lags.append(float(np.linalg.lstsq(shape, one - other, rcond=None)[0][0]))
+    for sign, (first, early), (late, follower) in ((1.0, a, b), (-1.0, b, a)):
+        lost = sum(sign * lag <= 0.0 for lag in lags)
+        is_smoother = roughness(early[good]) <= EFFORT_LIMITS.max_leading_roughness * roughness(follower[good])
+        if lost <= EFFORT_LIMITS.max_lost_blocks and is_smoother:
+            why = f'"{late}" follows "{first}" {abs(float(np.median(lags))):.2g} samples later, and is rougher'
+            return FollowedCommand(first, late, gain if first == a[0] else 1.0 / gain, why)
+    return None
 
 
 def roughness(values: np.ndarray) -> float:

@@ -1,0 +1,99 @@
+"""Names, units and encodings of logs from labs of many languages, each of which was once read wrongly or refused."""
+
+import numpy as np
+import pytest
+
+from pellucid.files.name_evidence import read_name
+from pellucid.start.given_files import read_given
+from pellucid.start.propose_study import propose_study
+
+INERTIA, GRAVITY, VISCOUS, COULOMB = 0.05, 2.0, 0.06, 0.2
+LAG = 0.03  # a soft controller's lag [s]
+
+
+def swing(seed=1, seconds=20.0, rate=100.0, late=0.0):
+    """Return time [s], angle [rad] and torque [N*m] of a pendulum along a multisine, `late` [s], with noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    q, v, a = (np.zeros(len(t)) for _ in range(3))
+    for f, size, phase in zip((0.15, 0.37, 0.71, 1.3), (0.5, 0.3, 0.15, 0.06), rng.uniform(0.0, 6.0, 4), strict=True):
+        w = 2.0 * np.pi * f
+        q += size * np.sin(w * (t - late) + phase)
+        v += size * w * np.cos(w * (t - late) + phase)
+        a -= size * w**2 * np.sin(w * (t - late) + phase)
+    tau = INERTIA * a + GRAVITY * np.sin(q) + VISCOUS * v + COULOMB * np.tanh(v / 0.01)
+    return t, q, tau + 0.01 * rng.standard_normal(len(t))
+
+
+def controlled(seed=1):
+    """Return time [s], the angle that was asked for and the measured one [deg], and the torque [N*m]."""
+    t, asked, _ = swing(seed)
+    _, q, tau = swing(seed, late=LAG)
+    noise = 0.01 * np.random.default_rng(seed + 1).standard_normal(len(t))
+    return t, np.degrees(asked), np.degrees(q) + noise, tau
+
+
+def written(path, header, columns, *, delimiter=",", encoding="utf-8"):
+    body = "\n".join(delimiter.join(f"{x:.6g}" for x in row) for row in np.column_stack(columns))
+    path.write_text(f"{header}\n{body}\n", encoding=encoding)
+    return path
+
+
+def proposed(*paths, **answers):
+    return propose_study(read_given(paths), "study", answers)
+
+
+def roles_of(proposal):
+    return {r.column: r.quantity for layout in (proposal.main, *proposal.streams) for r in layout.channels}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Sollwinkel [°]", "Drehmoment_Soll", "Winkelsollwert", "指令角度", "目标位置(°)", "목표각도",
+        "Limited Position", "Torque Setpoint", "Consigne couple", "Coppia riferimento", "Posición consigna",
+    ],
+)  # fmt: skip
+def test_words_of_many_languages_tell_a_command(name):
+    assert read_name(name).is_command
+
+
+@pytest.mark.parametrize("name", ["Istwinkel", "反馈角度", "실측각도", "Actual Motor Position", "Couple mesuré"])
+def test_words_of_many_languages_tell_a_measurement(name):
+    assert read_name(name).is_measured
+    assert not read_name(name).is_command
+
+
+@pytest.mark.parametrize("name", ["resolution", "wrist_angle", "console_angle", "twist", "solid_angle"])
+def test_words_that_only_begin_or_end_like_others_tell_neither(name):
+    assert not read_name(name).is_command
+    assert not read_name(name).is_measured
+
+
+@pytest.mark.parametrize(
+    ("asked", "measured"),
+    [("Sollwinkel [°]", "Istwinkel [°]"), ("指令角度(°)", "反馈角度(°)"), ("목표각도(도)", "현재각도(도)"),
+     ("Limited Position (deg)", "Position (deg)"), ("angle_a [deg]", "angle_b [deg]")],
+)  # fmt: skip
+@pytest.mark.parametrize("is_first", [True, False])
+def test_the_angle_that_was_asked_for_is_not_the_joints(tmp_path, asked, measured, is_first):
+    t, reference, q, tau = controlled()
+    pair = [(asked, reference), (measured, q)]
+    (a, x), (b, y) = pair if is_first else pair[::-1]
+    path = written(tmp_path / "log.csv", f"time [s],{a},{b},torque [Nm]", [t, x, y, tau])
+    found = roles_of(proposed(path))
+    assert (found[asked], found[measured]) == ("reference", "position")
+
+
+def test_a_filtered_copy_of_an_angle_is_no_command(tmp_path):
+    t, _, q, tau = controlled()
+    smooth = np.convolve(q, np.ones(9) / 9.0)[: len(q)]
+    path = written(tmp_path / "log.csv", "time [s],angle_a [deg],angle_b [deg],torque [Nm]", [t, q, smooth, tau])
+    assert "reference" not in roles_of(proposed(path)).values()
+
+
+def test_two_joints_that_move_one_after_the_other_stay_joints(tmp_path):
+    t, first, second, tau = controlled()
+    names = "time [s],left_angle [deg],right_angle [deg],left_torque [Nm],right_torque [Nm]"
+    path = written(tmp_path / "log.csv", names, [t, first, second, tau, 1.1 * tau])
+    assert "reference" not in roles_of(proposed(path)).values()
