@@ -4,6 +4,8 @@
 #include "random_bits.hpp"
 #include "supervised.hpp"
 
+#include <pellucid/session_state.hpp>
+
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
@@ -260,6 +262,24 @@ double time_added(const std::string& name, nb::handle parameters, nb::handle sup
   });
 }
 
+nb::list session_states() {
+  nb::list states;
+  for (std::size_t i = 0; i < p::session_state_count; ++i) {
+    const p::SessionStateMeaning& state = p::session_states[i];
+    nb::list next;
+    for (std::size_t k = 0; k < p::session_state_count; ++k)
+      if (p::session_transitions[i][k]) next.append(p::session_states[k].name);
+    nb::dict one;
+    one["name"] = state.name;
+    one["words"] = state.words;
+    one["in_force"] = state.in_force;
+    one["needs_reset"] = state.needs_reset;
+    one["next"] = nb::tuple(next);
+    states.append(one);
+  }
+  return states;
+}
+
 }  // namespace
 
 void add_supervision(nb::module_& m) {
@@ -268,6 +288,9 @@ void add_supervision(nb::module_& m) {
   for (const char* name : p::mode_names) modes.append(name);
   m.attr("FAULTS") = nb::tuple(faults);
   m.attr("MODES") = nb::tuple(modes);
+  m.def("session_states", session_states, nb::sig("def session_states() -> list[dict]"),
+        "States of a session's engine, in order: name, words for a page, in_force, needs_reset, and next: the names of the\n"
+        "states that may follow within a cycle.");
   nb::class_<Supervised>(m, "Supervised", class_doc)
       .def("step", step, nb::arg("time"), nb::arg("samples"), nb::kw_only(), nb::arg("drive").none() = nb::none(),
            nb::arg("joint").none() = nb::none(), nb::arg("token") = 0,

@@ -9,6 +9,8 @@
 // NumPy, and tests/unit/test_live_region.py compares both.
 #pragma once
 
+#include <pellucid/session_state.hpp>
+
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -16,7 +18,7 @@
 namespace engine {
 
 constexpr char region_magic[8] = {'P', 'E', 'L', 'L', 'L', 'I', 'V', 'E'};
-constexpr std::uint32_t region_version = 1;
+constexpr std::uint32_t region_version = 2;
 
 constexpr std::size_t status_offset = 4096;
 constexpr std::size_t command_offset = 8192;
@@ -29,30 +31,6 @@ constexpr std::uint32_t record_capacity = 65536;
 
 /// Quantities of a record, in order: what a law may read, what the drive measures, and a second encoder.
 constexpr std::size_t value_count = 6;
-
-/// What the engine is doing.
-enum class State : std::uint8_t {
-  idle,      ///< no law; the effort is 0 and the drive has no power
-  running,   ///< a law under its supervisor
-  changing,  ///< the effort ramps to 0, after which another law may begin or none
-  stopped,   ///< the supervisor has stopped the law, until a token resets it
-  ended,     ///< the engine has ended in order
-};
-
-constexpr std::size_t state_count = 5;
-/// The table of transitions, by the state before and after a cycle. A law begins from idle alone, so that nothing that
-/// stopped runs again without having been reset, and nothing that was disarmed without having been armed.
-constexpr bool transitions[state_count][state_count] = {
-    //            idle   running changing stopped ended
-    /* idle */ {true, true, false, true, true},
-    /* running */ {true, true, true, true, true},
-    /* changing */ {true, false, true, false, true},
-    /* stopped */ {true, true, true, true, true},
-    /* ended */ {false, false, false, false, true},
-};
-constexpr bool may_follow(State before, State after) noexcept {
-  return transitions[static_cast<std::size_t>(before)][static_cast<std::size_t>(after)];
-}
 
 /// What the virtual wearer is asked to do.
 enum class TaskKind : std::uint32_t {
@@ -139,15 +117,18 @@ static_assert(sizeof(Event) == event_bytes, "layout");
 
 constexpr std::size_t lateness_bins = 128;
 
+using State = pellucid::SessionState;
+
 struct Status {
   std::uint64_t process;
   std::int64_t heartbeat;
   std::uint64_t cycle, records, late, missed;
   std::int64_t worst_lateness, worst_compute;
   std::uint64_t command_sequence, torn_commands;
-  std::uint32_t state, law, fault, mode, enable, challenge;
+  std::uint32_t state, law, fault, mode, enable, challenge;  ///< state: of `pellucid::session_states`
   std::uint32_t fifo, locked;              ///< 1: permitted
   std::int32_t fifo_error, lock_error;     ///< errno where it was not
+  std::uint32_t ended, reserved;           ///< 1: the engine has ended in order
   double effort_limit, rate_limit, velocity_limit, position_min, position_max;
   std::int64_t started;
   std::uint64_t device_silent;             ///< cycles in which the device said nothing new

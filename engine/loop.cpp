@@ -26,6 +26,12 @@ template <class R, class F> void for_each_sample(R& reading, F f) {
   f(5, reading.joint);
 }
 
+/// The state of a law that is stepped.
+State state_of(const p::SupervisorOutput<double>& out) noexcept {
+  if (!p::is_stopped(out.mode)) return out.mode == p::Mode::start_up ? State::armed : State::running;
+  return out.fault == p::SafetyFault::stopped ? State::stopped : State::faulted;
+}
+
 }  // namespace
 
 Loop::Loop(const Settings& settings, Device& device, Region& region)
@@ -33,6 +39,7 @@ Loop::Loop(const Settings& settings, Device& device, Region& region)
   std::size_t most = 0;
   for (const Condition& condition : settings.conditions) most = std::max(most, condition.numbers.size());
   numbers_.reserve(most);
+  status().ended = 0;
   // What an earlier session asked for is over: an engine begins without a law, whatever it finds.
   if (region_.read_command(command_)) {
     stops_seen_ = command_.stops;
@@ -138,28 +145,29 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
   const Condition& condition = settings_.conditions[chosen_];
   const bool wants = command_.run != 0 && armed_ && condition.kind != "none";
 
-  if (state_ == State::idle) {
+  if (doing_ == Doing::nothing) {
     if (stop_is_due_) {
       armed_ = false;
       stop_is_due_ = false;
     } else if (command_.law != chosen_) {
       choose(command_.law);
-    } else if (wants) {
+    } else if (wants && state_ == State::armed) {
       begin(law, condition);
       numbers_.assign(condition.numbers.begin(), condition.numbers.end());
-      state_ = State::running;
+      doing_ = Doing::law;
       flags |= flag::began;
     }
   }
+  const bool needs_reset = p::meaning_of(state_).needs_reset;
   const bool leaves = command_.run == 0 || command_.law != chosen_ || !armed_;
-  if (state_ == State::running && leaves && !stop_is_due_) state_ = State::changing;
+  if (doing_ == Doing::law && !needs_reset && leaves && !stop_is_due_) doing_ = Doing::ramp;
 
   Asked asked;
   asked.beat = ++beat_;
   // A stop wins over a reset that was requested before it, and a silent session resets nothing.
-  const bool resets = state_ == State::stopped && !stop_is_due_ && session_was_heard_;
+  const bool resets = needs_reset && !stop_is_due_ && session_was_heard_;
   record.token = resets && command_.token != void_token_ ? command_.token : 0;
-  if (state_ == State::running || state_ == State::stopped) {
+  if (doing_ == Doing::law) {
     if (stop_is_due_) {
       of_law(law, 0, [](auto& one) { return p::stop(one), 0; });
       flags |= flag::stop_asked;
@@ -181,8 +189,14 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
     flags |= flag::stepped;
     effort_ = out_.effort;
     asked.enable = out_.enable;
-    state_ = p::is_stopped(out_.mode) ? State::stopped : State::running;
-  } else if (state_ == State::changing) {
+    if (needs_reset && !p::is_stopped(out_.mode)) {
+      // After a reset nothing runs until it is armed again.
+      doing_ = Doing::nothing;
+      armed_ = false;
+    } else {
+      state_ = state_of(out_);
+    }
+  } else if (doing_ == Doing::ramp) {
     const double change = condition.rate_limit * 1e-9 * static_cast<double>(settings_.period_ns);
     effort_ = effort_ > 0 ? std::max(effort_ - change, 0.0) : std::min(effort_ + change, 0.0);
     if (!std::isfinite(effort_)) effort_ = 0;
@@ -190,9 +204,12 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
     // The law that ramps down ends anyway; no other begins before the session has taken `run` back.
     if (stop_is_due_) armed_ = false;
     stop_is_due_ = false;
-    if (effort_ == 0) state_ = State::idle;
+    if (effort_ == 0 && state_ == State::stopping) doing_ = Doing::nothing;
+    state_ = State::stopping;
   }
-  if (state_ == State::idle) {
+  if (doing_ == Doing::nothing) {
+    const bool may_begin = command_.run != 0 && armed_ && command_.law == chosen_ && settings_.conditions[chosen_].kind != "none";
+    state_ = may_begin ? State::armed : State::disarmed;
     effort_ = 0;
     asked.enable = false;
     out_ = {};
@@ -263,7 +280,7 @@ bool Loop::cycle(std::uint64_t number, std::int64_t time, std::int64_t deadline)
   record.drive_torque = reading.drive_torque;
   record.torque_estimate = command_.torque_estimate;
   record.torque_half_width = command_.torque_half_width;
-  record.velocity = state_ == State::idle ? nan_value : velocity(law_[0]);
+  record.velocity = doing_ == Doing::nothing ? nan_value : velocity(law_[0]);
   timespec at{};
   clock_gettime(CLOCK_MONOTONIC, &at);
   const std::int64_t compute = at.tv_sec * 1000000000 + at.tv_nsec - time;
@@ -287,8 +304,10 @@ bool Loop::cycle(std::uint64_t number, std::int64_t time, std::int64_t deadline)
 void Loop::end() noexcept {
   device_.write({0.0, ++beat_, false});
   device_.close();
-  state_ = State::ended;
-  status().state = static_cast<std::uint32_t>(State::ended);
+  doing_ = Doing::nothing;
+  state_ = State::disarmed;
+  status().state = static_cast<std::uint32_t>(state_);
+  status().ended = 1;
   status().enable = 0;
 }
 

@@ -1,7 +1,6 @@
 // One cycle of the engine: read everything, step the law under its supervisor, ask the drive, write the record.
 //
-//   idle -> running -> changing -> idle        a session arms and disarms, or chooses another condition
-//              \-> stopped -> running          the supervisor stops; the operator's token resets
+// Its states and the changes between them are those of `pellucid/session_state.hpp`.
 //
 // No heap, no lock, no wait. Whatever is lost, the drive ends without power: a session that is not heard stops the law,
 // an engine that is gone beats no more, and a condition changes only after the effort has ramped to 0.
@@ -38,9 +37,11 @@ class Loop {
   std::vector<AnyLaw> law_;              // one: the law that runs, allocated once
   std::vector<double> numbers_;          // the numbers of that law, as adjusted
   Command command_{};
-  State state_ = State::idle;
+  enum class Doing { nothing, law, ramp };
+  Doing doing_ = Doing::nothing;
+  State state_ = State::disarmed;
   std::uint32_t chosen_ = 0, stops_seen_ = 0, adjusts_seen_ = 0, injections_seen_ = 0, beat_ = 0;
-  bool armed_ = true;                    // false: an operator stopped while nothing ran; run must first be taken back
+  bool armed_ = true;                    // false: nothing was armed since an operator's stop or reset; run must first be taken back
   bool session_was_heard_ = false;
   bool stop_is_due_ = false;
   std::uint32_t void_token_ = 0;         // token that came with the last stop: a stop voids it until another one is sent

@@ -104,7 +104,7 @@ int print_layout() {
   PLACE(Status, heartbeat), PLACE(Status, cycle), PLACE(Status, records), PLACE(Status, late), PLACE(Status, missed);
   PLACE(Status, worst_lateness), PLACE(Status, worst_compute), PLACE(Status, command_sequence), PLACE(Status, torn_commands);
   PLACE(Status, state), PLACE(Status, law), PLACE(Status, fault), PLACE(Status, mode), PLACE(Status, enable);
-  PLACE(Status, challenge), PLACE(Status, fifo), PLACE(Status, locked), PLACE(Status, fifo_error), PLACE(Status, lock_error);
+  PLACE(Status, challenge), PLACE(Status, ended), PLACE(Status, fifo), PLACE(Status, locked), PLACE(Status, fifo_error), PLACE(Status, lock_error);
   PLACE(Status, effort_limit), PLACE(Status, rate_limit), PLACE(Status, velocity_limit), PLACE(Status, position_min);
   PLACE(Status, position_max), PLACE(Status, started), PLACE(Status, device_silent), PLACE(Status, lateness);
   PLACE(Command, heartbeat), PLACE(Command, law), PLACE(Command, run), PLACE(Command, stops), PLACE(Command, token);

@@ -18,6 +18,8 @@ from typer.core import TyperGroup
 from pellucid.cli import app
 from pellucid.controllers.control_law import LAWS
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS
+from pellucid.live.session_state import SESSION_STATES
+from pellucid.live.setup import SESSION_TIMEOUT_S
 from pellucid.models.fields import Field, model_fields
 from pellucid.study.procedures.command import HELP_GROUPS
 from pellucid.study.procedures.registry import study_model
@@ -213,6 +215,21 @@ def faults() -> Iterator[str]:
     yield table(("fault", "detected when", "response", "what to do"), rows)
 
 
+def states() -> Iterator[str]:
+    """States of a live session, and the changes between them."""
+    yield "# States of a live session"
+    yield (
+        "The engine holds one of these states. An operator arms and disarms; a reset needs the token of the stop. "
+        f"A session without a sign of life for {SESSION_TIMEOUT_S:g} s loses its power."
+    )
+    rows = (
+        (f"`{state.name}`", _sentence(state.words), "yes" if state.in_force else "no",
+         "yes" if state.needs_reset else "no", ", ".join(f"`{name}`" for name in state.next if name != state.name))
+        for state in SESSION_STATES
+    )  # fmt: skip
+    yield table(("state", "words on the page", "controller in force", "needs a reset", "next states"), rows)
+
+
 def indices() -> Iterator[str]:
     """Definitions of the indices of transparency that `pellucid rank` computes."""
     yield "# Definitions of the indices"
@@ -230,6 +247,7 @@ PAGES: Mapping[str, tuple[str, Callable[[], Iterator[str]]]] = {
     "commands": ("every-command.md", commands),
     "keys": ("every-key.md", keys),
     "faults": ("faults.md", faults),
+    "states": ("session-states.md", states),
     "indices": ("index-definitions.md", indices),
 }
 """Pages by the name that prints them: the file on the site, and the function that makes their parts."""

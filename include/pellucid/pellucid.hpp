@@ -57,6 +57,7 @@
 #include "sample.hpp"
 #include "sensor.hpp"
 #include "series_elastic.hpp"
+#include "session_state.hpp"
 #include "spatial.hpp"
 #include "strap.hpp"
 #include "strap_response.hpp"

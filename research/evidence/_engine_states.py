@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pellucid.live import layout
 from pellucid.live.engine import LiveEngine
+from pellucid.live.session_state import ENDED
 from pellucid.live.setup import SESSION_TIMEOUT_S
 from research.benchmarks._size import sized
 
@@ -64,7 +64,7 @@ def try_on_processes(engine: LiveEngine, count: int = REAL_PATH_COUNT, seed: int
             elif action == "disarm":
                 engine.disarm()
             elif action == "stop":
-                was_running = engine.status().state == "running"
+                was_running = engine.status().state.in_force
                 engine.stop()
                 stopped_token = 0 if was_running else None
             elif action == "reset":
@@ -82,8 +82,8 @@ def try_on_processes(engine: LiveEngine, count: int = REAL_PATH_COUNT, seed: int
             status = engine.status()
             if away and status.enable and status.mode not in ("damped_stop", "zero", "latched"):
                 yield f"path {number} {path}: power {SESSION_TIMEOUT_S + 0.15:g} s after the last sign of life"
-            if stopped_token is not None and status.state == "running":
+            if stopped_token is not None and status.state.in_force:
                 yield f"path {number} {path}: a stop was forgotten"
-            if status.state not in (*layout.STATES, "silent"):
-                yield f"path {number} {path}: found the state {status.state}"
+            if status.state == ENDED:
+                yield f"path {number} {path}: {status.state.words}"
         engine.disarm()

@@ -191,7 +191,7 @@ def closed_page_rows(browser: Any, server: PageServer) -> Iterator[ResultRow]:
         _wait(left, lambda: session.phase != Phase.running)
         seconds = time.monotonic() - closed
         _wait(left, lambda: session.phase in (Phase.judged, Phase.waiting))
-        state = session.engine.status().state
+        state = session.engine.status().state.name
         left.context.close()
         note = f"from closing the {role}'s page until its trial ends; the engine is then {state}"
         yield _row(f"page_closed.{role}", seconds, "s", note)
@@ -203,7 +203,7 @@ def _play_to_running(session: LiveSession, page: Any) -> None:
     def runs() -> bool:
         answers = {"consent": ("participant", "consent"), "instructions": ("participant", "ready"),
                    "waiting": ("operator", "start"), "judged": ("operator", "repeat")}  # fmt: skip
-        if session.engine.status().state == "stopped":
+        if session.engine.status().state.needs_reset:
             session.act("operator", "reset")
         elif session.phase in answers:
             session.act(*answers[session.phase])

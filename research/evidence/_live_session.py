@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 from pellucid.live.engine import LiveEngine
+from pellucid.live.session_state import UNPOWERED
 from pellucid.live.setup import EngineSetup
 from pellucid_lab.live import virtual_elbow
 
@@ -46,13 +47,13 @@ def begin_motion(engine: LiveEngine, patience_s: float = 20.0) -> bool:
     until = time.monotonic() + patience_s
     while time.monotonic() < until:
         state = engine.status().state
-        if state == "running":
+        if state.in_force:
             engine.set_tracking(*MOTION)
             return True
-        if state == "stopped":
+        if state.needs_reset:
             engine.set_tracking(*REST)
             engine.reset()
-        elif state == "idle":
+        elif state == UNPOWERED:
             engine.arm()
         rest(engine, 0.2)
     return False

@@ -47,6 +47,7 @@ from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.log_verdict import ASSUMED_RATES_HZ, given_energy, judge_log, largest_gift
 from pellucid.live.replay import read_session, replay_session
+from pellucid.live.session_state import SESSION_STATES, UNPOWERED
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.shared_memory import Region
 from pellucid.live.udp import ASKED_FORMAT, unpack_asked
@@ -236,7 +237,7 @@ def live_run(folder: Path, cards: Path, seconds: float) -> LiveRun:
             late.append(samples.channels["lateness"].copy())  # not a view, which keeps whole records
             if settled == 0.0 and time.monotonic() - begun > 0.25 * seconds:
                 settled = used_mb(children)
-            if engine.status().state in ("stopped", "idle"):
+            if engine.status().state.needs_reset or engine.status().state == UNPOWERED:
                 begin_motion(engine)
         growth = used_mb(children) - settled
         after, health = engine.region.status(), engine.health()
@@ -336,7 +337,7 @@ class FaultOutcome:
 
 def _is_stopped(records: np.ndarray) -> np.ndarray:
     """Whether each record's output is that of a stopped supervisor, or of no law."""
-    return (records["mode"] >= layout.MODES.index("damped_stop")) | (records["state"] == layout.STATES.index("idle"))
+    return (records["mode"] >= layout.MODES.index("damped_stop")) | (records["state"] == SESSION_STATES.index(UNPOWERED))
 
 
 def try_fault(engine: LiveEngine, kind: str, rng: random.Random) -> FaultOutcome:
@@ -422,7 +423,7 @@ def fault_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
         for i in range(FAULT_COUNT):
             begun = time.monotonic()
             rest(engine, rng.uniform(1.0, 2.0))
-            if engine.status().state != "running":
+            if not engine.status().state.in_force:
                 begin_motion(engine)
             outcomes.append(try_fault(engine, FAULT_KINDS[i % len(FAULT_KINDS)], rng))
             found = outcomes[-1]
@@ -631,9 +632,9 @@ def udp_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
             while time.monotonic() < until:
                 rest(engine, 0.2)
                 state = engine.status().state
-                if state == "idle":
+                if state == UNPOWERED:
                     engine.arm()
-                elif state == "stopped":
+                elif state.needs_reset:
                     engine.reset()
         finally:
             board.terminate()

@@ -64,9 +64,9 @@ void play(const int* path, int length, Found& found) {
       const double since = 1e-3 * static_cast<double>(engine.cycle - heartbeat);
       if (asked.enable && asked.effort != 0 && since > found.powered_s) found.powered_s = since;
       if (asked.enable && since > 0.6) violate(found, "power without a sign of life", path, length);
-      if (!engine::may_follow(before, now)) violate(found, "a change that the table does not have", path, length);
+      if (!pellucid::may_follow(before, now)) violate(found, "a change that the table does not have", path, length);
       if (!std::isfinite(asked.effort) || std::fabs(asked.effort) > 1e3) violate(found, "no effort", path, length);
-      if (!asked.enable && asked.effort != 0 && now == State::idle) violate(found, "an effort without power", path, length);
+      if (!asked.enable && asked.effort != 0 && now == State::disarmed) violate(found, "an effort without power", path, length);
       if (record.number != record.number_again || record.state != static_cast<std::uint8_t>(now))
         violate(found, "a record that is not whole", path, length);
       if (heard_stop && now == State::running && engine.command.token == token_of_stop && !was_disarmed)

@@ -33,6 +33,8 @@ def names_of(kind: str) -> set[str]:
         return {key for each in (schema, *schema["$defs"].values()) for key in each["properties"]}
     if kind == "faults":
         return set(_core.FAULTS) - {"none"}
+    if kind == "states":
+        return {state["name"] for state in _core.session_states()}
     return {index.name for index in TRANSPARENCY_INDICES}
 
 

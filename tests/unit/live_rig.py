@@ -142,7 +142,7 @@ class Rig:
                 operator.act("reset" if self.session.is_stopped else "start")
             elif phase == "judged":
                 operator.act("repeat")
-            return phase == "running" and state == "running" and abs(self.effort() - HELD_TORQUE) < 0.1
+            return phase == "running" and state.in_force and abs(self.effort() - HELD_TORQUE) < 0.1
 
         self.until(powered)
 

@@ -9,6 +9,7 @@ import numpy as np
 from test_xdf import stream, write
 
 from pellucid.emg.study.emg_torque.relative_envelopes import FLEXOR_NAME_PARTS
+from pellucid.live.session_state import ENDED, SESSION_STATES, SILENT
 
 RATE_HZ = 200.0
 """Rate of the stand-in's robot [Hz]; slower than a robot's, so that tests are quick."""
@@ -18,6 +19,9 @@ REACH_S = 0.7
 """Time in which the person reaches a target [s]."""
 
 MUSCLES = ("biceps", "brachioradialis", "triceps_long", "triceps_lateral")
+
+
+STATES = {state.name: state for state in (*SESSION_STATES, SILENT, ENDED)}
 
 
 @dataclass
@@ -45,7 +49,7 @@ class StandInEngine:
     clock: Clock
     law: str = "Ctrl"
     muscles: tuple[str, ...] = MUSCLES
-    state: str = "idle"
+    state: str = "disarmed"
     fault: str = "none"
     freeze: bool = False  # the encoder's angle no longer changes
     late: tuple[int, int] | None = None  # of every so many cycles of a recording, so many are lost in a row
@@ -115,7 +119,7 @@ class StandInEngine:
 
     def status(self):
         return SimpleNamespace(
-            state=self.state, condition=self.law, fault=self.fault, effort_limit=12.0, velocity_limit=5.0,
+            state=STATES[self.state], condition=self.law, fault=self.fault, effort_limit=12.0, velocity_limit=5.0,
             position_limits=(0.0, 2.6),
         )  # fmt: skip
 
@@ -126,13 +130,13 @@ class StandInEngine:
         self.state = "running"
 
     def disarm(self):
-        self.state = self.state if self.state in ("stopped", "silent") else "idle"
+        self.state = self.state if self.state in ("stopped", "silent") else "disarmed"
 
     def stop(self):
         self.state, self.fault = "stopped", "operator"
 
     def reset(self):
-        self.state, self.fault = "idle", "none"
+        self.state, self.fault = "disarmed", "none"
 
     def read_since(self, cursor, every=1, limit=None):
         self._grow()

@@ -23,9 +23,9 @@ from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.supervised import body_of
 from pellucid.files.readers import xdf
-from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.replay import read_session, replay_session
+from pellucid.live.session_state import SESSION_STATES
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.shared_memory import Region, remove_dead_regions
 from pellucid.live.stream_ring import StreamRing
@@ -33,6 +33,8 @@ from pellucid.live.udp import UdpBoard, pack_reading, unpack_asked
 from pellucid_lab.live import virtual_elbow, virtual_knee
 
 PATIENCE_S = 30.0
+
+CODES = {state.name: code for code, state in enumerate(SESSION_STATES)}
 
 
 def carried(max_age=0.05, max_repeats=2):
@@ -74,11 +76,11 @@ def run_law(engine, condition="carried"):
     engine.set_condition(condition)
     wait_until(engine, lambda: engine.status().condition == condition)
     until = time.monotonic() + PATIENCE_S
-    while engine.status().state != "running":
+    while not engine.status().state.in_force:
         assert time.monotonic() < until
-        if engine.status().state == "stopped":
+        if engine.status().state.needs_reset:
             engine.reset()
-        elif engine.status().state == "idle":
+        elif engine.status().state.name == "disarmed":
             engine.arm()
         rest(engine, 0.1)
 
@@ -86,7 +88,7 @@ def run_law(engine, condition="carried"):
 @pytest.mark.real_time
 def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
     with LiveEngine.start(elbow, tmp_path, streams=False, ordinary=True) as engine:
-        assert engine.status().state == "idle"
+        assert engine.status().state.name == "disarmed"
         assert not engine.health().fifo
         assert "not asked for" in engine.health().why_not
         trial = tmp_path / "trials" / "one.xdf"
@@ -100,11 +102,11 @@ def test_a_session_is_recorded_and_computed_again(elbow, tmp_path):
         samples = engine.read_since(0)
         assert engine.end_recording(timeout=PATIENCE_S) == trial
         engine.stop()
-        wait_until(engine, lambda: engine.status().state == "stopped")
+        wait_until(engine, lambda: engine.status().state.name == "stopped")
         assert engine.status().fault != "none"
         run_law(engine)
         engine.disarm()
-        wait_until(engine, lambda: engine.status().state == "idle")
+        wait_until(engine, lambda: engine.status().state.name == "disarmed")
         assert ("stopped" in [name for _, name in engine.health().faults]) or engine.health().faults
         region = engine.region.path
     assert not region.exists()
@@ -134,13 +136,13 @@ def test_an_engine_that_was_killed_begins_disarmed_and_loses_no_record(elbow, tm
         os.kill(engine.processes["engine"], signal.SIGKILL)
         wait_until(engine, lambda: not engine.alive["engine"])
         count = engine.region.record_count
-        assert engine.status().state == "ended"
+        assert engine.status().state.name == "ended"
         engine.restart_engine()
         rest(engine, 0.2)
         _, records, lost = engine.region.records_since(0)
         assert lost == 0
         assert np.all(np.diff(records["number"].astype(np.int64)) == 1)
-        assert records["state"][count:].max() == layout.STATES.index("idle")
+        assert records["state"][count:].max() == CODES["disarmed"]
         assert not engine.status().enable
         run_law(engine)
 
@@ -153,7 +155,7 @@ def test_a_law_stops_when_its_session_is_silent(elbow, tmp_path):
         last = 1e-9 * int(engine.region.last_command()["heartbeat"])
         time.sleep(1.6)
         _, records, _ = engine.region.records_since(before)
-        stopped = np.flatnonzero(records["state"] == layout.STATES.index("stopped"))
+        stopped = np.flatnonzero(records["state"] == CODES["stopped"])
         assert len(stopped)
         assert 1e-9 * records["time"][stopped[0]] - last < 1.3
         assert engine.status().fault != "none"
@@ -338,8 +340,8 @@ def test_the_knees_slider_is_the_law_s_torque(tmp_path):
         engine.set_target(0.9)
         rest(engine, 0.6)
         _, records, _ = engine.region.records_since(0)
-        running = records[records["state"] == layout.STATES.index("running")]
-        if engine.status().state == "running":
+        running = records[records["state"] == CODES["running"]]
+        if engine.status().state.name == "running":
             assert running["effort"][-1] == pytest.approx(2.0, abs=1e-9)
         rate = np.abs(np.diff(running["effort"])).max()
         assert rate <= law.values["rate_limit"] * law.values["period"] * (1.0 + 1e-9)
@@ -358,7 +360,7 @@ def test_a_board_in_python_is_heard_and_asked(tmp_path):
             board.send(round(1e6 * now) + 7_000_000_000, position=0.8 + 0.1 * np.sin(2.0 * now), drive=0.0)
             board.receive()
             engine.beat()
-            if engine.status().state == "idle" and now > 0.2:
+            if engine.status().state.name == "disarmed" and now > 0.2:
                 engine.region.command(run=1)
             time.sleep(0.001)
         asked = {one.beat: one.effort for one in board.asked}

@@ -17,6 +17,7 @@ from pellucid.files.xdf_writer import scan_xdf
 from pellucid.live.replay import read_session
 from pellucid.live.session import live_session
 from pellucid.live.session.live_session import OPERATOR_AWAY_S
+from pellucid.live.session_state import UNPOWERED
 
 DISARMED_S = 0.5
 """A law is without effort and power at most this long after what disarms it [s]."""
@@ -34,7 +35,7 @@ def rig(tmp_path, monkeypatch):
 
 def is_off(rig):
     status = rig.engine.status()
-    return status.state in ("idle", "stopped") and not status.enable and rig.effort() == 0.0
+    return (status.state == UNPOWERED or status.state.needs_reset) and not status.enable and rig.effort() == 0.0
 
 
 def texts(rig):
@@ -108,7 +109,7 @@ def test_a_second_operator_is_told_to_both(rig):
     time.sleep(OPERATOR_AWAY_S + 0.5)
     assert rig.session.phase == "running"  # the other one is there
     assert second.act("stop")[0]["type"] == "done"
-    assert rig.until(lambda: rig.engine.status().state == "stopped") < DISARMED_S
+    assert rig.until(lambda: rig.engine.status().state.name == "stopped") < DISARMED_S
 
 
 def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
@@ -118,13 +119,13 @@ def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
     for _ in range(3):  # a busy computer may be late itself
         begun = time.monotonic()
         with held(process):
-            lags.append(rig.operator.when(lambda state: state["engine"]["state"] == "silent", begun) - begun)
-        rig.operator.when(lambda state: state["engine"]["state"] == "idle", time.monotonic())
+            lags.append(rig.operator.when(lambda state: state["engine"]["state"]["name"] == "silent", begun) - begun)
+        rig.operator.when(lambda state: state["engine"]["state"]["name"] == "disarmed", time.monotonic())
     assert min(lags) < 0.1
     rig.until_powered()
     begun = time.monotonic()
     with held(process):
-        rig.operator.when(lambda state: state["engine"]["state"] == "silent", begun)
+        rig.operator.when(lambda state: state["engine"]["state"]["name"] == "silent", begun)
         answer, _ = rig.operator.act("stop")
         assert answer["type"] == "refused"
         assert "engine is silent" in answer["why"]
@@ -134,7 +135,7 @@ def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
         assert rig.operator.act("repeat")[0]["type"] == "done"
         assert rig.operator.act("start")[0]["why"] == "the engine is silent"
         time.sleep(1.5)  # longer than a session may be silent
-    rig.until(lambda: rig.engine.status().state == "stopped")
+    rig.until(lambda: rig.engine.status().state.name == "stopped")
     rig.until(lambda: any(text.startswith("the engine goes on") for text in texts(rig)))
     assert "stopped by hand" in texts(rig)
     assert not any("busy" in text or "no sign of life" in text for text in texts(rig))
@@ -159,7 +160,7 @@ def test_a_stop_during_a_reset_wins(rig):
     rig.until_powered()
     rig.operator.act("stop")
     rig.until(lambda: rig.session.phase == "judged")
-    assert rig.engine.status().state == "stopped"
+    assert rig.engine.status().state.name == "stopped"
     # Until the law gave its torque, a busy computer may have stopped it, and the rig reset that stop.
     before = len(texts(rig))
     rig.operator.act("reset")
@@ -167,11 +168,11 @@ def test_a_stop_during_a_reset_wins(rig):
     rig.participant.act("stop")
     assert rig.engine.region.last_command()["token"] == 0
     time.sleep(3.0)  # longer than the delay of a reset
-    assert rig.engine.status().state == "stopped"
+    assert rig.engine.status().state.name == "stopped"
     assert "the stop was reset" not in texts(rig)[before:]
     rig.operator.act("reset")
     rig.until(lambda: "the stop was reset" in texts(rig)[before:])
-    assert rig.engine.status().state == "idle"
+    assert rig.engine.status().state.name == "disarmed"
     assert "no stop to reset" in rig.operator.act("reset")[0]["why"]
 
 

@@ -101,7 +101,7 @@ def test_a_session_runs_from_consent_to_evaluation(tmp_path):
     assert len(steps) == 6
     assert {"consent", "cue", "action"} <= {kind for _, kind, _ in engine.events}
     assert session.finished_with
-    assert engine.state == "idle"
+    assert engine.state == "disarmed"
     shown = {each["words"]: each["values"] for each in session.indices}
     assert set(shown["Median duration"]) == {"Ctrl", "FC", "CLPC"}
     assert {verdict.said for verdict in session.verdicts} == {"cannot say yet"}
@@ -194,7 +194,7 @@ def test_a_stop_ends_the_trial_and_a_reset_lets_it_begin_again(tmp_path):
     assert session.act("operator", "repeat") == ""
     assert "reset" in session.act("operator", "start")
     session.act("operator", "reset")
-    run_until(session, clock, lambda: session.operator_state()["engine"]["state"] == "idle", 3.0)
+    run_until(session, clock, lambda: session.operator_state()["engine"]["state"]["name"] == "disarmed", 3.0)
     assert session.act("operator", "start") == ""
     run_until(session, clock, lambda: session.phase == Phase.running)
 
@@ -212,14 +212,14 @@ def test_a_page_that_closes_ends_the_trial(tmp_path):
     session.page_closed("operator")
     run_until(session, clock, lambda: session.phase == Phase.judged, 5.0)
     assert session.reason == "no operator's page was open"
-    assert engine.state == "idle"
+    assert engine.state == "disarmed"
 
 
 def test_a_stop_without_a_law_is_to_be_reset_too(tmp_path):
     session, engine, clock = started(tmp_path)
     run_until(session, clock, lambda: session.phase == Phase.judged)
     assert session.act("participant", "stop") == ""
-    engine.state = "idle"  # there was no law that could have been stopped
+    engine.state = "disarmed"  # there was no law that could have been stopped
     session.step()
     assert session.operator_state()["stopped"]
     assert session.participant_state()["stopped"]
@@ -240,7 +240,7 @@ def test_no_law_is_armed_outside_a_trial(tmp_path):
         attempt.ended, session._job = session.clock(), Future()  # a check that is not done yet
         engine.state = "running"  # whoever armed it
         session.step()
-        assert (session.phase, engine.state) == (phase, "idle")
+        assert (session.phase, engine.state) == (phase, "disarmed")
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -258,11 +258,11 @@ def test_whatever_happens_a_law_runs_only_in_a_trial_with_an_operator_and_a_reco
         gone_at = clock.now if is_open and role == "operator" else gone_at
 
     def spoil(state):
-        engine.state = state if engine.state in ("running", "idle") else engine.state
+        engine.state = state if engine.state in ("running", "disarmed") else engine.state
 
     def mend():
         engine.alive["recorder"] = True
-        engine.state = "idle" if engine.state == "silent" else engine.state
+        engine.state = "disarmed" if engine.state == "silent" else engine.state
 
     toggle("operator"), toggle("participant")
     actions = ["start"] * 4 + ["repeat", "reset"] * 3 + ["skip_rest", "torque", "end_trial", "stop"]
@@ -296,7 +296,7 @@ def test_a_law_without_a_recorder_is_disarmed_and_a_file_that_is_never_whole_end
     session, engine, clock = started(tmp_path)
     engine.heals, engine.alive["recorder"] = False, False
     session.step()
-    assert (session.phase, engine.state) == (Phase.saving, "idle")
+    assert (session.phase, engine.state) == (Phase.saving, "disarmed")
     run_until(session, clock, lambda: session.phase == Phase.judged, SAVING_LIMIT_S + 2.0)
     assert session.reason == "the recorder has ended: No space left on device"
     assert "not complete: the recorder has ended: No space left on device" in session.attempt.judged.reason

@@ -43,7 +43,7 @@ def test_law(elbow, tmp_path, name, disturb, count):
             disturb(engine)
         rest(engine, 0.1)
         print(f"<{name}: run {runs[name]}>")
-        assert engine.status().state == "running"
+        assert engine.status().state.name == "running"
         assert name != "wrong"
 """
 

@@ -27,6 +27,7 @@ from .clock_tracker import ClockState
 from .intake import NAMES_WORD
 from .recorder import NOTE_ENDING
 from .replay import record_channels
+from .session_state import ENDED, SESSION_STATES, SILENT, SessionState
 from .setup import SESSION_VARIABLE, EngineSetup, Task, settings_text
 from .shared_memory import (
     PRIVATE_MODE,
@@ -75,7 +76,7 @@ CHILD_NAMES = ("engine", "recorder", "intake", "streams")
 class EngineStatus:
     """What the engine says of itself now."""
 
-    state: str  # one of `layout.STATES`, or "silent" where a living engine runs no cycles
+    state: SessionState  # one of `SESSION_STATES`, or that the engine is lost
     condition: str
     fault: str  # latched fault of the supervisor, "none" for none
     mode: str  # what the supervisor does
@@ -534,11 +535,11 @@ class LiveEngine:
     def status(self) -> EngineStatus:
         """Return what the engine says of itself now."""
         s = self.region.status()
-        state = layout.STATES[int(s["state"])] if self._is_alive("engine") else "ended"
+        has_ended = bool(s["ended"]) or not self._is_alive("engine")
         patience = max(ENGINE_SILENCE_S, MAX_SILENT_PERIODS * self.setup.period)
         is_silent = time.monotonic_ns() - int(s["heartbeat"]) > 1e9 * patience
         return EngineStatus(
-            state="silent" if is_silent and state != "ended" else state,
+            state=ENDED if has_ended else SILENT if is_silent else SESSION_STATES[int(s["state"])],
             condition=self.setup.conditions[int(s["law"])].name,
             fault=FAULT_NAMES[int(s["fault"])],
             mode=layout.MODES[int(s["mode"])],

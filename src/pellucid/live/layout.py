@@ -7,7 +7,7 @@ import numpy as np
 REGION_MAGIC = b"PELLLIVE"
 """First eight bytes of the region."""
 
-REGION_VERSION = 1
+REGION_VERSION = 2
 """Version of the layout that this module knows."""
 
 STATUS_OFFSET = 4096
@@ -36,9 +36,6 @@ RECORD_CAPACITY = 65536
 
 VALUE_NAMES = ("position", "torque", "interaction", "muscle", "drive", "joint")
 """Quantities of a record, in order: what a law may read, the drive's measured effort, and a second encoder."""
-
-STATES = ("idle", "running", "changing", "stopped", "ended")
-"""States of the engine, in the order of their codes."""
 
 MODES = ("start_up", "running", "degraded", "damped_stop", "zero", "latched")
 """What a supervisor does, in the order of the core's codes; "latched" also stands where no law runs."""
@@ -170,6 +167,8 @@ STATUS_TYPE = np.dtype(
         ("locked", "<u4"),
         ("fifo_error", "<i4"),
         ("lock_error", "<i4"),
+        ("ended", "<u4"),
+        ("reserved", "<u4"),
         ("effort_limit", "<f8"),
         ("rate_limit", "<f8"),
         ("velocity_limit", "<f8"),

@@ -13,6 +13,7 @@ from pellucid._errors import PellucidError
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine
 from pellucid.live.replay import Replay, read_session, replay_records
+from pellucid.live.session_state import UNPOWERED
 
 from ..live import virtual_elbow
 from ..session_devices import bridge_stalls
@@ -58,12 +59,12 @@ def record_and_replay(cards: Mapping, law: str, folder: Path) -> ReplayedSession
     with LiveEngine.start(setup, folder, streams=False) as engine:
         path = engine.session_file
         until = time.monotonic() + MAX_START_S
-        while engine.status().state != "running":
+        while not engine.status().state.in_force:
             if time.monotonic() > until:
                 raise PellucidError(f"a session of {law}: the law did not run within {MAX_START_S:g} s")
-            if engine.status().state == "idle":
+            if engine.status().state == UNPOWERED:
                 engine.arm()
-            elif engine.status().state == "stopped":  # a busy computer paused the engine, and the supervisor stopped it
+            elif engine.status().state.needs_reset:  # a busy computer paused the engine, and the supervisor stopped it
                 engine.reset()
             _rest(engine, STEP_S)
         _rest(engine, SETTLING_S)

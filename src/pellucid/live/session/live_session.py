@@ -24,6 +24,7 @@ from ...controllers.supervisor_faults import NO_FAULT
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.registered import registered_analysis
 from ...study.study import STUDY_FILE, Study
+from ..session_state import ENDED, SILENT, UNPOWERED, SessionState
 from ..setup import SESSION_TIMEOUT_S
 from .recorded_trial import (
     Judged,
@@ -340,8 +341,8 @@ class LiveSession:
         trial = self.trial
         if self.phase != Phase.waiting or trial is None:
             return f"a trial can start once it is waited for; now: {self.phase}"
-        if self._state == "silent":
-            return "the engine is silent"
+        if self._state.is_lost:
+            return self._state.words
         if self.is_stopped:
             return "the robot is stopped; reset it first"
         if self.missing_streams:
@@ -399,13 +400,12 @@ class LiveSession:
         self._tell("stopped by hand")
         if self.phase in ARMED_PHASES and self.attempt is not None:
             self.attempt.stopped = True
-        if self._state in ("silent", "ended"):
-            how = "is silent" if self._state == "silent" else "has ended"
-            return f"the engine {how} and does not answer the stop; take the robot's power off by its own switch"
+        if self._state.is_lost:
+            return f"{self._state.words}: it does not answer the stop; take the robot's power off by its own switch"
         return ""
 
     def _reset(self, value: float | None) -> str:
-        if self._state in ("silent", "ended"):
+        if self._state.is_lost:
             return "the engine does not answer, so that nothing can be reset"
         if not self.is_stopped:
             return "there is no stop to reset"
@@ -441,8 +441,8 @@ class LiveSession:
         attempt = self.attempt
         assert attempt is not None
         trial = attempt.trial
-        expected = "running" if self._is_powered(trial.law) else "idle"
-        runs = self._state == expected and self._status.condition == trial.law
+        is_ready = self._state.in_force if self._is_powered(trial.law) else self._state == UNPOWERED
+        runs = is_ready and self._status.condition == trial.law
         angle = first_angle(trial)
         position = self._last.get(self.table.pointer, math.nan)
         there = angle is None or abs(position - angle) <= 2.0 * getattr(trial.task, "tolerance", 0.1) or (
@@ -609,10 +609,10 @@ class LiveSession:
         """Return why no trial may go on or begin now; empty if nothing stands against it."""
         if self.attempt is not None and self.attempt.stopped:
             return "the robot was stopped by hand"
-        if self._state == "stopped":
+        if self._state.needs_reset:
             return f"the robot was stopped ({self._status.fault})"
         if self._engine_is_lost(now):
-            return "the engine has ended" if self._state == "ended" else "the engine is silent"
+            return self._state.words
         if self._recorder_problem:
             return f"the recorder {self._recorder_problem}"
         if why := self._lacks_room(now):
@@ -635,25 +635,25 @@ class LiveSession:
         """Return whether the engine runs no law now; without a law a short silence is a gap of the recording."""
         patience = 0.0 if self._armed else SESSION_TIMEOUT_S
         silent = self._silent_since is not None and now - self._silent_since >= patience
-        return self._state == "ended" or silent
+        return self._state == ENDED or silent
 
     def _disarm_unless_allowed(self, now: float) -> None:
         """Take the law's power off unless a law may be armed now: asked after every step and action, in every phase."""
         allowed = self.phase in ARMED_PHASES and not self._obstacle(now)
-        if not allowed and (self._armed or self._state == "running"):
+        if not allowed and (self._armed or self._state.in_force):
             self.engine.disarm()
             self._armed = False
 
     # The engine and its samples.
 
     @property
-    def _state(self) -> str:
-        return "idle" if self._status is None else self._status.state
+    def _state(self) -> SessionState:
+        return UNPOWERED if self._status is None else self._status.state
 
     @property
     def is_stopped(self) -> bool:
         """Whether no trial can start before a reset: supervisor or person stopped the robot, with or without a law."""
-        return self._state == "stopped" or self._stop_asked
+        return self._state.needs_reset or self._stop_asked
 
     def _is_powered(self, law: str) -> bool:
         """Return whether the robot has power in a condition; one that is not worn has none."""
@@ -672,16 +672,16 @@ class LiveSession:
             if not lives and self._alive.get(name, True) and name != "recorder":
                 self._tell(f"the process {name} has ended")
         self._alive = alive
-        if self._resetting and self._state == "stopped" and now - self._reset_at >= RESET_INTERVAL_S:
+        if self._resetting and self._state.needs_reset and now - self._reset_at >= RESET_INTERVAL_S:
             self._reset_at = now
             self.engine.reset()
-        elif self._resetting and self._state not in ("stopped", "silent", "ended"):
+        elif self._resetting and not (self._state.needs_reset or self._state.is_lost):
             self._resetting = self._stop_asked = False
             self._tell("the stop was reset")
 
     def _watch_silence(self, now: float) -> None:
         """Tell when the engine falls silent, and when it goes on."""
-        if self._state != "silent":
+        if self._state != SILENT:
             if self._silent_since is not None:
                 self._tell(f"the engine goes on after {now - self._silent_since:.2f} s")
             self._silent_since = None
@@ -862,7 +862,7 @@ class LiveSession:
             "recorder": self._recorder_problem,
             "stopped": self.is_stopped,
             "engine": {
-                "state": self._state, "armed": self._armed, "condition": getattr(status, "condition", ""),
+                "state": asdict(self._state), "armed": self._armed, "condition": getattr(status, "condition", ""),
                 "fault": getattr(status, "fault", ""), "alive": self._alive,
                 "effort_limit": finite_number(getattr(status, "effort_limit", math.nan)),
                 "velocity_limit": finite_number(getattr(status, "velocity_limit", math.nan)),

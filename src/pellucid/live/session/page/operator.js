@@ -161,11 +161,11 @@ function showState() {
   const phase = state.phase, trial = state.trial, engine = state.engine, stopped = state.stopped;
   $("kicker").textContent = `${state.study} · ${state.participant} · ${words(state.device)} · ${clock(state.time)}`;
   $("headline").textContent = phase === "finished" ? "The session is over" : phase === "finishing" ? "Evaluating the session" : trial ? `Trial ${state.done + 1} of ${state.of}: ${words(trial.task)}, ${trial.condition}` : "";
-  const lost = engine.state === "silent" || engine.state === "ended";
-  const lamp = stopped || lost ? "wrong" : engine.state === "running" ? "good" : "warning";
-  const said = { idle: "power off", running: `running: ${words(engine.condition)}`, changing: "the law changes", stopped: `stopped: ${words(engine.fault || "by hand")}`, silent: "engine silent", ended: "the engine has ended" };
+  const lost = engine.state.is_lost;
+  const lamp = stopped || lost ? "wrong" : engine.state.in_force ? "good" : "warning";
+  const why = engine.state.needs_reset && engine.fault !== engine.state.name ? `: ${words(engine.fault || "by hand")}` : engine.state.in_force ? `: ${words(engine.condition)}` : "";
   $("robot").firstChild.className = "lamp " + lamp;
-  $("robot").lastChild.textContent = stopped && engine.state === "idle" ? "stopped: power off" : said[engine.state] || engine.state;
+  $("robot").lastChild.textContent = (stopped && !engine.state.needs_reset && !lost ? "stopped: " : "") + engine.state.words + why;
   $("reset").hidden = !stopped;
   $("advice").textContent = lost ? "The engine does not answer. Take the robot's power off by its own switch." : state.recorder ? `Nothing can be recorded: the recorder ${state.recorder}.` : phase === "rest" ? `Rest for ${clock(state.rest)}.` : phase === "judged" ? judgedWords() : phase === "waiting" ? (state.missing_streams.length ? `Not heard: ${state.missing_streams.join(", ")}.` : "Ready for the next trial.") : ADVICE[phase];
   for (const [id, when] of [["start", phase === "waiting"], ["accept", phase === "judged"], ["repeat", phase === "judged"], ["skip_rest", phase === "rest"], ["end_trial", phase === "running" || phase === "preparing"]]) $(id).hidden = !when;
