@@ -337,7 +337,8 @@ class FaultOutcome:
 
 def _is_stopped(records: np.ndarray) -> np.ndarray:
     """Whether each record's output is that of a stopped supervisor, or of no law."""
-    return (records["mode"] >= layout.MODES.index("damped_stop")) | (records["state"] == SESSION_STATES.index(UNPOWERED))
+    unpowered = records["state"] == SESSION_STATES.index(UNPOWERED)
+    return (records["mode"] >= layout.MODES.index("damped_stop")) | unpowered
 
 
 def try_fault(engine: LiveEngine, kind: str, rng: random.Random) -> FaultOutcome:

@@ -72,7 +72,9 @@ JOINT_SEEDS = sized((0, 1, 2, 3), smallest=())
 PERIOD_S = 1e-3
 """Period of the law whose stop is drawn [s]."""
 
-TYPED_PAGES = sized(("README.md", "docs/how-to/identify-a-log-in-one-command.md", "docs/tutorials/identify-a-joint.md"), smallest=())
+TYPED_PAGES = sized(
+    ("README.md", "docs/how-to/identify-a-log-in-one-command.md", "docs/tutorials/identify-a-joint.md"), smallest=()
+)
 """Pages whose output blocks are compared; the nightly tests compare every page's."""
 
 ROOT = Path(__file__).parents[2]

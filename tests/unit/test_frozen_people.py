@@ -1,4 +1,4 @@
-"""People are as they were frozen: numbers and equations have the hashes that `docs/design/frozen-participants.md` says."""
+"""People are as they were frozen: numbers and equations have the hashes of `docs/design/frozen-participants.md`."""
 
 import hashlib
 import json

@@ -210,7 +210,8 @@ def _headline(proposal: Proposal, count: int, guesses: int) -> str:
     what = "a person's joints" if proposal.is_person else f"{joints} joints" if joints > 1 else what
     said = f"{decided} of them decided by evidence and {guesses} to be confirmed"
     open_ones = sum(q.key not in proposal.answers for q in proposal.asked)
-    asked = f" {open_ones} question{'s' if open_ones > 1 else ''} open: a default is taken for each." if open_ones else ""
+    questions = "1 question" if open_ones == 1 else f"{open_ones} questions"
+    asked = f" {questions} open: a default is taken for each." if open_ones else ""
     return f"The files hold {what}: {count} channels, {said}.{asked}"
 
 

@@ -77,7 +77,8 @@ class IncidentAccount:
         count = len(record.time)
         _, said = self.sentences[1 if record.damages else 0]  # damages of the record are told before
         verdict: AnswerVerdict = "yes"
-        reason, numbers = "", ()
+        reason = ""
+        numbers: tuple[AnswerNumber, ...] = ()
         if record.stop is None:
             verdict, reason = "no", "the record holds no stop"
         elif acting is None and self._has_watch_of(self.fault):
