@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from pellucid.start.tried_log import TriedJoint
 from pellucid.start.try_page import _efforts
 from pellucid.study.drawing.drawing import SHADED_GAPS_WORDS, shade_gaps
+from pellucid.study.pages.page import _fit_first_screen
 from pellucid.study.pages.quantities import effort_label
 from pellucid.study.procedures.result import HeldOutEffort
 
@@ -50,3 +51,11 @@ def test_recordings_one_after_another_are_separated():
     once = np.arange(0.0, 1.0, 0.01)
     assert "Vertical lines separate recordings" in _efforts([joint(np.concatenate([once, once]))]).caption
     assert "Vertical lines" not in _efforts([joint(once)]).caption
+
+
+@pytest.mark.parametrize(("height", "lowered"), [(3.0, 3.0), (5.4, 3.72), (12.0, 12.0)])
+def test_the_figure_of_an_answer_keeps_the_size_of_its_letters(height, lowered):
+    """A figure of three panels was drawn at six tenths of its size: its letters had 7 px."""
+    figure = Figure(figsize=(10.4, height))
+    _fit_first_screen(figure)
+    assert figure.get_figheight() == pytest.approx(lowered, rel=1e-3)

@@ -61,9 +61,10 @@ def try_page(tried: TriedLog) -> Page:
     verdicts = tuple((v.kind, typeset_sentence(v.said)) for v in tried.verdicts)
     held = _held_out_joints(tried)
     sections = [_assumed(tried)]
-    if len(held) > 1:
-        drawing = draw(_efforts, held, "held_out_joints")
-        sections.insert(0, Section("held-out", "Prediction of held-out data of each joint", drawings=(drawing,)))
+    # A table of several joints leaves no room for a figure above the assumptions.
+    is_first = len(held) == 1 and len(tried.joints) <= MAX_DETAILED_JOINTS
+    if held and not is_first:
+        sections.insert(0, Section("held-out", "Prediction of held-out data", drawings=(draw(_efforts, held),)))
     tables = (*parameter_tables(result), *figure_tables(result))
     sections.append(Section("result", "Parameters and comparisons", (), tables))
     for layout in (tried.proposal.main, *tried.proposal.streams):
@@ -82,7 +83,7 @@ def try_page(tried: TriedLog) -> Page:
         f"Written by pellucid {version('pellucid')}. The study is in {tried.study.folder}.",
         verdicts,
         tried.answer,
-        figure=draw(_efforts, held[:1]) if held else None,
+        figure=draw(_efforts, held) if is_first else None,
         summary=(_parameters(tried), _assumed(tried, MAX_SHOWN_ASSUMPTIONS)),
     )
 
@@ -183,7 +184,7 @@ def _held_out_joints(tried: TriedLog) -> list[TriedJoint]:
     return [joint for _, joint in sorted(held, key=lambda each: -each[0])][:MAX_DRAWN_JOINTS]
 
 
-def _efforts(joints: Sequence[TriedJoint], name: str = "held_out") -> Drawing:
+def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
     """Draw measured and predicted efforts on held-out data, a joint beneath another."""
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.7 * len(joints)), layout="constrained")
     axes = figure.subplots(len(joints), 1, squeeze=False, sharex=False)[:, 0]
@@ -208,7 +209,7 @@ def _efforts(joints: Sequence[TriedJoint], name: str = "held_out") -> Drawing:
     key(axes[0], entries, room=0.2)
     axes[-1].set_xlabel("Time (s)")
     return Drawing(
-        name,
+        "held_out",
         figure,
         "Effort on held-out data: measured, predicted by the model (dashed), and its mean, the best constant."
         + (" Vertical lines separate recordings." if several else "")

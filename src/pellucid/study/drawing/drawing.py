@@ -172,11 +172,23 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
         _name_powers_of_ten(drawing.figure)
         # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
         # for which every output draws the figure twice.
-        layout = drawing.figure.get_layout_engine()
-        if layout is not None:
-            layout.execute(drawing.figure)
-        drawing.figure.set_layout_engine(None)
+        _lay_out(drawing.figure)
         return drawing
+
+
+def _lay_out(figure: Figure) -> None:
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+    figure.set_layout_engine(None)
+
+
+def set_height(figure: Figure, height: float) -> None:
+    """Give a figure that was drawn another `height` [in], and lay it out anew."""
+    with matplotlib.rc_context(dict(MATPLOTLIB_SETTINGS)):
+        figure.set_size_inches(figure.get_figwidth(), height)
+        figure.set_layout_engine("constrained")
+        _lay_out(figure)
 
 
 def _name_powers_of_ten(figure: Figure) -> None:

@@ -11,16 +11,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from ..._atomic import remove_leftovers, write_text_atomically
 from ..answer import REPORT_COMMAND, Answer, AnswerPart, begun
-from ..drawing.drawing import Drawing
+from ..drawing.drawing import Drawing, set_height
 from ..drawing.style import SANS_SERIF_FONTS, css_variables
 from .forest import Table
 from .quantities import typeset_sentence
 from .values import marked_up, plain_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def render(template: str, **content: object) -> str:
@@ -91,6 +95,16 @@ NOTE_HEADINGS = {
 _FILE_NOTE_PATTERN = re.compile(
     r"\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf)\b|\brecordings? [^.]*found\b"
 )
+
+
+FIGURE_PX = 1040.0
+"""Width of a figure on a wide screen [px]."""
+
+FIRST_FIGURE_PX = 372.0
+"""Largest height of the figure on the first screen [px]: ``max-height`` in head.html.j2."""
+
+MAX_LOWERED_RATIO = 1.75
+"""A figure is lowered for the first screen if it is at most so many times as high as the room there."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +246,18 @@ def _split_headline(text: str) -> tuple[str, str]:
 def _drawn_height_px(drawing: Drawing) -> float:
     """Return the height of a figure with its caption on a wide screen."""
     width, height = drawing.figure.get_size_inches()
-    return 1040.0 * height / width + 70.0
+    return FIGURE_PX * height / width + 70.0
+
+
+def _fit_first_screen(figure: Figure) -> None:
+    """Lower a figure to the height that the first screen has for it, so that a browser need not draw it smaller.
+
+    Its letters keep their size. A figure that is far higher, such as one with many rows, stays as it is.
+    """
+    width, height = figure.get_size_inches()
+    least = width * FIRST_FIGURE_PX / FIGURE_PX
+    if least < height <= MAX_LOWERED_RATIO * least:
+        set_height(figure, least)
 
 
 def _note_kind(kind: str, text: str) -> str:
@@ -258,6 +283,8 @@ def write_page(folder: Path, page: Page, *, with_pdf: bool = False) -> Path:
         raise ValueError(f"more than one part of the page is called {', '.join(map(repr, twice))}")
     folder.mkdir(parents=True, exist_ok=True)
     remove_leftovers(folder)
+    if page.figure is not None:
+        _fit_first_screen(page.figure.figure)
     for drawing in drawings:
         drawing.save(folder, with_pdf=with_pdf)
     text = render("page.html.j2", title=page.title, page=page, with_pdf=with_pdf)

@@ -53,7 +53,7 @@ def indices(found: Sequence[PairActivity], name: str, caption: str) -> Drawing:
                 axis.plot([index.value], [row], marker="o", color=tones[i % len(tones)], markersize=5.0)
         tidy(axis, first=axis is axes[0])
         axis.set_title(head, fontweight="bold")
-        axis.set_xlabel("%")
+        axis.set_xlabel("Co-contraction (%)")
         axis.set_xlim(left=0.0)
     axes[0].set_yticks(range(len(recordings)), [r.replace("_", " ") for r in recordings])
     axes[0].set_ylim(len(recordings) - 0.4, -0.9)

@@ -31,7 +31,7 @@ def burst_traces(muscles: Sequence[MuscleBursts], name: str, caption: str) -> Dr
                 axis.axvline(point.time, color=colour("heldout"), linewidth=0.9)
         low, _ = axis.get_ylim()
         axis.plot(each.rest, (low, low), color=colour("good"), linewidth=3.0, clip_on=False, solid_capstyle="butt")
-        tidy(axis, first=True, text="mV", ticks=3)
+        tidy(axis, first=True, text="EMG (mV)", ticks=3)
         axis.set_title(each.muscle.replace("_", " "))
     axes[-1].set_xlabel("Time (s)")
     return Drawing(name, figure, caption)

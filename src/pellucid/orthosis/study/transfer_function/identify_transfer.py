@@ -264,7 +264,7 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
     for name, made in fits.items():
         weak = [p.name for p in made.parameters if not p.identifiable]
         if weak:
-            clause = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
+            clause = "interval of {} contains" if len(weak) == 1 else "intervals of {} contain"
             yield Verdict("warning", f"Recording {name}: the {clause.format(', '.join(weak))} zero.")
         out = result.heldout.get(name)
         if out is not None and out.fit < made.responses[0].fit - TRANSFER_THRESHOLDS.max_fit_drop_points:
@@ -319,7 +319,7 @@ def _rows(made: TransferResult, recordings: Sequence[Recording]) -> Iterator[Res
         for p in found.every:
             low, high = p.interval(made.confidence)
             note = f"{100.0 * made.confidence:.4g} % interval {low:.6g} to {high:.6g}"
-            note += "" if p.identifiable else "; holds zero"
+            note += "" if p.identifiable else "; contains zero"
             yield replace(own, id=f"{head}.{p.name}.{r.name}", value=p.value, unit=p.unit, note=note)
 
 
