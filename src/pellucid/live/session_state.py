@@ -28,7 +28,7 @@ SESSION_STATES: tuple[SessionState, ...] = tuple(SessionState(**state) for state
 UNPOWERED: SessionState = SESSION_STATES[0]
 """State in which an engine begins: no law, and no power."""
 
-SILENT = SessionState("silent", "engine silent", is_lost=True)
+SILENT = SessionState("silent", "the engine is silent", is_lost=True)
 """A living engine that runs no cycles."""
 
 ENDED = SessionState("ended", "the engine has ended", is_lost=True)
