@@ -7,6 +7,7 @@ from test_front_door_logs import COULOMB, GRAVITY, INERTIA, proposed, swing, wri
 import pellucid as pl
 from pellucid.start.propose_study import require_possible_clock
 from pellucid.start.try_log import try_log
+from pellucid.start.try_page import parameter_rows
 
 GEAR = 80.0
 
@@ -86,3 +87,31 @@ def test_the_lab_may_not_say_what_is_no_unit_of_time(tmp_path):
     path = written(tmp_path / "log.csv", "time [s],angle [rad],torque [Nm]", [t, q, tau])
     with pytest.raises(pl.PellucidError, match='found "deg"'):
         proposed(path, time_unit="deg")
+
+
+def sprung_limb(seed=7, seconds=40.0, rate=200.0):
+    """Return time, angle [rad] and torque of a joint with the spring of a limb, over some 80 deg."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    q, v, a = np.full(len(t), 0.85), np.zeros(len(t)), np.zeros(len(t))
+    for f, size, phase in zip((0.21, 0.43, 0.9), (0.42, 0.2, 0.1), rng.uniform(0.0, 6.0, 3), strict=True):
+        w = 2.0 * np.pi * f
+        q += size * np.sin(w * t + phase)
+        v += size * w * np.cos(w * t + phase)
+        a -= size * w**2 * np.sin(w * t + phase)
+    tau = 0.155 * a + 4.5 * np.sin(q) + 4.0 * (q - 0.9) + 0.7 * v + 0.3 * np.tanh(v / 0.01)
+    return t, q + 5e-5 * rng.standard_normal(len(t)), tau + 0.01 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("worn", ["no", "yes"])
+def test_a_worn_joint_has_its_limbs_spring_and_says_so(tmp_path, worn):
+    t, q, tau = sprung_limb()
+    path = written(tmp_path / "log.csv", "time_s,elbow_deg,actuator_torque_Nm", [t, np.degrees(q), tau])
+    tried = try_log([path], out=tmp_path / "page", answers={"worn": worn})
+    found = parameters_of(tried)
+    gravity = found["gravity"]
+    assert abs(gravity.value - 4.5) < 3.0 * gravity.standard_error
+    assert found["parallel_stiffness"].value == pytest.approx(4.0, rel=0.25)
+    said = "machine and limb together"
+    assert (said in tried.answer.badge) == (said in parameter_rows(tried)[0][0]) == (worn == "yes")
+    assert (said in tried.page.read_text()) == (worn == "yes")

@@ -122,9 +122,9 @@ def _notes(proposal: Proposal) -> list[str]:
         notes.append(f"Proposed by init --from and not confirmed: {shown}.")
     if "rate" in unsaid_defaults(proposal):
         notes.append(f"No file states the sampling rate: {_rate(proposal, proposal.main):g} Hz is a placeholder.")
-    if proposal.is_worn:
-        notes.append("Somebody wears the machine: what is found is of machine and limb together.")
-    return [f"notes = [{', '.join(map(_text, notes))}]"] if notes else []
+    lines = [f"notes = [{', '.join(map(_text, notes))}]"] if notes else []
+    # Whoever wears a machine is part of what moves.
+    return [*lines, "worn = true"] if proposal.is_worn else lines
 
 
 def _questions(proposal: Proposal) -> list[str]:

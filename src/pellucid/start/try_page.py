@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..models.estimates import Parameter
+from ..study.answer import WORN_TOGETHER
 from ..study.drawing.drawing import SHADED_GAPS_WORDS, Drawing, Head, draw, heads, key, line, shade_gaps, tidy
 from ..study.drawing.style import FIGURE_WIDTH, colour
 from ..study.pages.forest import Row, Table, number_table
@@ -91,16 +92,17 @@ def try_page(tried: TriedLog) -> Page:
 def parameter_rows(tried: TriedLog) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return heads and rows of the joints' parameters with their intervals."""
     level, joints = tried.result.confidence, tried.joints
+    of_both = f", {WORN_TOGETHER}" if tried.study.config.worn else ""
     share = f"{100.0 * level:g} %"
     if len(joints) <= MAX_DETAILED_JOINTS:
-        heads = ("Parameter", "Value", "Unit", f"{share} interval", "Note")
+        heads = (f"Parameter{of_both}", "Value", "Unit", f"{share} interval", "Note")
         return heads, [_row(p, level) for joint in joints for p in joint.parameters]
     counts = Counter((p.name, p.unit) for joint in joints for p in joint.parameters)
     wanted = [which for name in FIRST_PARAMETERS for which in counts if which[0] == name]
     shown = wanted or [which for which, _ in counts.most_common(MAX_PARAMETER_COLUMNS)]
     units = (f" ({unit_text(unit)})" if unit_text(unit) else "" for _, unit in shown)
     parameters = (f"{parameter_label(name, si)}{unit}" for (name, si), unit in zip(shown, units, strict=True))
-    heads = ("Joint", "Held-out error (%)", "Constant effort (%)", *parameters)
+    heads = (f"Joint{of_both}", "Held-out error (%)", "Constant effort (%)", *parameters)
     rows = [_joint_row(joint, shown, level) for joint in joints]
     # Viscous and Coulomb friction mean little where a further term takes a part of them.
     further = [_further_friction(joint, level) for joint in joints]

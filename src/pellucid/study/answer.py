@@ -29,6 +29,9 @@ REPORT_COMMAND = "report"
 USE_QUESTION = "May these figures be used?"
 """Question of a result whose procedure asks none of its own."""
 
+WORN_TOGETHER = "machine and limb together"
+"""What the parameters of a machine that somebody wears describe."""
+
 MAX_NAMED_ASSUMPTIONS = 4
 """Largest number of assumptions that a sentence names; a study's page has all."""
 
@@ -97,6 +100,8 @@ class Basis:
         Data that the numbers were computed on, in words, such as ``"held-out recordings"``; "" where nothing is judged.
     is_simulated : bool
         Whether the recordings were simulated.
+    is_worn : bool
+        Whether somebody wears the machine that was identified.
     """
 
     used: int
@@ -104,6 +109,7 @@ class Basis:
     counted: str = "recording"
     judged: str = ""
     is_simulated: bool = False
+    is_worn: bool = False
 
     @property
     def sentence(self) -> str:
@@ -111,6 +117,7 @@ class Basis:
         noun = self.counted if self.recorded == 1 else f"{self.counted}s"
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
         origin = "simulated" if self.is_simulated else "measured"
+        origin += f", of {WORN_TOGETHER}" if self.is_worn else ""
         return f"Based on {text} {noun}, {origin}{f'; numbers are of {self.judged}' if self.judged else ''}."
 
 

@@ -1015,6 +1015,8 @@ class StudyFile(StudyTable):
         Defaults that nobody confirmed; every answer repeats them.
     simulated : bool
         Whether the recordings were simulated.
+    worn : bool
+        Whether somebody wears the machine: parameters are then those of machine and limb together.
     rig, participants, channels, optical, streams, processing, model, recordings, session
         Tables of the file; `optical` is None without a motion capture, `session` where none is planned.
 
@@ -1026,6 +1028,7 @@ class StudyFile(StudyTable):
     notes: tuple[str, ...] = ()
     assumed: tuple[AssumedDefault, ...] = ()
     simulated: bool = False
+    worn: bool = False
     rig: RigTable
     participants: dict[Word, Participant] = Field({})
     channels: dict[Word, ChannelSpec]

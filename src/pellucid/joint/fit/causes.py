@@ -129,9 +129,23 @@ def find_parallel_spring(model: JointModel, data: Stack[Motion]) -> ParallelSpri
     saved, p_value = stretches.saved(position)
     alone = stretches.share(position)
     least = SPRING_SETTINGS.min_saved_share if "gravity" in model.names else 1.0 - (1.0 - MIN_IMPROVEMENT) ** 2
-    if min(saved, alone) < least or p_value > SIGNIFICANCE_LEVEL:
+    is_told = min(saved, alone) >= least and p_value <= SIGNIFICANCE_LEVEL
+    if not is_told and not _needs_spring(stretches, position):
         return ParallelSpring()
     return ParallelSpring(True, min(alone * stretches.own_error / reported, 1.0))
+
+
+def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -> bool:
+    """Whether a spring alone saves most of the error, though all neglected effects together could save as much.
+
+    Over a moderate range of angles, many columns make what one stiffness makes. Without the term, gravity would take it
+    in. With it, what the other effects leave open of the stiffness widens the intervals (`spring_doubt`).
+    """
+    turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
+    saved, p_value = stretches.saved_beside(position, [*turning, *_gap_columns(stretches)])
+    told = stretches.spring()
+    is_spring = told is not None and told[0] > told[1]
+    return saved >= SPRING_SETTINGS.min_needed_share and p_value <= SIGNIFICANCE_LEVEL and is_spring
 
 
 def _stretches(

@@ -98,6 +98,12 @@ class LeftOutStretches:
         wide = np.column_stack([self._own, self._made(columns)])
         return max(_compare(self._left_out(self._own, self._target), self._left_out(wide, self._target))[0], 0.0)
 
+    def saved_beside(self, columns: Sequence[np.ndarray], beside: Sequence[np.ndarray]) -> tuple[float, float]:
+        """Return the share of the squared error of the model and a few columns that others save, and its p value."""
+        plain = np.column_stack([self._own, self._made(beside)])
+        wide = np.column_stack([plain, self._made(columns)])
+        return _compare(self._left_out(plain, self._target), self._left_out(wide, self._target))
+
     def contrast(self, near: np.ndarray) -> tuple[float, float]:
         """Return how many times larger the squared error is in rows `near`, a mask of shape (m,), than in the others.
 

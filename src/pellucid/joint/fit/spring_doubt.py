@@ -41,6 +41,9 @@ class SpringSettings:
     # joints of MuJoCo and Pinocchio none saved more than 0.02. Where no gravity is estimated that a spring could
     # falsify, it must save as much as any richer model (`MIN_IMPROVEMENT`).
     min_saved_share: float = 0.03
+    # A spring that all neglected effects together could also make is found if it alone saves this share. Joints without
+    # one stay below 0.07 with a low p value; limbs in an orthosis with springs of 4 to 8 N*m/rad reached 0.68 and more.
+    min_needed_share: float = 0.5
     # A spring of this many standard errors, or more if that saves less, is found in one of two recordings.
     found_standard_errors: float = 3.0
 

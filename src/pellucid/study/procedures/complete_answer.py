@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from ..answer import REPORT_COMMAND, Answer, Assumption, Basis, Step, spoilt, with_assumed
+from ..answer import REPORT_COMMAND, WORN_TOGETHER, Answer, Assumption, Basis, Step, spoilt, with_assumed
 from ..study import Study
 from .procedure import typed_command
 from .registry import asked
@@ -25,8 +25,11 @@ def complete_answer(study: Study, found: Result, left_out: Collection[str] = ())
     if found.flaw:
         answer = spoilt(answer, found.flaw)
     answer = with_assumed(answer, assumptions_of(study))
-    basis = replace(_counted(study, found, answer.basis, left_out), is_simulated=study.config.simulated)
+    basis = _counted(study, found, answer.basis, left_out)
+    basis = replace(basis, is_simulated=study.config.simulated, is_worn=study.config.worn)
     answer = replace(answer, basis=basis)
+    if study.config.worn and not answer.qualifier:
+        answer = replace(answer, qualifier=WORN_TOGETHER)
     return replace(answer, next=_steps(study, found, answer)).in_folder(study.folder)
 
 
