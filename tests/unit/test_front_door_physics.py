@@ -90,17 +90,17 @@ def test_the_lab_may_not_say_what_is_no_unit_of_time(tmp_path):
 
 
 def sprung_limb(seed=7, seconds=40.0, rate=200.0):
-    """Return time, angle [rad] and torque of a joint with the spring of a limb, over some 80 deg."""
+    """Return time, angle [rad] and torque of a joint with the spring of a limb, over some 70 deg."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, 1.0 / rate)
     q, v, a = np.full(len(t), 0.85), np.zeros(len(t)), np.zeros(len(t))
-    for f, size, phase in zip((0.21, 0.43, 0.9), (0.42, 0.2, 0.1), rng.uniform(0.0, 6.0, 3), strict=True):
+    for f, size, phase in zip((0.21, 0.43, 0.9), (0.35, 0.18, 0.08), rng.uniform(0.0, 6.0, 3), strict=True):
         w = 2.0 * np.pi * f
         q += size * np.sin(w * t + phase)
         v += size * w * np.cos(w * t + phase)
         a -= size * w**2 * np.sin(w * t + phase)
     tau = 0.155 * a + 4.5 * np.sin(q) + 4.0 * (q - 0.9) + 0.7 * v + 0.3 * np.tanh(v / 0.01)
-    return t, q + 5e-5 * rng.standard_normal(len(t)), tau + 0.01 * rng.standard_normal(len(t))
+    return t, q + 5e-5 * rng.standard_normal(len(t)), tau + 0.02 * rng.standard_normal(len(t))
 
 
 @pytest.mark.parametrize("worn", ["no", "yes"])

@@ -144,8 +144,11 @@ def _needs_spring(stretches: LeftOutStretches, position: Sequence[np.ndarray]) -
     turning = stretches.columns(lambda m: reversal_pulses(m, m.velocity))
     saved, p_value = stretches.saved_beside(position, [*turning, *_gap_columns(stretches)])
     told = stretches.spring()
-    is_spring = told is not None and told[0] > told[1]
-    return saved >= SPRING_SETTINGS.min_needed_share and p_value <= SIGNIFICANCE_LEVEL and is_spring
+    if told is None or saved < SPRING_SETTINGS.min_needed_share:
+        return False
+    stiffness, error, _ = told
+    least = 1.0 if p_value <= SIGNIFICANCE_LEVEL else SPRING_SETTINGS.found_standard_errors
+    return stiffness > least * error
 
 
 def _stretches(
