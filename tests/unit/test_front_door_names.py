@@ -5,6 +5,7 @@ import pytest
 
 from pellucid.files.name_evidence import read_name
 from pellucid.start.given_files import read_given
+from pellucid.start.init_from_files import missing_part
 from pellucid.start.propose_study import propose_study
 
 INERTIA, GRAVITY, VISCOUS, COULOMB = 0.05, 2.0, 0.06, 0.2
@@ -97,3 +98,41 @@ def test_two_joints_that_move_one_after_the_other_stay_joints(tmp_path):
     names = "time [s],left_angle [deg],right_angle [deg],left_torque [Nm],right_torque [Nm]"
     path = written(tmp_path / "log.csv", names, [t, first, second, tau, 1.1 * tau])
     assert "reference" not in roles_of(proposed(path)).values()
+
+
+@pytest.mark.parametrize(
+    ("angle", "effort"),
+    [("knee_flexion/position", "knee_flexion/effort"), ("Knee Flexion Angle (deg)", "Exo Knee Torque (Nm)"),
+     ("position.elbow_flexion", "effort.elbow_flexion"), ("lumbar_flexion [deg]", "lumbar_torque [Nm]")],
+)  # fmt: skip
+def test_a_robots_joint_may_be_called_flexion(tmp_path, angle, effort):
+    t, _, q, tau = controlled()
+    path = written(tmp_path / "log.csv", f"timestamp,{angle},{effort}", [t, q, tau])
+    found = proposed(path)
+    assert missing_part(found) is None
+    assert (roles_of(found)[angle], roles_of(found)[effort]) == ("position", "torque")
+
+
+@pytest.mark.parametrize("effort", ["interaction_torque_Nm", "actuator_torque_Nm"])
+def test_emg_beside_a_machines_effort_is_of_its_wearer(tmp_path, effort):
+    t, _, q, tau = controlled()
+    emg = 0.05 * np.abs(np.random.default_rng(0).standard_normal(len(t)))
+    names = "time_s,elbow_flexion_deg,elbow_torque_Nm,emg_biceps_mV"
+    path = written(tmp_path / "log.csv", f"{names},{effort}", [t, q, tau, emg, 0.3 * tau])
+    found = proposed(path, worn="yes")
+    assert found.drive == "torque"
+    assert found.is_worn
+
+
+def test_moments_of_several_joints_are_a_persons(tmp_path):
+    t, _, q, tau = controlled()
+    names = "time,hip_flexion,knee_angle,hip_flexion_moment,knee_angle_moment"
+    path = written(tmp_path / "gait.csv", names, [t, q, 0.8 * q, 9.0 * tau, 11.0 * tau])
+    assert "EMG" in missing_part(proposed(path))
+
+
+def test_emg_without_an_angle_is_no_study(tmp_path):
+    t, _, _, tau = controlled()
+    emg = np.random.default_rng(0).standard_normal((2, len(t)))
+    path = written(tmp_path / "pull.csv", "time_s,force_N,emg_biceps_mV,emg_triceps_mV", [t, 20.0 + tau, *emg])
+    assert "no angle" in missing_part(proposed(path))

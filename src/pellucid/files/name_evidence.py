@@ -93,6 +93,11 @@ QUANTITY_PARTS = {
 INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
 """Words of names that tell an effort between robot and person."""
 
+MACHINE_WORDS = frozenset({
+    "actuator", "exo", "exoskeleton", "exosuit", "orthosis", "prosthesis", "motor", "robot", "drive", "device",
+})  # fmt: skip
+"""Words of names of efforts that a machine makes, and no muscle."""
+
 MUSCLE_NAMES = {
     "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "recto femoral", "rectofemoral", "rectus"),
     "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral"),
@@ -179,6 +184,7 @@ class NameEvidence:
     is_computed: bool = False  # whether a word says that a program computed it
     is_measured: bool = False  # whether a word says that it was measured
     unknown_unit: str | None = None  # text that is stated as the unit, and is none that is known
+    is_machine: bool = False  # whether it is an effort that a word says a machine makes, or has with a person
     scale: float = 1.0  # how many of the unit one stored number is, as stated
 
 
@@ -218,9 +224,10 @@ def read_name(name: str) -> NameEvidence:
     is_command = bool(COMMAND_WORDS & {*words, joined}) or _has_part(words, COMMAND_PARTS, "soll")
     muscle = _muscle(bare)
     quantity = _quantity_of_words(words, joined, has_muscle=muscle is not None)
-    if quantity is None and muscle is None and own != bare:
-        # "effort.arm_1_joint": the part before names the quantity, the last one the joint.
-        quantity = _quantity_of_path(bare.rpartition(".")[0])
+    is_of_joint = quantity == "position" and QUANTITY_WORDS["position"] & set(words) <= {"flexion", "rotation"}
+    if (quantity is None or is_of_joint) and muscle is None and own != bare:
+        # "effort.arm_1_joint", "effort.elbow_flexion": the part before names the quantity, the last one the joint.
+        quantity = _quantity_of_path(bare.rpartition(".")[0]) or quantity
     if muscle is not None and quantity in (None, "position", "force") and not ({"force", "angle"} & set(words)):
         quantity = "emg"
     if unit is not None and (by_unit := quantity_of_unit(unit)) is not None:
@@ -240,6 +247,7 @@ def read_name(name: str) -> NameEvidence:
         bool(COMPUTED_WORDS & set(words)),
         bool(MEASURED_WORDS & set(words)) or _has_part(words, MEASURED_PARTS, "ist"),
         multiple or (_unknown_unit(name) if unit is None else None),
+        quantity in ("torque", "force") and bool((MACHINE_WORDS | INTERACTION_WORDS) & set(words)),
         scale,
     )
 

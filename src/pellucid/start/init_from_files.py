@@ -38,7 +38,7 @@ from .propose_study import (
     require_turns_of_motors,
     shared_folders,
 )
-from .study_text import channel_mark, channel_name, study_text
+from .study_text import channel_mark, channel_name, has_task, study_text
 
 EFFORT_QUANTITIES = ("torque", "force", "moment", "current", "voltage", "duty")
 """Quantities of which a study needs one: each tells the effort of a joint."""
@@ -61,6 +61,11 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
         yield (
             "found joint moments of a person and no EMG, expected EMG beside the moments, or the effort of a drive "
             "(torque, force, current, voltage or duty cycle)"
+        )
+    elif not has_task(proposal):
+        yield (
+            "found EMG and an effort of a person and no angle of the joint, expected its angle in degrees beside them, "
+            "or the angle and the effort of a drive"
         )
     for role in channels:
         if not has_accepted_unit(role):

@@ -16,7 +16,7 @@ import numpy as np
 from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
-from ..files.name_evidence import quantity_of_unit, read_name, with_stated_unit, words_of
+from ..files.name_evidence import NameEvidence, quantity_of_unit, read_name, with_stated_unit, words_of
 from ..files.recording import LOCKED_SPRING_PROTOCOL
 from ..files.stated_units import scaled_unit_from_text, unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
@@ -583,11 +583,14 @@ def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
 PERSON_ENDINGS = (".sto", ".mot", ".c3d", ".trc", ".osim")
 """Endings of files of motion capture and of musculoskeletal models."""
 
-PERSON_WORDS = frozenset({
+PERSON_WORDS = frozenset({"moment", "moments", "grf", "pelvis", "subtalar", "mtp"})
+"""Words of names that motion capture gives, and hardly a machine."""
+
+MOVEMENT_WORDS = frozenset({
     "flexion", "extension", "abduction", "adduction", "dorsiflexion", "plantarflexion", "pronation", "supination",
-    "moment", "moments", "grf", "pelvis", "lumbar", "tilt", "subtalar", "mtp",
+    "tilt", "lumbar",
 })  # fmt: skip
-"""Words of names that only people's joints have."""
+"""Words of joints' movements, after which wearable robots name their joints, too: a person's where no effort is."""
 
 MOMENT_WORDS = frozenset({"moment", "moments"})
 """Of these, the words that may stand for the torque of a machine."""
@@ -603,25 +606,32 @@ def _shows_people(tables: Sequence[GivenTable]) -> bool:
         found = [read_name(name) for name in table.columns]
         if any(e.muscle is not None or e.quantity == "emg" for e in found):
             return True
-        words = set().union(*(PERSON_WORDS & set(words_of(e.bare)) for e in found))
+        known = PERSON_WORDS if any(map(_says_effort, found)) else PERSON_WORDS | MOVEMENT_WORDS
+        words = set().union(*(known & set(words_of(e.bare)) for e in found))
         # Labs call the torque of one joint's bench a moment. Inverse dynamics gives those of several joints.
         if words - MOMENT_WORDS or (words and len({e.joint for e in found if e.joint is not None}) > 1):
             return True
     return False
 
 
+def _says_effort(evidence: NameEvidence) -> bool:
+    """Whether a name says an effort, also before the joint, as in effort.elbow_flexion."""
+    words = set(words_of(evidence.bare)) & {"effort", "torque", "tau", "current", "force", "pwm", "voltage"}
+    return evidence.quantity in DRIVE_QUANTITIES or bool(words)
+
+
 def _names_people(table: GivenTable, *, shows_people: bool) -> bool:
     """Whether most columns are named after joints or muscles of people, as motion capture names them."""
     found = [read_name(name) for name in table.columns]
     named = [e for e in found if e.joint is not None or e.muscle is not None]
-    if any(e.quantity in ("current", "voltage", "duty") or e.is_command for e in found):
+    if any(e.quantity in ("current", "voltage", "duty") or e.is_command or e.is_machine for e in found):
         return False
     # A dynamometer or an orthosis turns a joint, and EMG stands beside it: its own columns name no joint.
     moved = [e for e in found if e.quantity in ("position", "torque", "force")]
     is_machine = (
         bool(moved)
         and table.quantity is None
-        and not any(e.joint is not None or PERSON_WORDS & set(words_of(e.bare)) for e in moved)
+        and not any(e.joint is not None or (PERSON_WORDS | MOVEMENT_WORDS) & set(words_of(e.bare)) for e in moved)
     )
     return shows_people and not is_machine and len(named) >= 0.4 * len(found)
 

@@ -518,6 +518,11 @@ def _model(proposal: Proposal) -> list[str]:
     return ["", "[model]", _line(f'gravity = "{proposal.gravity}"', why)]
 
 
+def has_task(proposal: Proposal) -> bool:
+    """Whether a proposal has a drive to identify, or what a procedure for people asks for."""
+    return proposal.drive is not None or bool(_procedures(proposal))
+
+
 def _procedures(proposal: Proposal) -> list[str]:
     roles = [r for layout in (proposal.main, *proposal.streams) for r in layout.channels]
     sides = {r.quantity.partition(".")[0] for r in roles if r.quantity and r.quantity.endswith(".angular_velocity")}

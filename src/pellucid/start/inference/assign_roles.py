@@ -974,8 +974,10 @@ class _Assignment:
             return False
         if any(self.roles[n].quantity != "torque" for n in efforts):
             return False
-        # A torque that was asked for is a drive's.
-        if any(role.is_command and (role.quantity or "").startswith("desired_") for role in self.roles.values()):
+        # A torque that was asked for is a drive's, and so is one of an actuator.
+        if any(evidence.is_machine for evidence in self.names.values()) or any(
+            role.is_command and (role.quantity or "").startswith("desired_") for role in self.roles.values()
+        ):
             return False
         named = [n for n in efforts if self.names[n].joint is not None or "moment" in words_of(self.names[n].bare)]
         return not efforts or bool(named)
