@@ -1,11 +1,14 @@
 """Names, units and encodings of logs from labs of many languages, each of which was once read wrongly or refused."""
 
+import re
+
 import numpy as np
 import pytest
 
+from pellucid._errors import PellucidError
 from pellucid.files.name_evidence import read_name
 from pellucid.start.given_files import read_given
-from pellucid.start.init_from_files import missing_part
+from pellucid.start.init_from_files import init_from_files, missing_part
 from pellucid.start.propose_study import propose_study
 
 INERTIA, GRAVITY, VISCOUS, COULOMB = 0.05, 2.0, 0.06, 0.2
@@ -136,3 +139,46 @@ def test_emg_without_an_angle_is_no_study(tmp_path):
     emg = np.random.default_rng(0).standard_normal((2, len(t)))
     path = written(tmp_path / "pull.csv", "time_s,force_N,emg_biceps_mV,emg_triceps_mV", [t, 20.0 + tau, *emg])
     assert "no angle" in missing_part(proposed(path))
+
+
+def test_a_further_position_in_counts_passes_the_check(tmp_path):
+    t, _, q, tau = controlled()
+    counts = np.round(8000.0 / 360.0 * q)
+    names = "time_s,Position [counts],Second position [counts],Torque [Nm]"
+    path = written(tmp_path / "log.csv", names, [t, counts, counts + 5.0, tau])
+    made = init_from_files(tmp_path / "study", [path], answers={"counts_per_turn": "8000"})
+    assert made.text.count('unit = "counts"') == 1
+
+
+@pytest.mark.parametrize("unit", ["cnt", "LU", "increments"])
+def test_words_of_drives_for_counts_are_known(tmp_path, unit):
+    t, _, q, tau = controlled()
+    path = written(tmp_path / "log.csv", f"time_s,Position [{unit}],Torque [Nm]", [t, np.round(100.0 * q), tau])
+    found = proposed(path, counts_per_turn="36000")
+    assert "counts_per_turn" in {question.key for question in found.asked}
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_the_advised_answer_to_an_unknown_unit_is_taken(tmp_path, scale):
+    t, _, q, tau = controlled()
+    path = written(tmp_path / "log.csv", "time_s,Position [foo],Torque [Nm]", [t, np.round(scale * q), tau])
+    with pytest.raises(PellucidError, match="position_unit") as refusal:
+        init_from_files(tmp_path / "refused", [path])
+    key = re.search(r"--answer (\w+)=", str(refusal.value))[1]
+    init_from_files(tmp_path / "study", [path], answers={key: "deg" if scale == 1.0 else "counts"})
+
+
+def test_counts_that_the_lab_says_are_asked_for_their_turn(tmp_path):
+    t, _, q, tau = controlled()
+    path = written(tmp_path / "log.csv", "time_s,Position [foo],Torque [Nm]", [t, np.round(1000.0 * q), tau])
+    found = proposed(path, position_unit="counts")
+    assert "counts_per_turn" in {question.key for question in found.asked}
+
+
+def test_the_advised_unit_of_an_angle_is_taken(tmp_path):
+    t, _, q, tau = controlled()
+    speed = np.gradient(np.radians(q), t)
+    path = written(tmp_path / "log.csv", "time [s],angle [rad],velocity [rad/s],torque [Nm]", [t, q, speed, tau])
+    with pytest.raises(PellucidError, match='position_unit=deg"'):
+        init_from_files(tmp_path / "refused", [path])
+    init_from_files(tmp_path / "study", [path], answers={"position_unit": "deg"})

@@ -274,7 +274,8 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, bool(given.robots))
     )
     possible = {question.key for question in questions}
-    if unit_from_text(answers.get("position_unit", "")) == "counts":
+    if unit_from_text(answers.get("position_unit", "")) == "counts" and "counts_per_turn" not in possible:
+        questions.append(_counts_question(ANGLE_LIMITS.usual_counts))
         possible.add("counts_per_turn")
     if any(layout.roles.clock.column is not None for layout in layouts):
         possible.add("time_unit")
@@ -382,20 +383,19 @@ def require_agreeing_units(proposal: Proposal) -> None:
     for layout in (proposal.main, *proposal.streams):
         table, columns = layout.tables[0], {role.column: role for role in layout.channels}
         for pair in layout.roles.pairs:
-            stated = [
-                with_stated_unit(read_name(column), table.units.get(column)).unit if column in columns else None
-                for column in (pair.of, pair.by)
-            ]
+            stated = [_unit_said(columns.get(column), table) for column in (pair.of, pair.by)]
             is_clear = abs(pair.correlation) > DERIVATIVE_LIMITS.min_correlation_without_units
             known = [ratio for of, by, ratio in UNIT_RATIOS if [of, by] == stated]
             fitting = [(of, by) for of, by in pair.units if of == stated[0] or by == stated[1]]
             if not is_clear or not known or not fitting or tuple(stated) in pair.units:
                 continue
             ways = " or ".join(f'"{of}" with "{by}"' for of, by in fitting)
+            answer = next((of for of, by in fitting if by == stated[1] and not columns[pair.of].unit_is_certain), None)
+            said = "" if answer is None else f'; or say which it is: --answer "position_unit={answer}"'
             raise StudyError(
                 f'{table.path.name}: columns "{pair.of}" and "{pair.by}": found the units "{stated[0]}" and '
                 f'"{stated[1]}", but the second is {pair.ratio:.4g} times the derivative of the first, expected '
-                f"{known[0]:.4g}; correct one unit in the file: {ways} would fit"
+                f"{known[0]:.4g}; correct one unit in the file: {ways} would fit{said}"
             )
         refuted = next((role for role in layout.channels if role.fitting_unit), None)
         if refuted is not None and "position_unit" not in proposal.answers:
@@ -443,11 +443,19 @@ def _clock_answer(answers: Mapping[str, str]) -> str | None:
     return unit
 
 
+def _unit_said(role: ColumnRole | None, table: GivenTable) -> str | None:
+    """Return the unit that the lab said, or else that the file states, of a channel; None if neither says one."""
+    if role is None or role.unit_why == SAID_BY_LAB:
+        return None if role is None else role.unit
+    return with_stated_unit(read_name(role.column), table.units.get(role.column)).unit
+
+
 def _key_of_unit(role: ColumnRole) -> str:
     """Return the key of the question that says a role's unit."""
     if role.quantity in DRIVE_QUANTITIES:
         return "effort"
-    return {"position": "position_unit", "angle": "position_unit", "emg": "emg_unit"}.get(role.quantity or "", "")
+    keys = dict.fromkeys(("position", "angle", "motor_position"), "position_unit") | {"emg": "emg_unit"}
+    return keys.get(role.quantity or "", "")
 
 
 def _without_idle_unknowns(layout: Layout, drive: str | None) -> Layout:
@@ -1405,13 +1413,8 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     ]  # fmt: skip
     unsure = [r for r in positions if not r.unit_is_certain]
     counted = [r for r in positions if has_open_counts(r)]
-    if counted:
-        yield Question(
-            "counts_per_turn",
-            "How many counts does the position have for one turn of the joint, gears included?",
-            str(counted[0].keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts)),
-            "every angle, speed and inertia: all of them scale with it",
-        )
+    if counted and not any(r.unknown_unit for r in unsure):
+        yield _counts_question(counted[0].keys.get("counts_per_turn", ANGLE_LIMITS.usual_counts))
     elif unsure:
         yield Question(
             "position_unit",
@@ -1507,6 +1510,15 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "whether the zero is found from the weight (two numbers) or taken as it is (one)",
             ("yes", "not certain"),
         )
+
+
+def _counts_question(guess: object) -> Question:
+    return Question(
+        "counts_per_turn",
+        "How many counts does the position have for one turn of the joint, gears included?",
+        str(guess),
+        "every angle, speed and inertia: all of them scale with it",
+    )
 
 
 def _rate_guess(main: Layout) -> tuple[float, str]:

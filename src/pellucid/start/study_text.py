@@ -437,8 +437,9 @@ def _key(name: str) -> str:
 
 def _entry(role: ColumnRole, table: GivenTable) -> str:
     unit, keys = role.unit, {key: value for key, value in role.keys.items() if key != "rated"}
+    # A further channel in counts stays in counts: study.toml knows no turn of it.
+    per = int(str(keys.pop("counts_per_turn", ANGLE_LIMITS.usual_counts)))
     if unit in ("counts", "counts/s") and role.quantity in ("position", "reference", "angle", "velocity"):
-        per = int(str(keys.pop("counts_per_turn", ANGLE_LIMITS.usual_counts)))
         unit = unit.replace("counts", "rad")
         keys["scale"] = float(str(keys.get("scale", 1.0))) * 2.0 * 3.141592653589793 / per
     parts = [f"column = {_column(role.column, table)}", f'unit = "{unit}"']
