@@ -182,3 +182,27 @@ def test_the_advised_unit_of_an_angle_is_taken(tmp_path):
     with pytest.raises(PellucidError, match='position_unit=deg"'):
         init_from_files(tmp_path / "refused", [path])
     init_from_files(tmp_path / "study", [path], answers={"position_unit": "deg"})
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header"),
+    [
+        ("gb18030", "时间(s),期望角度(°),实际角度(°),关节力矩(N·m)"),
+        ("cp949", "시간(s),목표각도(도),관절각도(도),토크(Nm)"),
+        ("euc_kr", "시간(s),목표각도(도),관절각도(도),토크(Nm)"),
+        ("cp932", "時刻[s],指令角度[deg],現在角度[deg],トルク[Nm]"),
+        ("euc_jp", "時刻[s],指令角度[deg],現在角度[deg],トルク[Nm]"),
+        ("big5", "時間(s),目標角度(度),實際角度(度),轉矩(Nm)"),
+        ("cp1251", "время [с],заданный угол [°],измеренный угол [°],момент [Н·м]"),
+        ("latin-1", "Zeit [s],Sollwinkel [°],Istwinkel [°],Drehmoment für Hüfte [Nm]"),
+        ("latin-1", "temps (s),angle consigne (°),angle mesuré (°),couple (N·m)"),
+    ],
+)
+def test_headers_in_encodings_of_many_countries(tmp_path, encoding, header):
+    t, reference, q, tau = controlled()
+    path = written(tmp_path / "log.csv", header, [t, reference, q, tau], encoding=encoding)
+    found = proposed(path)
+    names = header.split(",")
+    wanted = dict(zip(names[1:], ("reference", "position", "torque"), strict=True))
+    assert {name: roles_of(found).get(name) for name in wanted} == wanted
+    assert found.main.roles.clock.column == names[0]

@@ -90,6 +90,11 @@ QUANTITY_PARTS = {
 }  # fmt: skip
 """Parts of names that stand for quantities in languages that write several words as one; the first that fits counts."""
 
+LANGUAGE_PARTS = frozenset(
+    {*COMMAND_PARTS, *MEASURED_PARTS, *(part for each in QUANTITY_PARTS.values() for part in each)}
+)
+"""Parts of names in languages of other letters than Latin ones: a text in the wrong encoding holds none of them."""
+
 INTERACTION_WORDS = frozenset({"interaction", "human", "user", "contact", "cuff", "strap", "wearer"})
 """Words of names that tell an effort between robot and person."""
 

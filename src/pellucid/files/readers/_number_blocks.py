@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import BinaryIO
 
 import numpy as np
+
+from ..name_evidence import LANGUAGE_PARTS
 
 MIN_ARROW_FILE_BYTES = 400_000
 """Files from this size on are read with Arrow. To load it takes as long as to read three such files without it."""
@@ -25,6 +28,7 @@ MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 
 _COMMENT_MARKS = ("#", "%", "//", "!")
 _JAPANESE_BYTES = re.compile(rb"(?:[\x81-\x9f][\x40-\x7e\x80-\xfc]){2}")
+_ENCODINGS = ("cp932", "gb18030", "cp949", "big5", "euc_jp", "cp1251")
 _OTHER_LINE = re.compile(r"^[\s\ufeff]*?(?:$|[#%!]|//)", re.MULTILINE)
 _ARROW_MISSING_WORDS = ["NaN", *(spell(word) for word in MISSING_WORDS for spell in (str, str.upper, str.title))]
 
@@ -50,18 +54,32 @@ def line_blocks(file: BinaryIO, end: int | None = None) -> Iterator[bytes]:
 
 
 def text_of(block: bytes) -> str:
-    """Return the text of a block: UTF-8, or else what Windows writes in Japan or, with a degree sign, in the West."""
+    """Return the text of a block: UTF-8, or else the encoding under which it holds known words.
+
+    Without such words it is what Windows writes in Japan or, with a degree sign, in the West.
+    """
     try:
         return block.decode("utf-8-sig")
     except UnicodeDecodeError:
         pass
+    found = {encoding: text for encoding in _ENCODINGS if (text := _text_in(block, encoding)) is not None}
+    known = {encoding: sum(text.count(part) for part in LANGUAGE_PARTS) for encoding, text in found.items()}
+    best = max(known, key=lambda encoding: known[encoding], default=None)
+    if best is not None and known[best]:
+        return found[best]
     # Shift JIS begins most of its letters with bytes that Latin-1 uses for no letter.
-    if _JAPANESE_BYTES.search(block) is not None:
-        try:
-            return block.decode("cp932")
-        except UnicodeDecodeError:
-            pass
+    if _JAPANESE_BYTES.search(block) is not None and "cp932" in found:
+        return found["cp932"]
     return block.decode("latin-1")
+
+
+def _text_in(block: bytes, encoding: str) -> str | None:
+    """Return the text of a block in one encoding; None if a byte or a character is none of it."""
+    try:
+        text = block.decode(encoding)
+    except UnicodeDecodeError:
+        return None
+    return None if any(unicodedata.category(letter) in ("Cn", "Co") for letter in set(text)) else text
 
 
 def is_comment(line: str) -> bool:
