@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..units import to_si_factor
+from .muscle_names import find_muscle
 from .stated_units import ends_in_multiple, scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
@@ -102,45 +103,6 @@ MACHINE_WORDS = frozenset({
     "actuator", "exo", "exoskeleton", "exosuit", "orthosis", "prosthesis", "motor", "robot", "drive", "device",
 })  # fmt: skip
 """Words of names of efforts that a machine makes, and no muscle."""
-
-MUSCLE_NAMES = {
-    "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "recto femoral", "rectofemoral", "rectus"),
-    "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral"),
-    "vastus_medialis": ("vastusmedialis", "vasmed", "vastmed", "vm", "vastomedial", "vmo"),
-    "vastus_intermedius": ("vastusintermedius", "vasint"),
-    "biceps_femoris": ("bicepsfemoris", "bf", "biceps femoris"),
-    "biceps_femoris_long": ("bifemlh", "bicfemlong", "bflh", "bicfem"),
-    "biceps_femoris_short": ("bifemsh", "bfsh"),
-    "semitendinosus": ("semitendinosus", "semiten", "st", "semitend", "semitendinoso"),
-    "semimembranosus": ("semimembranosus", "semimem", "semimemb", "sm"),
-    "tibialis_anterior": ("tibialisanterior", "tibant", "ta"),
-    "soleus": ("soleus", "sol", "so"),
-    "gastrocnemius_medialis": ("gastrocnemiusmedialis", "medgas", "gasmed", "gm", "mg", "gastmed", "medgast"),
-    "gastrocnemius_lateralis": ("gastrocnemiuslateralis", "latgas", "gaslat", "gl", "lg", "gastlat", "latgast"),
-    "gastrocnemius": ("gastrocnemius", "gastroc", "gas"),
-    "gluteus_maximus": ("gluteusmaximus", "glutmax", "gmax"),
-    "gluteus_medius": ("gluteusmedius", "glutmed", "gmed"),
-    "adductor_longus": ("adductorlongus", "addlong"),
-    "gracilis": ("gracilis", "grac"),
-    "tensor_fasciae_latae": ("tfl", "tensorfasciaelatae"),
-    "biceps": ("biceps", "bicepsbrachii", "bic", "bb"),
-    "triceps": ("triceps", "tricepsbrachii", "tri", "tb"),
-    "brachialis": ("brachialis", "brach"),
-    "brachioradialis": ("brachioradialis", "brachrad", "brd"),
-    "deltoid_anterior": ("anteriordeltoid", "deltant", "antdelt"),
-    "deltoid_medial": ("mediallydeltoid", "deltmed", "meddelt", "lateraldeltoid"),
-    "deltoid_posterior": ("posteriordeltoid", "deltpost", "postdelt"),
-    "deltoid": ("deltoid", "delt"),
-    "trapezius": ("trapezius", "trap"),
-    "pectoralis_major": ("pectoralismajor", "pecmaj", "pec"),
-    "rectus_abdominis": ("rectabd", "rectusabdominis"),
-    "iliocostalis": ("iliocost", "iliocostalis"),
-    "longissimus_lumborum": ("longlumb",),
-    "longissimus_thoracis": ("longthor",),
-    "erector_spinae": ("erectorspinae", "es"),
-}  # fmt: skip
-"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside
-them."""
 
 JOINT_WORDS = (
     "hip", "knee", "ankle", "shoulder", "elbow", "wrist", "finger", "thumb", "lumbar", "pelvis", "subtalar", "mtp",
@@ -236,7 +198,10 @@ def read_name(name: str) -> NameEvidence:
     if muscle is not None and quantity in (None, "position", "force") and not ({"force", "angle"} & set(words)):
         quantity = "emg"
     if unit is not None and (by_unit := quantity_of_unit(unit)) is not None:
-        quantity = quantity if quantity is not None and _agrees(quantity, by_unit) else by_unit
+        quantity = _with_quantity_of_unit(quantity, by_unit, unit)
+    if name.endswith(".time"):
+        # The times of a signal whose own unit stands in its name: "VL: EMG 1 [V].time".
+        quantity, unit, muscle = "time", None, None
     numbers = [int(word) for word in words if word.isdigit()]
     return NameEvidence(
         name,
@@ -301,9 +266,18 @@ def with_stated_unit(evidence: NameEvidence, text: str | None) -> NameEvidence:
         return replace(evidence, unknown_unit=_unknown_unit(f"[{text.strip()}]"))
     by_unit = quantity_of_unit(unit)
     quantity = evidence.quantity
-    if by_unit is not None and (quantity is None or not _agrees(quantity, by_unit)):
-        quantity = by_unit
+    if by_unit is not None:
+        quantity = _with_quantity_of_unit(quantity, by_unit, unit)
     return replace(evidence, unit=unit, quantity=quantity, unknown_unit=None, scale=scale)
+
+
+def _with_quantity_of_unit(quantity: str | None, by_unit: str, unit: str) -> str:
+    """Return the quantity that words and a unit say together; the unit decides where they contradict each other."""
+    if quantity is not None and _agrees(quantity, by_unit):
+        return quantity
+    # No drive has microvolts; a bridge of strain gauges may.
+    is_muscle = unit in ("uV", "nV") and quantity not in ("torque", "force", "temperature")
+    return "emg" if is_muscle else by_unit
 
 
 def quantity_of_unit(unit: str) -> str | None:
@@ -402,24 +376,8 @@ def _is_vertebra(words: Sequence[str]) -> bool:
 
 
 def _muscle(bare: str) -> str | None:
-    words = [
-        word for word in words_of(bare) if word not in ("l", "r", "left", "right", "emg", "semg") and not word.isdigit()
-    ]
-    joined = "".join(words)
-    for muscle, ways in MUSCLE_NAMES.items():
-        if joined in (way.replace(" ", "") for way in ways) or joined.lstrip("lr") in (
-            way for way in ways if len(way) > 5
-        ):
-            return _with_side(muscle, bare)
-    for muscle, ways in MUSCLE_NAMES.items():
-        if any(len(way) > 5 and way.replace(" ", "") in joined for way in ways):
-            return _with_side(muscle, bare)
-    return None
-
-
-def _with_side(muscle: str, bare: str) -> str:
-    side = re.search(r"(?:^|[_\s.])(l|r|left|right)(?:$|[_\s.])", bare.casefold())
-    return f"{muscle}_{side[1]}" if side and side[1] in ("left", "right") else muscle
+    found = find_muscle(words_of(bare))
+    return None if found is None else found.name
 
 
 def _joint(bare: str) -> str | None:

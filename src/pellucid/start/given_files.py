@@ -236,6 +236,8 @@ def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple
         if key and not (len(names) == 1 and _is_rising(next(iter(groups[key].values())))):
             alike.setdefault(names, []).append(key)
     repeated = max(alike.values(), key=len, default=[])
+    if 2 * sum(f"{name}.time" in columns for name in columns) >= len(columns):
+        repeated = []  # each signal beside times of its own: one recording, whatever points are in its names
     lengths = {key: {len(x) for x in groups[key].values()} for key in repeated}
     apart = len({tuple(found) for found in lengths.values()}) > 1
     unnamed = all(name.rpartition(".")[2].isdigit() for key in repeated for name in groups[key])
@@ -248,7 +250,7 @@ def _parts(columns: Mapping[str, np.ndarray], *, has_sheets: bool) -> list[tuple
     best = max(by_length.items(), key=lambda item: item[0] * min(len(item[1]), 6))
     others = [
         part for n, part in by_length.items()
-        if n != best[0] and n > 0.05 * best[0] and len(part) >= 2 and any(_is_rising(x) for x in part.values())
+        if n != best[0] and n > 0.02 * best[0] and len(part) >= 2 and any(_is_rising(x) for x in part.values())
     ]  # fmt: skip
     return [("", best[1]), *(("", part) for part in others)]
 

@@ -52,7 +52,8 @@ def missing_part(proposal: Proposal) -> str | None:
 def _missing_parts(proposal: Proposal) -> Iterator[str]:
     channels = [role for layout in (proposal.main, *proposal.streams) for role in layout.channels]
     quantities = {role.quantity for role in channels}
-    if proposal.drive is None and not quantities & set(EFFORT_QUANTITIES):
+    # EMG alone makes a study of muscles.
+    if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
         yield (
             "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
             "expected one beside the motion"

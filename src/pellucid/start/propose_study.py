@@ -17,7 +17,7 @@ from .._errors import StudyError
 from ..files.clock import first_deliveries
 from ..files.defects.sensor_range import agrees_at_limit, sensor_ends
 from ..files.name_evidence import NameEvidence, quantity_of_unit, read_name, with_stated_unit, words_of
-from ..files.recording import LOCKED_SPRING_PROTOCOL
+from ..files.recording import LOCKED_SPRING_PROTOCOL, MAXIMAL_PROTOCOL
 from ..files.stated_units import scaled_unit_from_text, unit_from_text
 from ..study.drive_channel import DRIVE_CHANNELS
 from ..study.study_file import channel_unit, rig_units
@@ -238,8 +238,11 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     shows_people = _shows_people(tables)
     clock_unit = _clock_answer(answers)
     layouts = [_layout(group, shows_people=shows_people, clock_unit=clock_unit) for group in _grouped(tables)]
+    about_muscles = is_about_muscles(layouts)
+    if about_muscles:
+        layouts = [_of_muscles(layout, remarks) for layout in layouts]
     main = max(layouts, key=_merit)
-    person = _is_person(main, layouts)
+    person = about_muscles or _is_person(main, layouts)
     others = [layout for layout in layouts if layout is not main]
     streams, recordings = _match(main, others, person, remarks)
     if paired:
@@ -290,7 +293,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     if duty_without_supply([main, *streams], drive, facts) is not None:
         facts["supply"] = UNKNOWN_SUPPLY
     main, streams = _without_idle_unknowns(main, drive), [_without_idle_unknowns(s, drive) for s in streams]
-    recordings = _held_out(recordings, main)
+    recordings = _all_fitted(recordings) if about_muscles else _held_out(recordings, main)
     asked, marked = select_questions(questions)
     worn = answers.get("worn", next((q.default for q in questions if q.key == "worn"), "no")) == "yes"
     robot_joints = None if person else _robot_joints(given, main)
@@ -533,9 +536,39 @@ def _layout(group: Sequence[GivenTable], *, shows_people: bool, clock_unit: str 
         if len(other.columns) == len(first.columns):
             roles = _completed(roles, assign_roles(_own_names(other, first), hints))
     # The first table of a layout is the one whose columns the channels name.
-    return Layout(
-        (first, *(table for table in group if table is not first)), _without_contradicted(roles), rate_fact=rate_fact
-    )
+    roles = _without_laboratory(_without_contradicted(roles), first)
+    return Layout((first, *(table for table in group if table is not first)), roles, rate_fact=rate_fact)
+
+
+LABORATORY_ENDINGS = (".c3d", ".edf", ".bdf", ".trc")
+"""Endings of files of motion captures and amplifiers, which record no drive."""
+
+_MARKER_AXIS = re.compile(r".*_[xyz]", re.IGNORECASE)
+"""Name of a marker's coordinate."""
+
+_PLATE_CHANNEL = re.compile(r"plate\d+\..*|(?:F|M)[xyz]\d*|(?:force|moment)[._ ]?(?:F|M)?[xyz]?\d*", re.IGNORECASE)
+"""Name of a channel of a force plate."""
+
+
+def _without_laboratory(roles: TableRoles, table: GivenTable) -> TableRoles:
+    """Return roles of a motion capture's or an amplifier's file without markers, force plates and other voltages."""
+    if table.path.suffix.lower() not in LABORATORY_ENDINGS:
+        return roles
+
+    def kept(role: ColumnRole) -> ColumnRole:
+        if role.quantity is None or role.quantity == "emg":
+            return role
+        unit = with_stated_unit(read_name(role.column), table.units.get(role.column)).unit
+        why = ""
+        if _MARKER_AXIS.fullmatch(role.column) and unit in ("m", "mm", "cm"):
+            why = "a marker's coordinate, and no joint's"
+        elif _PLATE_CHANNEL.fullmatch(role.column):
+            why = "a force plate's, and no joint's"
+        elif role.quantity in ("voltage", "current", "duty"):
+            why = "a voltage of an analog input, and no drive's"
+        return replace(role, quantity=None, label="", why=why) if why else role
+
+    return replace(roles, roles=tuple(map(kept, roles.roles)))
 
 
 def accepted_units(role: ColumnRole) -> tuple[str, ...]:
@@ -679,6 +712,38 @@ def _is_person(main: Layout, layouts: Sequence[Layout]) -> bool:
         return False
     own = {role.quantity for role in main.channels}
     return bool(own & {"angle", "moment"}) or ("emg" in own and not own & {"torque"}) or _is_inertial(main)
+
+
+def is_about_muscles(layouts: Sequence[Layout]) -> bool:
+    """Whether EMG was recorded, and no effort of a drive or of a joint: a study of muscles alone."""
+    roles = [role for layout in layouts for role in layout.channels]
+    efforts = [role for role in roles if role.quantity in (*DRIVE_QUANTITIES, "moment")]
+    return any(role.quantity == "emg" for role in roles) and not efforts
+
+
+def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
+    """Return a layout of a study of muscles: positions are angles of the person, and all but EMG and they is left
+    out."""
+    others = [r for r in layout.channels if r.quantity not in ("emg", "position", "angle")]
+    if others:
+        remarks.append(
+            f"{layout.tables[0].path.name}: {len(others)} channels of inertial sensors and other inputs are left out: "
+            "no joint's effort was recorded that they would be compared with"
+        )
+    taken: set[str] = set()
+
+    def of_person(role: ColumnRole) -> ColumnRole:
+        if role in others:
+            return replace(role, quantity=None, label="", why="neither EMG nor an angle, in a study of muscles")
+        if role.quantity != "position":
+            return role
+        label = read_name(role.column).joint or role.label or _own_quantity(role) or "joint"
+        while label in taken:
+            label += "_2"
+        taken.add(label)
+        return replace(role, quantity="angle", label=label)
+
+    return layout.with_each(of_person)
 
 
 def _is_inertial(layout: Layout) -> bool:
@@ -878,14 +943,34 @@ def _condition(path: Path, tables: Sequence[GivenTable]) -> str | None:
     return own[0] if 1 < len(every) <= 6 else None
 
 
+MAXIMAL_WORDS = frozenset({"mvc", "mvic", "mvcs", "maxcontraction", "maximal"})
+"""Words of the names of recordings of maximal contractions."""
+
+MAX_FOLDER_WORDS = 2
+"""A folder of more words tells a study, and not what each of its recordings is."""
+
+
 def _protocol(path: Path) -> str | None:
+    folder = words_of(path.parent.name)
+    if MAXIMAL_WORDS & {*words_of(path.stem), *(folder if len(folder) <= MAX_FOLDER_WORDS else ())}:
+        return MAXIMAL_PROTOCOL
     words = [w for w in words_of(path.stem) if not w.isdigit() and _PARTICIPANT_CODE.search(w) is None]
     text = "_".join(words[:6])
     return text if re.fullmatch(r"[a-z][a-z0-9_]{1,60}", text) else None
 
 
+def _all_fitted(recordings: Sequence[ProposedRecording]) -> list[ProposedRecording]:
+    """Return the recordings of a study without an effort: nothing is fitted, so that nothing is held out."""
+    return [replace(recording, use="fit") for recording in recordings]
+
+
 def _held_out(recordings: Sequence[ProposedRecording], main: Layout) -> list[ProposedRecording]:
     """Return the recordings with what is held out: whole recordings if there are several, else the last part."""
+    maximal = [r for r in recordings if r.protocol == MAXIMAL_PROTOCOL]
+    if maximal:
+        others = [r for r in recordings if r.protocol != MAXIMAL_PROTOCOL]
+        why = "a maximal contraction by its name: its largest envelopes are the scale, and it is fitted by nothing else"
+        return [*(replace(r, why=why) for r in maximal), *(_held_out(others, main) if others else ())]
     if len(recordings) == 1:
         return _split_single(recordings[0], main)
     count = max(1, round(PROPOSAL_LIMITS.held_out_share * len(recordings)))

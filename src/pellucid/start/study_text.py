@@ -13,6 +13,7 @@ import numpy as np
 
 from .._given import visible_text
 from ..files.name_evidence import read_name
+from ..files.recording import MAXIMAL_PROTOCOL
 from ..study.answer import Assumption
 from ..units import to_si_factor
 from .file_facts import FileFact
@@ -545,6 +546,8 @@ def _procedures(proposal: Proposal) -> list[str]:
     angles = [r.label for r in roles if r.quantity == "angle"]
     moments = {r.label for r in roles if r.quantity == "moment"}
     joints = [label for label in angles if label in moments] or angles[:1]
+    if not moments and not any(r.quantity in DRIVE_QUANTITIES for r in roles):
+        return _muscle_tables(proposal)
     if not joints:
         return []
     tried = [j for j in joints if any(word in j for word in ("knee", "ankle", "elbow", "l5_s1"))] or joints
@@ -556,6 +559,26 @@ def _procedures(proposal: Proposal) -> list[str]:
     lines += [f'emg = "{stream}"'] if stream not in (None, "emg") else []
     lines += [f'moments = "{moment}"'] if moment not in (None, "moments") else []
     return [*lines, _line(f'chain = "{chain}"', why)]
+
+
+MIN_SYNERGY_MUSCLES = 3
+"""Synergies are found among at least so many muscles."""
+
+
+def _muscle_tables(proposal: Proposal) -> list[str]:
+    """Return the tables of a study of EMG without an effort: onsets of raw EMG, and synergies of envelopes."""
+    layouts = [proposal.main, *proposal.streams]
+    best = max(layouts, key=lambda layout: sum(r.quantity == "emg" for r in layout.channels))
+    emg = [r for r in best.channels if r.quantity == "emg"]
+    stream = [f"emg = {_text(best.stream)}"] if best.stream not in ("", "emg") else []
+    is_raw = not any(r.unit in ("1", "%", "MVC", "%MVC") for r in emg)
+    moves = any(r.protocol != MAXIMAL_PROTOCOL for r in proposal.recordings)
+    lines = ["", "[onset]", *stream] if is_raw else []
+    if len(emg) >= MIN_SYNERGY_MUSCLES and moves:
+        chain = _line('chain = "hill"', "raw EMG was recorded")
+        chain = chain if is_raw else _line('chain = "none"', "envelopes were recorded")
+        lines += ["", "[synergies]", *stream, chain]
+    return lines
 
 
 def _recording(recording: ProposedRecording, proposal: Proposal, files: Mapping[int, str]) -> list[str]:

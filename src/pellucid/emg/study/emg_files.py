@@ -9,7 +9,8 @@ from pathlib import Path
 
 from ..._errors import PellucidError
 from ...study.procedures.audit import Audit, audit
-from ...study.study import STUDY_FILE, open_folder
+from ...study.procedures.registry import open_study
+from ...study.study import STUDY_FILE
 
 QUALITY_QUESTION = "May this EMG be used as it is?"
 """Question of `pellucid emg quality`."""
@@ -47,8 +48,9 @@ def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:
     paths: list[Path] = []
     for path in map(Path, files):
         if (path / STUDY_FILE).is_file():
-            paths += [each.path for each in open_folder(path).recordings()]
-            paths += [s.path for each in open_folder(path).recordings() for s in each.streams.values()]
+            recordings = open_study(path).recordings()
+            paths += [each.path for each in recordings]
+            paths += [s.path for each in recordings for s in each.streams.values()]
         else:
             paths.append(path)
     return list(dict.fromkeys(paths))

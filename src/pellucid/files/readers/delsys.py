@@ -65,7 +65,27 @@ def read(path: Path) -> Columns:
         unit = _VOLT_PATTERN.search(name) or _VOLT_PATTERN.search(f"[{stated.get(name, '')}]")
         if unit:
             units[name] = unit_from_text(unit[1]) or unit[1]
-    return Columns(path, values, units=units)
+    return Columns(path, _with_lost_ends(values), units=units)
+
+
+MAX_LOST_SHARE = 0.2
+"""A signal that ends earlier by at most this share of the longest one of its rate lost packets, and keeps the clock."""
+
+
+def _with_lost_ends(values: dict[str, np.ndarray | str]) -> dict[str, np.ndarray | str]:
+    """Return signals of one rate with one clock: those that end earlier are missing (NaN) from there on."""
+    clocks = {n.removesuffix(".time"): np.asarray(t) for n, t in values.items() if n.endswith(".time") and len(t) > 2}
+    steps = {name: float(np.median(np.diff(t))) for name, t in clocks.items()}
+    made = dict(values)
+    for name, own in clocks.items():
+        step = steps[name]
+        alike = [t for n, t in clocks.items() if abs(steps[n] - step) < 1e-3 * step and t[0] == own[0]]
+        longest = max(alike, key=len, default=own)
+        missing = len(longest) - len(own)
+        if 0 < missing <= MAX_LOST_SHARE * len(longest) and np.allclose(own, longest[: len(own)], atol=0.5 * step):
+            made[f"{name}.time"] = longest
+            made[name] = np.concatenate([values[name], np.full(missing, np.nan)])
+    return made
 
 
 def _find_header(lines: list[str]) -> tuple[int, list[str], str] | None:

@@ -210,6 +210,8 @@ def _with_plain_structs(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.names:
         return None  # an object whose contents are elsewhere
     if isinstance(value, np.ndarray) and value.dtype == object:
+        if value.size > 1 and all(isinstance(item, (int, float, np.number)) for item in value.ravel()):
+            return value.astype(np.float64)  # a cell for each number
         if value.ndim > 1 and any(_is_nested(item) for item in value.ravel()):
             return [_with_plain_structs(row) for row in value]
         return [_with_plain_structs(item) for item in value.ravel()]

@@ -1,0 +1,189 @@
+"""Find the muscle and the side that a channel's label names: full names, common abbreviations, labels of vendors.
+
+This is the only place that knows names of muscles. Abbreviations are those of SENIAM's and the vendors' lists of sensor
+locations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+MUSCLE_NAMES = {
+    "rectus_femoris": ("rectusfemoris", "rectfem", "recfem", "rf", "rectofemoral", "rectus", "rfem", "rfm"),
+    "vastus_lateralis": ("vastuslateralis", "vaslat", "vastlat", "vl", "vastolateral", "vlo", "vlat"),
+    "vastus_medialis": ("vastusmedialis", "vasmed", "vastmed", "vm", "vastomedial", "vmo", "vmed"),
+    "vastus_intermedius": ("vastusintermedius", "vasint"),
+    "biceps_femoris": ("bicepsfemoris", "bf", "bicepsf", "bfem", "hamstringslateral", "lateralhamstrings", "lham"),
+    "biceps_femoris_long": ("bifemlh", "bicfemlong", "bflh", "bicfem"),
+    "biceps_femoris_short": ("bifemsh", "bfsh"),
+    "semitendinosus": ("semitendinosus", "semiten", "st", "semitend", "semitendinoso", "sten", "mham"),
+    "semimembranosus": ("semimembranosus", "semimem", "semimemb", "sm", "smem"),
+    "tibialis_anterior": ("tibialisanterior", "tibant", "ta", "antertibialis", "tibialanterior", "tibialis"),
+    "tibialis_posterior": ("tibialisposterior", "tibpost", "tp"),
+    "soleus": ("soleus", "sol", "so", "soléaire", "soleo"),
+    "gastrocnemius_medialis": (
+        "gastrocnemiusmedialis", "medgas", "gasmed", "gm", "mg", "gastmed", "medgast", "gam", "medialgastrocnemius",
+        "gmed_gastroc", "gasm", "mgas", "medgastroc", "gastrocmed",
+    ),
+    "gastrocnemius_lateralis": (
+        "gastrocnemiuslateralis", "latgas", "gaslat", "gl", "lg", "gastlat", "latgast", "gal", "lateralgastrocnemius",
+        "gasl", "lgas", "latgastroc", "gastroclat",
+    ),
+    "gastrocnemius": ("gastrocnemius", "gastroc", "gas", "gastrocs", "ga"),
+    "peroneus_longus": ("peroneuslongus", "perlong", "pl", "fibularislongus", "perl", "peroneus"),
+    "peroneus_brevis": ("peroneusbrevis", "perbrev", "fibularisbrevis"),
+    "gluteus_maximus": ("gluteusmaximus", "glutmax", "gmax", "glmax"),
+    "gluteus_medius": ("gluteusmedius", "glutmed", "gmed", "glmed"),
+    "gluteus_minimus": ("gluteusminimus", "glmin"),
+    "adductor_longus": ("adductorlongus", "addlong"),
+    "adductor_magnus": ("adductormagnus", "addmag"),
+    "gracilis": ("gracilis", "grac"),
+    "sartorius": ("sartorius", "sart"),
+    "iliopsoas": ("iliopsoas", "psoas"),
+    "tensor_fasciae_latae": ("tfl", "tensorfasciaelatae", "tensorfascialata"),
+    "biceps": ("biceps", "bicepsbrachii", "bic", "bb", "bicep", "bicepsb"),
+    "triceps": ("triceps", "tricepsbrachii", "tri", "tb", "tricep", "tricepsb"),
+    "triceps_lateral": ("tricepslateralhead", "trilat", "triceplateral"),
+    "triceps_long": ("tricepslonghead", "trilong", "triceplong"),
+    "triceps_surae": ("tricepssurae",),
+    "brachialis": ("brachialis", "brach"),
+    "brachioradialis": ("brachioradialis", "brachrad", "brd", "brachiorad", "brr"),
+    "pronator_teres": ("pronatorteres",),
+    "supinator": ("supinator",),
+    "flexor_carpi_radialis": ("flexorcarpiradialis", "fcr", "flexcarprad"),
+    "flexor_carpi_ulnaris": ("flexorcarpiulnaris", "fcu", "flexcarpuln"),
+    "extensor_carpi_radialis": ("extensorcarpiradialis", "ecr", "extcarprad"),
+    "extensor_carpi_ulnaris": ("extensorcarpiulnaris", "ecu", "extcarpuln"),
+    "flexor_digitorum": ("flexordigitorum", "fds", "flexordigitorumsuperficialis", "flexdig"),
+    "extensor_digitorum": ("extensordigitorum", "edc", "extensordigitorumcommunis", "extdig"),
+    "extensor_digitorum_longus": ("extensordigitorumlongus", "edl"),
+    "first_dorsal_interosseous": ("firstdorsalinterosseous", "fdi"),
+    "abductor_pollicis_brevis": ("abductorpollicisbrevis", "apb"),
+    "deltoid_anterior": ("anteriordeltoid", "deltant", "antdelt", "deltoidanterior", "deltoideusanterior", "ad"),
+    "deltoid_medial": (
+        "mediallydeltoid", "deltmed", "meddelt", "lateraldeltoid", "deltoidmedial", "middledeltoid", "deltoidmiddle",
+        "mediusdeltoid",
+    ),
+    "deltoid_posterior": ("posteriordeltoid", "deltpost", "postdelt", "deltoidposterior", "deltoideusposterior"),
+    "deltoid": ("deltoid", "delt", "deltoideus"),
+    "infraspinatus": ("infraspinatus", "infra"),
+    "latissimus_dorsi": ("latissimusdorsi", "latdorsi", "lats", "latdors"),
+    "serratus_anterior": ("serratusanterior", "serant", "seratusanterior"),
+    "trapezius_upper": ("uppertrapezius", "trapeziusupper", "uppertrap", "trapu", "ut", "trapeziusdescendens"),
+    "trapezius_middle": ("middletrapezius", "trapeziusmiddle", "midtrap"),
+    "trapezius_lower": ("lowertrapezius", "trapeziuslower", "lowertrap"),
+    "trapezius": ("trapezius", "trap"),
+    "pectoralis_major": ("pectoralismajor", "pecmaj", "pec", "pecs", "pmaj"),
+    "sternocleidomastoid": ("sternocleidomastoid", "scm"),
+    "rectus_abdominis": ("rectabd", "rectusabdominis", "rectusabdominus", "ra"),
+    "external_oblique": ("externaloblique", "extobl", "obliquusexternus", "obliquusexternusabdominis"),
+    "internal_oblique": ("internaloblique", "intobl", "obliquusinternus"),
+    "multifidus": ("multifidus", "multifidii", "mult"),
+    "iliocostalis": ("iliocost", "iliocostalis"),
+    "longissimus": ("longissimus",),
+    "longissimus_lumborum": ("longlumb",),
+    "longissimus_thoracis": ("longthor",),
+    "erector_spinae": ("erectorspinae", "es", "lumbares", "errectorspinae"),
+}  # fmt: skip
+"""Ways of writing muscles' names without blanks, in lower case. Two or three letters alone need EMG's spectrum beside
+them."""
+
+SIDE_WORDS = {
+    "left": ("l", "left", "lt", "li", "links", "linke", "izq", "izquierdo", "gauche", "sx", "sin", "sinister"),
+    "right": ("r", "right", "rt", "re", "rechts", "rechte", "der", "derecho", "droit", "dx", "dex", "dexter"),
+}
+"""Words of the sides of a body."""
+
+_MODIFIERS = {
+    "med": "medialis", "medial": "medialis", "medialis": "medialis", "lat": "lateralis", "lateral": "lateralis",
+    "ant": "anterior", "anterior": "anterior", "anterioris": "anterior", "post": "posterior", "posterior": "posterior",
+}  # fmt: skip
+"""Words that several muscles' names share, as labels shorten them."""
+
+_FILLERS = frozenset({
+    "emg", "semg", "hdemg", "raw", "filt", "filtered", "rect", "rectified", "rms", "env", "envelope", "ch", "chan",
+    "channel", "sensor", "trigno", "avanti", "im", "imu", "delsys", "noraxon", "cometa", "picoemg", "electrode",
+    "muscle", "musculus", "m", "musc", "voltage", "analog", "signal", "data", "value", "norm", "normalised", "mvc",
+    "normalized", "activation", "v", "mv", "uv", "surface", "ultium", "mini", "wave", "bipolar", "dev",
+    "adc", "a", "in", "aux", "ai",
+})  # fmt: skip
+"""Words of labels that name no muscle."""
+
+
+@dataclass(frozen=True)
+class MuscleLabel:
+    """The muscle that a label names."""
+
+    muscle: str  # Name in the words of study.toml, without its side
+    side: str  # "left", "right" or ""
+    confidence: float  # 1 for its full name, 0.9 for shortened words, 0.7 for an abbreviation, 0.5 for two letters
+
+    @property
+    def name(self) -> str:
+        """Name with its side, as study.toml has it."""
+        return f"{self.muscle}_{self.side}" if self.side else self.muscle
+
+
+_DOUBTFUL_LETTERS = frozenset({"pl", "tp", "ad", "ra", "ga", "ut"})
+"""Abbreviations that name a muscle only beside a side or a word of EMG: other channels have these letters, too."""
+
+_DOUBTFUL_AFTER_SIDE = frozenset({"st", "so", "sm", "es"})
+"""Abbreviations that form other words behind a letter of the side, such as reset and residual."""
+
+_BY_WAY = {way.replace("_", ""): muscle for muscle, ways in MUSCLE_NAMES.items() for way in ways}
+_FULL_NAMES = {muscle: tuple(muscle.split("_")) for muscle in MUSCLE_NAMES}
+
+
+def find_muscle(words: Sequence[str]) -> MuscleLabel | None:
+    """Return the muscle that the words of a label name, in lower case; None if they name none.
+
+    >>> find_muscle(["rt", "vlo"])
+    MuscleLabel(muscle='vastus_lateralis', side='right', confidence=0.7)
+    >>> find_muscle(["biceps", "fem"]).name
+    'biceps_femoris'
+    """
+    side = _side(words)
+    own = [w for w in words if w not in _FILLERS and not w.isdigit() and not (side and w in SIDE_WORDS[side])]
+    joined = "".join(own)
+    is_emg = bool(side) or bool({"emg", "semg", "hdemg", "uv"} & set(words))
+    muscle = _BY_WAY.get(joined)
+    if muscle is not None and (is_emg or joined not in _DOUBTFUL_LETTERS):
+        return MuscleLabel(muscle, side, 1.0 if len(joined) > 5 else 0.7 if len(joined) > 2 else 0.5)
+    if (muscle := _of_short_words(own)) is not None:
+        return MuscleLabel(muscle, side, 0.9)
+    # A letter of the side may stand before the name: RVL, LTibAnt.
+    for letter, where in (("l", "left"), ("r", "right")):
+        rest = joined[1:]
+        is_doubtful = rest in _DOUBTFUL_LETTERS | _DOUBTFUL_AFTER_SIDE and not is_emg
+        is_known = rest in _BY_WAY and len(rest) > 1 and not is_doubtful
+        if not side and len(own) == 1 and joined.startswith(letter) and is_known:
+            return MuscleLabel(_BY_WAY[rest], where, 0.7 if len(joined) > 6 else 0.5)
+    for way, muscle in sorted(_BY_WAY.items(), key=lambda item: -len(item[0])):
+        if len(way) > 5 and way in joined:
+            return MuscleLabel(muscle, side, 0.7)
+    return None
+
+
+def _side(words: Sequence[str]) -> str:
+    """Return the side that a word of a label says; "" if none does."""
+    return next((side for side, known in SIDE_WORDS.items() if set(known) & set(words)), "")
+
+
+def _of_short_words(words: Sequence[str]) -> str | None:
+    """Return the muscle whose words each begin with one of a label's, of at least three letters."""
+    if len(words) < 2 or any(len(word) < 3 for word in words):
+        return None
+    return next((muscle for muscle, parts in _FULL_NAMES.items() if _begin(words, parts)), None)
+
+
+def _begin(words: Sequence[str], parts: Sequence[str]) -> bool:
+    """Whether each word, or its full form, begins a part of its own, and none is left."""
+    left = list(parts)
+    for word in words:
+        forms = (word, _MODIFIERS.get(word, word))
+        part = next((p for p in left if any(p.startswith(f) or f.startswith(p) for f in forms)), None)
+        if part is None:
+            return False
+        left.remove(part)
+    return not left
