@@ -10,6 +10,8 @@ from scipy import signal
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.emg.signals.emg_findings import FINDING_KINDS
+from pellucid.files.defects.magnitude import find_implausible
+from pellucid.files.recording import Channel
 
 RATES = (1000.0, 1926.0, 2148.0)
 
@@ -175,3 +177,28 @@ def test_a_file_and_an_array_have_the_same_findings(tmp_path):
     found = [(v.channel, f.kind) for v in pl.audit(path).verdicts for _, f in v.findings]
     names = ("EMG VL [mV]", "EMG BF [mV]", "EMG TA [mV]")
     assert found == [(names[channel], kind) for channel, kind in kinds(emg)]
+
+
+RAW = 1e-4 * np.random.default_rng(3).standard_normal(4000) * np.repeat([0.02, 1.0, 0.02, 1.0], 1000)
+
+
+@pytest.mark.parametrize("call", [pl.envelope, pl.onset, pl.emg_quality])
+def test_functions_of_emg_take_rate_and_fs(call):
+    assert repr(call(RAW, rate=2000.0)) == repr(call(RAW, fs=2000.0))
+    with pytest.raises(pl.PellucidError, match="both are the sampling rate"):
+        call(RAW, rate=2000.0, fs=2000.0)
+
+
+@pytest.mark.parametrize("samples", [[], np.zeros((0, 3)), ["a", "b"]])
+@pytest.mark.parametrize("call", [pl.envelope, pl.onset, pl.emg_quality, pl.synergies])
+def test_functions_of_emg_refuse_empty_arrays_and_text(call, samples):
+    with pytest.raises(pl.PellucidError, match="expected"):
+        call(samples, rate=2000.0)
+
+
+def test_microvolts_that_are_taken_for_volts_are_named_so():
+    (one,) = {f.found for f in pl.emg_quality(1e6 * RAW, rate=2000.0) if f.kind == "unit"}
+    assert "as µV" in one
+    wrong = find_implausible(Channel("emg.biceps", 1e6 * RAW, "V", ""))
+    assert wrong is not None
+    assert wrong.probable_unit == "uV"

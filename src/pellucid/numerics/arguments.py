@@ -223,7 +223,7 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
     """Return a public `function` that refuses an argument of another type than its annotation with an `ArgumentError`.
 
     Numbers, texts, paths, truth values, arrays, mappings and sequences are checked. Arguments of other classes are the
-    function's own to check. An array with masked samples becomes one with NaN, and times that are dates become seconds.
+    function's own to check. A sampling rate may be given as ``rate`` or ``fs``, whichever the function has. An array with masked samples becomes one with NaN, and times that are dates become seconds.
     """
     signature = inspect.signature(function)
     parsed = {
@@ -234,6 +234,9 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
 
     @wraps(function)
     def checked(*arguments: Parameters.args, **options: Parameters.kwargs) -> Returned:
+        for name, alias in (("rate", "fs"), ("fs", "rate")):
+            if name in signature.parameters and alias not in signature.parameters:
+                options = with_one_rate(function.__name__, options, name, alias)
         try:
             bound = signature.bind(*arguments, **options)
         except TypeError as error:
@@ -249,6 +252,15 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
         return function(*bound.args, **bound.kwargs)
 
     return checked
+
+
+def with_one_rate(where: str, options: dict[str, Any], name: str, alias: str) -> dict[str, Any]:
+    """Return options in which a sampling rate that was given by its `alias` has its `name`."""
+    if alias not in options:
+        return options
+    if name in options:
+        raise ArgumentError(f"{where}: found {name} and {alias}, expected one of them: both are the sampling rate")
+    return {(name if key == alias else key): value for key, value in options.items()}
 
 
 def _alternatives(node: ast.expr) -> list[ast.expr]:

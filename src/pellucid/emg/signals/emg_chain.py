@@ -527,8 +527,8 @@ def envelope(
     True
     """
     x = np.asarray(emg, dtype=np.float64)
-    if x.ndim not in (1, 2):
-        raise RecordingError(f"envelope: found EMG of shape {x.shape}, expected (n,) or (n, muscles)")
+    if x.ndim not in (1, 2) or not x.size:
+        raise RecordingError(f"envelope: found EMG of shape {x.shape}, expected (n,) or (n, muscles) with samples")
     passed = emg_chain(chain) if isinstance(chain, str) else chain
     run = passed.causal if causal else passed.zero_phase
     columns = x.reshape(len(x), -1).T

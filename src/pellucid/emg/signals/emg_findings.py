@@ -29,6 +29,9 @@ from ...numerics.filters import runs
 EMG_UNITS = {"V": 1.0, "mV": 1e-3, "µV": 1e-6, "uV": 1e-6, "1": 1.0, "%": 0.01, "": 1.0}
 """Units of EMG, with their size in V, or in maxima; "" if it is not known."""
 
+_TRIED_UNITS = (("mV", 1e-3), ("µV", 1e-6), ("V", 1.0))
+"""Units in which samples of an impossible size are tried, the likelier first."""
+
 RELATIVE_UNITS = ("1", "%")
 """Units of envelopes in maxima."""
 
@@ -245,7 +248,9 @@ def _channel_findings(
     if rms < least or rms == 0.0:
         return [whole("dead", rms, f"{size_text(rms, unit)} RMS")]
     if is_wrong_unit:
-        found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, where a muscle has 1 µV to 2 mV"))
+        likely = next((u for u, size in _TRIED_UNITS if 1e-6 <= rms * size <= 2e-3), "")
+        hint = f"; as {likely} it would be {size_text(rms * EMG_UNITS[likely], 'V')}" if likely and likely != unit else ""
+        found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, where a muscle has 1 µV to 2 mV{hint}"))
         return found
     # Limits in volts are none where the unit is not known.
     scale = 0.0 if unit == "" else 1.0 / EMG_UNITS[unit]

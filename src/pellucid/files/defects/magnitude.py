@@ -27,6 +27,9 @@ _MAX_PLAUSIBLE = {
 # The same for surface EMG, which stays below some millivolts at the skin.
 _MAX_PLAUSIBLE_EMG = (0.05, "mV")
 
+# Larger numbers of EMG are microvolts: no muscle has so many millivolts.
+_MAX_EMG_MV = 20.0
+
 
 @dataclass(frozen=True)
 class MagnitudeLimits:
@@ -73,6 +76,8 @@ def find_implausible(channel: Channel, known_limit: float = 0.0) -> ImplausibleM
     )
     if channel.name.startswith("emg."):
         limit, probable_unit = _MAX_PLAUSIBLE_EMG
+        if float(np.max(np.abs(channel.samples), where=np.isfinite(channel.samples), initial=0.0)) > _MAX_EMG_MV:
+            probable_unit = "uV"
     limit = max(limit, known_limit)
     finite = np.isfinite(channel.samples)
     largest = float(np.max(np.abs(channel.samples), where=finite, initial=0.0))

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._domains import array_function
-from ..._errors import IdentificationError, PellucidError, RecordingError, UnfitRecordingError
+from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError, UnfitRecordingError
 from ..._printed_command import printed_commands
 from ..._processes import finished_results, with_one_blas_thread
 from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
 from ...models.estimates import VERDICT_KINDS, Parameter, Verdict, rank_verdicts
-from ...numerics.arguments import with_checked_arguments
+from ...numerics.arguments import with_checked_arguments, with_one_rate
 from ..answer import unanswered_message
 from ..pages.quantities import unit_text, value_and_half_interval
 from ..results import read_rows
@@ -313,7 +313,7 @@ def onset(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``fs``, the sampling rate [Hz], and optionally ``rest``, the beginning and end of a stretch of rest
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``rest``, the beginning and end of a stretch of rest
         [s], ``level``, the intervals' probability, ``height``, ``shortest`` and ``pause``.
 
     Returns
@@ -327,7 +327,7 @@ def onset(
     RecordingError
         If there is no raw EMG with rest and activity.
     PellucidError
-        If the subject is neither a study nor an array, or `fs` is missing.
+        If the subject is neither a study nor an array, or `rate` is missing.
 
     Examples
     --------
@@ -336,7 +336,7 @@ def onset(
     >>> result = pl.onset("my-leg")                                          # doctest: +SKIP
     >>> t = np.arange(0.0, 4.0, 1e-3)
     >>> emg = np.random.default_rng(0).standard_normal(t.size) * np.where((t > 1.0) & (t < 2.0), 1.0, 0.02)
-    >>> found = pl.onset(emg, fs=1000.0)
+    >>> found = pl.onset(emg, rate=1000.0)
     >>> round(found.bursts[0].onset.time, 1)
     1.0
     """
@@ -364,7 +364,7 @@ def cocontraction(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level, and ``moments``,
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level, and ``moments``,
         whether the arrays are moments of two muscle groups [N m] of opposite signs.
 
     Returns
@@ -378,7 +378,7 @@ def cocontraction(
     RecordingError
         If a pair is not in every recording, its EMG is not fit to be used, or arrays do not fit together.
     PellucidError
-        If the subject is neither a study nor an array, or `fs` is missing.
+        If the subject is neither a study nor an array, or `rate` is missing.
 
     Examples
     --------
@@ -413,7 +413,7 @@ def synergies(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``fs``, the sampling rate [Hz], and optionally ``muscles`` (names of the columns), ``number`` of
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``muscles`` (names of the columns), ``number`` of
         synergies and ``heldout`` envelopes.
 
     Returns
@@ -427,7 +427,7 @@ def synergies(
     RecordingError
         If a muscle is not in every recording, or its EMG is not fit to be used.
     PellucidError
-        If the subject is neither a study nor envelopes, or `fs` is missing.
+        If the subject is neither a study nor envelopes, or `rate` is missing.
 
     Examples
     --------
@@ -592,8 +592,17 @@ def _array_options(caller: str, subject: object, options: dict[str, Any]) -> dic
             f"{caller}: found {type(subject).__name__}, expected a study (a path, or what pellucid.open "
             "returns) or arrays"
         )
+    options = with_one_rate(caller, options, "fs", "rate")
     if "fs" not in options:
-        raise PellucidError(f"{caller}: found arrays without a sampling rate, expected fs= in Hz")
+        raise PellucidError(f"{caller}: found arrays without a sampling rate, expected rate= in Hz")
+    for name, samples in subject.items() if isinstance(subject, Mapping) else [("", subject)]:
+        where = f"{caller}, {name}" if name else caller
+        try:
+            array = np.asarray(samples, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ArgumentError(f"{where}: found samples that are no numbers, expected an array of them") from None
+        if not array.size:
+            raise PellucidError(f"{where}: found no samples, expected some")
     return options
 
 
