@@ -53,14 +53,14 @@ def test_a_transfer_function(make_study, where, value):
     study = spoilt(make_study, where, value, TORQUE, CHANNEL, append=LINEAR)
     found = identify(study)
     assert found["stiffness"].value == pytest.approx(clean["stiffness"].value, rel=0.02)
-    assert any("left out" in v.text or "cut out" in v.text for v in found.verdicts)
+    assert any("excluded" in v.text or "cut out" in v.text for v in found.verdicts)
 
 
 def test_a_lost_stretch_of_input_ends_a_record(make_study):
     study = spoilt(make_study, slice(900, 1000), np.nan, TORQUE, CHANNEL, append=LINEAR)
     record = input_output(study.recording("sweep"), ("torque", "position"))
     assert (len(record), record.time[0]) == (1000, 5.0)
-    assert "a stretch of 100 samples lost: the longest part beside it kept, 1000 samples" in record.notes
+    assert "100 consecutive samples are missing; only the longest stretch without them, 1000 samples, is kept" in record.notes
 
 
 SWINGS = '\n[loaded_swing]\nlowpass = "10 Hz"\n'

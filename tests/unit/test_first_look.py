@@ -67,7 +67,7 @@ def test_a_straight_joint_is_told_as_well(tmp_path):
     said = [v for v in found.verdicts if v.text.startswith("Before any model")]
     # The input is the reference, and no channel says when it settled.
     assert [v.kind for v in said] == ["note", "good"]
-    assert "the first period was left out" in said[0].text
+    assert "the first period is excluded" in said[0].text
     assert "no distortion beyond noise" in said[1].text
 
 
@@ -75,7 +75,7 @@ def test_without_a_period_both_are_one_level_and_that_is_said(tmp_path):
     found = identify(written(tmp_path / "free", 2.0, period=""))
     assert set(found.looks) == {"m0", "m1", "m2", "m3"}
     assert not any(look.periodic for look in found.looks.values())
-    assert any("nothing tells apart there" in v.text for v in found.verdicts)
+    assert any("noise and distortion together" in v.text for v in found.verdicts)
     assert {r.id for r in found.rows} >= {f"joint.transfer_function.local_response.m{m}" for m in range(4)}
 
 

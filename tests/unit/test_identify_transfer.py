@@ -75,7 +75,7 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason_and_the_rest_goes_on(t
     assert "input that stays at 0.5" in rows["joint.transfer_function.fit.frozen"].note
     assert "found 15 samples" in rows["joint.transfer_function.fit.short"].note
     assert rows["joint.transfer_function.fit.stale"].value > 90.0
-    assert "400 samples of others left out" in rows["joint.transfer_function.fit.stale"].note
+    assert "400 samples of the others excluded" in rows["joint.transfer_function.fit.stale"].note
     assert set(found.refused) == {"frozen", "short"}
     refused = [f.message for f in check(study) if f.severity == "refuse"]
     assert [message.split(":")[0] for message in refused] == [

@@ -235,9 +235,9 @@ def test_stale_samples_repeats_and_missing_numbers_are_left_out_and_counted(tmp_
     made = input_output(recording(tmp_path, time, np.ones(9), y), ("torque", "position"))
     assert made.time.tolist() == [0.0, 0.1, 0.2, 0.4, 1.4]
     assert made.output.tolist() == [0.0, 1.0, 2.0, 4.0, 5.0]
-    assert "1 sample with a missing number left out" in made.notes
-    assert "time runs back once: the longest stretch kept, 2 samples of others left out" in made.notes
-    assert "1 sample at a time already recorded left out" in made.notes
+    assert "1 sample with a missing number excluded" in made.notes
+    assert "time runs backwards once; the longest stretch is kept, 2 samples of the others excluded" in made.notes
+    assert "1 sample with a repeated time excluded" in made.notes
     assert any("gap" in note for note in made.notes)
 
 

@@ -1,4 +1,4 @@
-"""An orthosis and its wearer: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+"""Entry point of the domain of an orthosis and its wearer; `_domains.py` defines the interface."""
 
 from ..study.procedures.procedure import ProcedureEntry
 

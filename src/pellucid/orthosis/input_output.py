@@ -48,24 +48,27 @@ class InputOutput:
 def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     """A recording's input and output over time that increases with every sample.
 
-    Samples with a missing number are left out. Where time runs back a log holds what is left of an earlier one: the
-    longest stretch in which it does not is kept. A time that repeats is kept once. All are counted in the notes, beside
-    the rows of garbage that reading has left out at either end.
+    Samples with a missing number are excluded. If time runs backwards, the log contains the rest of an earlier one;
+    only the longest increasing stretch is kept. If a time repeats, one sample is kept. The notes count all exclusions,
+    including the rows of garbage that the reader excluded at either end.
     """
     name_in, name_out = channels
     table = np.column_stack([recording.time, recording[name_in], recording[name_out]])
-    notes = [f"{cut.found}; they are left out" for cut in recording.cuts if cut.kind == garbage.KIND]
+    notes = [f"{cut.found}; they are excluded" for cut in recording.cuts if cut.kind == garbage.KIND]
     finite = np.isfinite(table).all(axis=1)
     known = finite & recording.sound
     if not finite.all():
-        notes.append(f"{_samples(int((~finite).sum()))} with a missing number left out")
+        notes.append(f"{_samples(int((~finite).sum()))} with a missing number excluded")
     lost = [run.stop - run.start for run in runs(~known)]
     if max(lost, default=0) > MAX_LOST_SAMPLES:
         # What drove it meanwhile is not known, and a simulation cannot go on over it.
         begins = [0, *(r.stop for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
         stops = [*(r.start for r in runs(~known) if r.stop - r.start > MAX_LOST_SAMPLES), len(known)]
         begin, end = max(zip(begins, stops, strict=False), key=lambda part: part[1] - part[0])
-        notes.append(f"a stretch of {max(lost)} samples lost: the longest part beside it kept, {end - begin} samples")
+        notes.append(
+            f"{max(lost)} consecutive samples are missing; only the longest stretch without them, {end - begin} "
+            "samples, is kept"
+        )
         known[:begin] = False
         known[end:] = False
     if not known.all():
@@ -76,11 +79,13 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
         longest = int(np.argmax(ends - starts))
         left = len(table) - int(ends[longest] - starts[longest])
         times = "once" if len(starts) == 2 else f"{len(starts) - 1} times"
-        notes.append(f"time runs back {times}: the longest stretch kept, {_samples(left)} of others left out")
+        notes.append(
+            f"time runs backwards {times}; the longest stretch is kept, {_samples(left)} of the others excluded"
+        )
         table = table[starts[longest] : ends[longest]]
     repeats = np.concatenate([[False], np.diff(table[:, 0]) == 0.0]) if len(table) else np.zeros(0, bool)
     if repeats.any():
-        notes.append(f"{_samples(int(repeats.sum()))} at a time already recorded left out")
+        notes.append(f"{_samples(int(repeats.sum()))} with a repeated time excluded")
         table = table[~repeats]
     if len(table) < 2:
         raise RecordingError(

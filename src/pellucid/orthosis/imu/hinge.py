@@ -1,8 +1,8 @@
-"""A hinge between two IMUs, from how they move: its axis, its centre in both sensors' frames [1]_ [2]_, its angle.
+"""Axis, centre and angle of a hinge between two IMUs, estimated from their motion [1]_ [2]_.
 
-A point of the hinge's axis has one acceleration, and the two segments turn alike about every direction but the axis.
-Both facts are first used through norms, which need no common frame; what they give then starts one least-squares fit of
-everything, in which the angle is the integral of the measured rates.
+Every point on the axis has one acceleration. Both segments share every component of angular velocity but the one about
+the axis. First, both facts are used through norms, which need no common frame. This estimate then starts one
+least-squares fit of all quantities, in which the angle is the integral of the measured angular rates.
 
 .. [1] T. Seel, T. Schauer, J. Raisch, Joint axis and position estimation from inertial measurement data by exploiting
    kinematic constraints, IEEE CCA, 2012.

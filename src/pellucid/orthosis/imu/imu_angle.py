@@ -268,7 +268,7 @@ def segment_angle(quaternions: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def euler_angles(quaternions: np.ndarray) -> np.ndarray:
-    """Roll, pitch and yaw (about z, then y, then x), shape (n, 3), unwrapped [rad]: what a filter's display shows."""
+    """Return unwrapped roll, pitch and yaw, shape (n, 3) [rad]; rotations about z, then y, then x."""
     turns = Rotation.from_quat(quaternions, scalar_first=True)
     return np.unwrap(turns.as_euler("ZYX")[:, ::-1], axis=0)
 

@@ -11,15 +11,16 @@ than the limb swings. Therefore d is an arbitrary drift of low frequency in each
 slow creep, and keeps the sway out of the intervals. Where the strap transmits almost no torque, slack would leave the
 limb's angle undetermined. These samples are excluded for every model.
 
-**Choice.** Features are chosen by backward elimination, judged on held-out blocks of the swings. The search starts from
-all features. A feature is significant if the held-out blocks are predicted worse without it (``block_test``) and the
-error of the swings, or of the trials with held torques, grows by the share `MIN_IMPROVEMENT`. Features whose
-coefficient rests at the bound where it does nothing go first, without a test. All insignificant ones then go at once,
-if the blocks are predicted no worse without all of them; otherwise each may imitate another, and the least important
-one goes alone. The test has a family-wise level: a strap without features receives one in at most this share of cases.
+**Choice.** Backward elimination chooses the features by their errors on held-out blocks of the swings. The search
+starts from all features. A feature is significant if the held-out blocks are predicted worse without it
+(``block_test``) and the error of the swings, or of the trials with held torques, grows by the share `MIN_IMPROVEMENT`.
+Features whose coefficient reaches the bound where it has no effect are removed first, without a test. Then all
+insignificant features are removed together, if the prediction of the blocks is no worse without all of them. Otherwise
+each may imitate another, and only the least important one is removed. The test has a family-wise level: a strap without
+features receives one in at most this share of cases.
 
 **Test.** Effects that the model neglects join it as further columns. The model is rejected if held-out blocks are
-predicted better with them; what they could move widens the covariance.
+predicted better with them; the changes that they could cause widen the covariance.
 """
 
 from __future__ import annotations

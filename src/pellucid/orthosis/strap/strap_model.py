@@ -4,10 +4,10 @@ The plainest strap is a spring and a damper in parallel (Kelvin-Voigt).
 
 The core computes every strap (``include/pellucid/strap.hpp``). A model is a set of features; each feature frees
 parameters that are 0 without it. A second spring in series with a dashpot makes the strap a standard linear solid. A
-strap rubs if dry friction acts beside the spring; its cloth bends over a way before it slips. Soft tissue in series is
-compressed less and less by a growing torque. Tissue that is a linear spring, with or without a damper, cannot be told
-from a standard linear solid, which has the same response. The strap's misalignment with the joint's axis is no property
-of the strap, but the other parameters are biased without it.
+strap rubs if dry friction acts in parallel with the spring; its cloth bends before it slips. Soft tissue in series is
+compressed less and less by a growing torque. Tissue that is a linear spring, with or without a damper, cannot be
+distinguished from a standard linear solid, which has the same response. The strap's misalignment with the joint's axis
+is no property of the strap, but the other parameters are biased without it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CORE_NAMES: tuple[str, ...] = tuple(_core.STRAP_PARAMETER_NAMES)
 """Names of the core's strap parameters, in its order."""
 
 CONTACT_NAMES: tuple[str, ...] = tuple(_core.STRAP_CONTACT_NAMES)
-"""Names of the core's parameters of what rubs beside a strap and gives in series with it, in its order."""
+"""Names of the core's parameters of friction in parallel and tissue in series with a strap, in its order."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ FEATURE_WORDS: Mapping[str, str] = {
     "slack": "has slack",
     "relaxing": "relaxes (a standard linear solid)",
     "askew": "sits askew of the joint's axis",
-    "friction": "rubs (dry friction beside the spring)",
+    "friction": "rubs (dry friction in parallel with the spring)",
     "tissue": "pulls through soft tissue in series",
 }
 """Each feature as the verb phrase of a sentence whose subject is the strap."""

@@ -3,9 +3,9 @@ swings.
 
 Arrays in, values out: recorded and simulated swings take the same path.
 
-What is held of one wearer's strap is decided once (`StrapDecision`), so that no two verdicts can contradict each other.
-Every verdict reads this object. A prediction is praised only if a model of the strap holds and none of its
-parameters is rejected; two estimates are said to agree only beside the numbers that were compared.
+Every decision about one wearer's strap is made once (`StrapDecision`), so that no two verdicts can contradict each
+other. Every verdict reads this object. A prediction is called good only if a strap model is accepted and none of its
+parameters is rejected. A statement that two estimates agree always shows the compared numbers.
 """
 
 from __future__ import annotations
@@ -244,7 +244,7 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> Iterator[Verd
         yield Verdict(
             "warning",
             f"{who}: the strap slipped by {np.degrees(s.step):+.1f} deg {s.time:.1f} s into {s.recording}; that trial "
-            "was not fitted, and what is judged on it mixes two mountings.",
+            "is not fitted, and every evaluation on it mixes two mountings.",
         )
     if any(j.split == "heldout" for j in found.evaluated):
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
@@ -296,10 +296,10 @@ def _strap_verdicts(found: WearerCoupling, decision: StrapDecision) -> Iterator[
         text = "whether the strap relaxes over longer than a swing is not told: record torques that are held."
         yield Verdict("note", f"{who}: {text}")
     if not strap.model.in_core:
-        text = "laws, and torques that are computed through the strap, use the spring and the damper that do best; "
+        text = "controllers, and torques computed through the strap, use the best-fitting spring and damper; "
         yield Verdict("note", f"{who}: {text}they know neither friction nor tissue of the strap.")
     if not decision.holds:
-        text = "no model of the strap holds: blocks held out are predicted better with physics beside it"
+        text = "no strap model is accepted: additional effects improve the prediction of held-out blocks"
         yield Verdict("warning", f"{who}: {text} (p {strap.holds:.2g}).")
 
 

@@ -61,10 +61,10 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         f"{STRAP_FACTORS[-1] - 1:.0%} stiffer than identified.",
         f"It comes to rest with {1 - INERTIA_FACTORS[0]:.0%} less and {INERTIA_FACTORS[-1] - 1:.0%} more inertia of "
         "the orthosis, also at its limit of rate.",
-        "Behind a spring a drive that gives three times the effort is found in 38 of 40 virtual runs (up to 3.5 J), "
-        "one that answers 20 ms late in none (4 J): keep an emergency stop within reach.",
-        "joint, where you have it, is the motor's encoder: it tells what energy the motor gives back.",
-        "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
+        "In 40 simulated runs behind a spring, the supervisor detected a drive with three times the effort in 38 (up "
+        "to 3.5 J). It detected a drive with 20 ms of latency in none (4 J). Keep an emergency stop within reach.",
+        "joint is the motor's encoder, where the robot has one: it measures the energy that the motor returns.",
+        "muscle is the output of your EMG chain; without it (valid = 0) all terms that need no EMG continue.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
     return ControllerValues(

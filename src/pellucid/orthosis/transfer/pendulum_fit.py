@@ -312,7 +312,7 @@ def fit_pendulum(
 def evaluate_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
     """Simulate a record with fixed parameters; only its initial state is estimated.
 
-    A record that only judges must not stop a fit: where the simulation diverges, `Response.diverges` says so.
+    A validation record must not stop a fit: if the simulation diverges, `Response.diverges` is True.
     """
     _require(record, 2)
     held = dict(zip(NAMES, fit.complete, strict=True))

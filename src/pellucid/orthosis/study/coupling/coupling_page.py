@@ -132,8 +132,8 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
 
 
 def mismatch_figure(who: str, swing: EvaluatedSwing) -> MovingDrawing:
-    """Draw the mismatch angle in one swing, by the IMU and by the models, beside the leg in its orthosis, which moves
-    as it was recorded."""
+    """Draw the mismatch angle of one swing by the IMU and by the models, next to the recorded motion of the leg in its
+    orthosis."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     limb, axis = figure.subplots(1, 2, width_ratios=(1.0, 2.6))
     _zero_line(axis)
@@ -213,9 +213,9 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     return Drawing(
         f"strap_{who}",
         figure,
-        f"What the strap of {who} carries in the end, over the angle between limb and orthosis: where the IMU saw the "
-        f"limb, by the model that was chosen ({strap.model.words}), its tangent where it begins to pull, and the "
-        "spring that does best alone. What it carries by its damper, and by what relaxes, is taken off.",
+        f"Relaxed torque of the strap of {who} over the angle between limb and orthosis: from the limb's IMU, by the "
+        f"chosen model ({strap.model.words}), the model's tangent where it begins to pull, and the best-fitting spring "
+        "alone. The torques of the damper and of relaxation are subtracted.",
     )
 
 

@@ -122,7 +122,7 @@ def coupling_answer(found: CouplingResult) -> Answer:
 
 
 def strap_beside_posterior(found: WearerCoupling) -> tuple[ComparedPosterior, ...]:
-    """Return the parameters of the spring and damper, each beside its posterior; there must be one."""
+    """Return the parameters of the spring and damper, each paired with its posterior; a posterior is required."""
     return pair_with_posterior(found.orthosis_side.parameters, found.posterior)
 
 
@@ -176,7 +176,7 @@ def _tables(found: CouplingResult) -> Iterator[ParameterTable | FigureTable]:
     yield FigureTable("Mismatch explained", heads, tuple(evaluated))
     for who, stages in wearers.items():
         if stages.coupling.posterior is not None:
-            title = f"{who}: posterior beside those of a spring and a damper"
+            title = f"{who}: posterior and least-squares estimates of spring and damper"
             yield posterior_table(title, strap_beside_posterior(stages.coupling), found.confidence)
 
 
@@ -324,10 +324,10 @@ def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[R
         note = "given up: blocks held out are predicted as well without it" if p is None else f"p {p:.2g} without it"
         yield row(f"{head}.{feature}.chosen", float(strap.model.has(feature)), "1", "fitted", note)
     for name, value, tangent in zip(("low", "high"), strap.range, strap.ends, strict=True):
-        yield row(f"{head}.range.{name}", value, "rad", "fitted", "of stretches seen")
+        yield row(f"{head}.range.{name}", value, "rad", "fitted", "range of observed extensions")
         yield parameter(f"{head}.tangent.{name}", tangent, "at that end of the range")
-    yield row(f"{head}.error", strap.errors[strap.model.name], "rad", "heldout", "of blocks held out")
-    yield row(f"{head}.holds", strap.holds, "1", "heldout", "p of no physics beside the model being missed")
+    yield row(f"{head}.error", strap.errors[strap.model.name], "rad", "heldout", "error on held-out blocks")
+    yield row(f"{head}.holds", strap.holds, "1", "heldout", "p-value of the hypothesis that the model lacks no effect")
 
 
 # --- cards ----------------------------------------------------------------------------------------------------------

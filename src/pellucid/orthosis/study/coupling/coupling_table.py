@@ -19,11 +19,11 @@ class CouplingTable(ProcedureTable):
     orientation : str
         Filter of the IMU: ``"vqf"`` or ``"madgwick"``.
     magnetometer : bool
-        Whether it is used.
+        Whether that filter uses the magnetometer.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     posterior : bool
-        Whether a posterior of each strap is drawn beside its intervals.
+        Whether a posterior of each strap is sampled in addition to its confidence intervals.
     """
 
     alone: ClassVar[bool] = True

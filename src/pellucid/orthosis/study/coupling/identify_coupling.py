@@ -71,8 +71,9 @@ RECORDING_PROTOCOLS = (
 def identify_coupling(study: Study, tell: Progress = quiet) -> CouplingResult:
     """Identify orthosis, limbs and straps of a study with ``[coupling]``.
 
-    Recordings are told apart by their protocol: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
-    ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
+    The protocol distinguishes the recordings: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
+    ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. Recordings marked ``"validate"`` are never fitted and
+    only evaluated.
     """
     if study.table(CouplingTable).posterior:
         require_sampler()

@@ -1,1 +1,1 @@
-"""The angle of a joint from the two inertial sensors beside it."""
+"""The angle of a joint from the inertial sensors on its two segments."""

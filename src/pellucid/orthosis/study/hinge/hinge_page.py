@@ -1,6 +1,6 @@
-"""The report of a hinge between two IMUs: its angle and how far it is off, axis and centre, what was done.
+"""Report page of a hinge between two IMUs: angle and its error, axis, centre and method.
 
-Figures of a hinge between two IMUs: its angle beside the reference, the error over time, where the axis is.
+Figures of a hinge between two IMUs: its angle and the reference, the error over time, the position of the axis.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ANGLE_FIGURE_SPAN_S = 20.0
 
 
 def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
-    """Draw the estimated angle beside the reference, over the first seconds that are scored. `score_from` [s]."""
+    """Draw the estimated angle and the reference over the first scored seconds. `score_from` [s]."""
     reference, found = trial.reference, trial.scores["offline"]
     shown = (reference.time >= score_from) & (reference.time < score_from + ANGLE_FIGURE_SPAN_S)
     time = reference.time[shown]
@@ -38,8 +38,8 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     return Drawing(
         name,
         figure,
-        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {ANGLE_FIGURE_SPAN_S:g} s that are "
-        "judged. The reference is broken where it jumps more than the joint can.",
+        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {ANGLE_FIGURE_SPAN_S:g} s of the "
+        "evaluation. The reference has gaps where it jumps farther than the joint can move.",
     )
 
 
@@ -63,8 +63,8 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     return Drawing(
         name,
         figure,
-        f"Error of the angle of {trial.name}. Left of the dashed line lie the seconds that gave axes, centre and "
-        "offset; what is right of it is judged. Drifting gyroscopes may leave the frame.",
+        f"Error of the angle of {trial.name}. The calibration, which gives axes, centre and offset, lies left of the "
+        "dashed line; the evaluation lies right of it. Drifting gyroscopes may leave the frame.",
     )
 
 

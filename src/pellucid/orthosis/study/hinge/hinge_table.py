@@ -13,16 +13,16 @@ class HingeTable(ProcedureTable):
     Attributes
     ----------
     proximal, distal : str
-        What the names of each IMU's channels begin with.
+        Prefix of the channel names of each IMU.
     calibration : float
-        The first seconds, from which axes, joint centre and the angle's zero are found [s].
+        Duration at the beginning from which axes, joint centre and the angle's zero are estimated [s].
     score_from : float
-        From when on the angle is judged [s].
+        Time after which the angle is evaluated [s].
     jump : float
-        A reference angle that changes by more than this from one sample to the next is no measurement [rad].
+        Largest plausible change of the reference angle between two samples; samples with a larger one are excluded
+        [rad].
     delay : float or None
-        How much later the IMUs show a motion than the reference does [s]; left out, it is found from the angular rates
-        of the calibration's seconds.
+        Delay of the IMUs behind the reference [s]; if None, it is estimated from the angular rates of the calibration.
     """
 
     alone: ClassVar[bool] = True

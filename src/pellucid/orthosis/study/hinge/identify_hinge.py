@@ -57,7 +57,7 @@ class HingeReference:
 
 
 def has_reference(recording: Recording, proximal: str, distal: str) -> bool:
-    """Return whether a `recording` has orientations of the `proximal` and the `distal` body beside the IMUs."""
+    """Return whether a `recording` has orientations of the `proximal` and the `distal` body in addition to the IMUs."""
     return all(f"{prefix}.orientation.{c}" in recording for prefix in (proximal, distal) for c in "wxyz")
 
 
@@ -104,7 +104,7 @@ def _samples_near_jumps(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class HingeScore:
-    """An estimated angle beside the reference."""
+    """An estimated angle compared with the reference."""
 
     angle: np.ndarray  # (n,) Estimate at the reference's times, sense and offset corrected [rad]; NaN outside its span
     error: np.ndarray  # (n,) Estimate less reference, in (-pi, pi] [rad]; NaN outside the estimate's span
@@ -177,6 +177,7 @@ SCORED_ANGLES = ("offline", "causal", "aligned", "unaligned", "gyroscopes")
 calibration's rates, ``unaligned`` assumes no delay, and ``gyroscopes`` integrates rates alone.
 """
 
+
 @dataclass(frozen=True, eq=False)
 class HingeTrial:
     """One recording of a hinge."""
@@ -214,12 +215,12 @@ class HingeResult(Result):
 
 
 def identify_hinge(study: Study, tell: Progress = quiet) -> HingeResult:
-    """Find hinge and angle in every recording, and judge the angle where there is a reference. `study` [hinge]."""
+    """Estimate hinge and angle in every recording, and evaluate the angle where a reference exists. `study` [hinge]."""
     table = study.table(HingeTable)
     if table.score_from < table.calibration:
         raise IdentificationError(
             f"[hinge]: found score_from = {table.score_from:g} s before the end of calibration, "
-            f"{table.calibration:g} s: the angle would be judged on what it was calibrated with"
+            f"{table.calibration:g} s: the angle would be evaluated on its own calibration data"
         )
     recordings = study.recordings()
     trials, failures = [], {}
@@ -258,7 +259,7 @@ def faults(study: Study) -> list[Fault]:
         file, where = recording.path.name, f"{recording.path.name} (recording {recording.name})"
         length = float(recording.time[-1] - recording.time[0])
         if length <= table.score_from:
-            text, wanted = f"{length:.4g} s", f"more than the {table.score_from:g} s after which the angle is judged"
+            text, wanted = f"{length:.4g} s", f"more than the {table.score_from:g} s after which the angle is evaluated"
             message = f"{where}, channel time: found {text}, expected {wanted}"
             found.append(Fault("refuse", "too_few_samples", file, "time", text, wanted, message))
         for prefix in (table.proximal, table.distal):
@@ -378,9 +379,12 @@ def hinge_answer(found: HingeResult) -> Answer:
         quantity, where = "RMS error of the angle", "the seconds after the calibration"
     else:
         errors = {trial.name: _axis_tilt_deg(trial) for trial in found.trials}
-        text = f"axis and centre are found; the axis is known to {max(errors.values()):.2f} deg or better (95 %)"
-        text += "; there is no reference to judge the angle by"
-        question = f"Do the IMUs tell the axis of the hinge, within {MAX_ANGLE_ERROR_DEG:g} deg?"
+        text = (
+            f"axis and centre are identified; the error of the axis is at most {max(errors.values()):.2f} deg (95 % "
+            "confidence)"
+        )
+        text += "; the angle is not evaluated, because no recording has a reference"
+        question = f"Do the IMUs identify the axis of the hinge within {MAX_ANGLE_ERROR_DEG:g} deg?"
         quantity, where = "half the 95 % interval of the axis", ""
     parts = [
         AnswerPart(name, "yes" if error <= MAX_ANGLE_ERROR_DEG else "no", f"{quantity} {error:.2f} deg")
@@ -439,7 +443,10 @@ def _verdicts(trials: list[HingeTrial], failures: dict[str, str], table: HingeTa
                 f"error is {degrees['aligned']:.2f} deg, with none {degrees['unaligned']:.2f} deg.",
             )
             if excluded := trial.reference.excluded:
-                yield Verdict("warning", f"{who}: {excluded} reference samples are not judged; {_excluded(trial)}.")
+                yield Verdict(
+                    "warning",
+                    f"{who}: {excluded} reference samples are excluded from the evaluation; {_excluded(trial)}.",
+                )
         if trial.interpolated:
             yield Verdict("warning", f"{who}: {trial.interpolated} missing IMU samples were bridged.")
         if not trial.hinge.rested:

@@ -1,7 +1,7 @@
-"""Steps 1 and 2 on an exoskeleton that swings empty and with relaxed legs in it: bodies, and legs by difference.
+"""Steps 1 and 2 for an exoskeleton that swings empty and with relaxed legs: bodies, and legs as their difference.
 
-Recordings of protocol "empty_swing" and "loaded_swing" that are to be fitted are fitted together, each body's in one
-regression; of several swings the one that shows inertia best decides. What the paper's swing alone would say is told.
+One regression for each body fits all its recordings of protocol "empty_swing" or "loaded_swing" that are marked to
+fit. The swing that identifies inertia best determines it. The result of the paper's swing alone is reported too.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def prepared(recording: Recording, lowpass: float) -> Swing:
 
 
 def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
-    """Return the low-passed [Hz] swings between a recording's cuts; stretches that are too short are left out."""
+    """Return the low-passed [Hz] swings between a recording's cuts; stretches that are too short are excluded."""
     if not recording.cuts:
         return [prepared(recording, lowpass)]
     found: list[Swing] = []
@@ -242,10 +242,10 @@ def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float
     beyond = {who: share for who, share in more.items() if share > 10.0}
     if beyond:
         named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
-        text = f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
-        verdicts.append(Verdict("note", f"{text}does, and no swing of this range tells them apart."))
+        text = f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg "
+        verdicts.append(Verdict("note", f"{text}as its weight does, and swings of this range do not separate the two."))
     if not verdicts:
-        verdicts.append(Verdict("good", "Every leg's inertia and weight are told apart."))
+        verdicts.append(Verdict("good", "Inertia and weight of every leg are identified separately."))
     return verdicts
 
 

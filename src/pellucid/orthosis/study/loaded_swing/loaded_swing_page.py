@@ -49,7 +49,7 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
 
 
 def _panels(findings: LoadedSwingResult) -> list[Traces]:
-    """Each recording's torque beside its own body's."""
+    """Return each recording's measured torque with the torque of its own body's model."""
     panels = []
     for name in list(findings.swings)[:MAX_DRAWN_RECORDINGS]:
         made = findings.swings[name]

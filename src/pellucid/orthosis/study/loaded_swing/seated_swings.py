@@ -148,7 +148,7 @@ def _evaluate_person(
     fitted, held = ([t for t in trials if t.heldout == out] for out in (False, True))
     if not fitted or not held:
         raise IdentificationError(
-            f"{who}: found {len(fitted)} swings to fit and {len(held)} to judge, expected at least one of each"
+            f"{who}: found {len(fitted)} swings to fit and {len(held)} to validate, expected at least one of each"
         )
     made: dict[str, dict[str, np.ndarray]] = {t.name: {} for t in held}
     half: dict[str, dict[str, np.ndarray]] = {}

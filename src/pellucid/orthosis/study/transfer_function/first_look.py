@@ -113,7 +113,7 @@ def _of_periods(name: str, members: Sequence[Recording], asked: TransferFunction
             )
         begin, end = _repeating(recording, signals, samples)
         if signals[2] is None and not notes:
-            notes.append(f"no channel '{asked.reference or 'reference'}': the first period was left out as unsettled")
+            notes.append(f"no channel '{asked.reference or 'reference'}': the first period is excluded as unsettled")
         parts.append([None if x is None else x[begin:end] for x in signals])
         rates.append(rate)
     length = min(len(part[0]) for part in parts)
@@ -127,7 +127,10 @@ def _of_periods(name: str, members: Sequence[Recording], asked: TransferFunction
         references=None if references[0] is None else references,
     )  # fmt: skip
     if len(members) == 1:
-        notes.append("one realisation: distortion at excited lines is taken from the odd lines left out beside them")
+        notes.append(
+            "one realisation: distortion at excited lines is estimated from the neighbouring odd lines without "
+            "excitation"
+        )
     return FirstLook(name, tuple(r.name for r in members), found, tuple(notes))
 
 
@@ -180,10 +183,10 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             by = f", {100.0 * share:.0f} % of it of {side} order"
         yield Verdict(
             "warning" if found.highest_fit_limit < LOOK_THRESHOLDS.linear_fit_warning_percent else "note",
-            f"Before any model ({look.name}): no linear model {path} can hold better than {found.highest_fit:.0f} % "
-            f"over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % confidence); noise alone would leave "
-            f"{found.highest_fit_noise:.1f} %. What is not linear has {_times(found.nonlinear_to_noise)} times the "
-            f"noise's variance{by}.",
+            f"Before any model ({look.name}): the best possible fit of a linear model {path} is "
+            f"{found.highest_fit:.0f} % over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % "
+            f"confidence); with noise alone it would be {found.highest_fit_noise:.1f} %. The variance of the "
+            f"non-linear distortion is {_times(found.nonlinear_to_noise)} times that of the noise{by}.",
         )
     fits = [each.found.fit for each in looks.values() if not each.periodic]
     if fits:
@@ -191,8 +194,8 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
         yield Verdict(
             "note",
             f"Before any model: a response that is smooth over a few frequencies explains {span} of the output where "
-            f"the input excites it, {len(fits)} recording{'s' * (len(fits) != 1)} without periods. What is left is "
-            f"noise and distortion, which nothing tells apart there: record {PROTOCOL} for that.",
+            f"the input excites it ({len(fits)} recording{'s' * (len(fits) != 1)} without periods). The rest is noise "
+            f"and distortion together; record {PROTOCOL} to separate them.",
         )
     for look in looks.values():
         for note in look.notes:
@@ -236,7 +239,7 @@ def rows(head: str, looks: Mapping[str, FirstLook], checksums: Mapping[str, str]
             continue
         note = (
             f"best linear approximation of {', '.join(look.recordings)}; {found.periods} periods, "
-            f"{len(found.line)} lines, {len(found.left_out.line)} left out"
+            f"{len(found.line)} lines, {len(found.left_out.line)} not excited"
         )
         for name, value, unit in (
             ("linear_at_best", found.highest_fit, "%"),

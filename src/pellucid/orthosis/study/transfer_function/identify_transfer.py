@@ -82,9 +82,9 @@ class TransferResult(Result):
 def identify_transfer(study: Study, tell: Progress = quiet) -> TransferResult:
     """Identify a transfer function from every recording of a study with ``[transfer_function]``.
 
-    A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
-    never fitted is judged with coefficients from all fitted ones of its participant and condition. Held out means that
-    coefficients are frozen and only the initial state is estimated, because no other data contain it.
+    A fitted recording is also validated: its last third is held out, with coefficients from the rest. A recording that
+    is never fitted is evaluated with coefficients from all fitted ones of its participant and condition. Held out means
+    that coefficients are frozen and only the initial state is estimated, because no other data contain it.
     """
     asked = study.table(TransferFunctionTable)
     channels = (asked.input, asked.output)
@@ -150,7 +150,10 @@ def identify_transfer(study: Study, tell: Progress = quiet) -> TransferResult:
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps recordings from being fitted, and what is left out of them. `study` [transfer_function]."""
+    """Return the faults that keep recordings from being fitted, and the excluded samples.
+
+    `study` [transfer_function].
+    """
     asked = study.table(TransferFunctionTable)
     found = []
     for recording in study.recordings():
@@ -279,9 +282,9 @@ def _verdicts(result: TransferResult) -> Iterator[Verdict]:
         for note in notes:
             yield Verdict("note", f"Recording {name}: {note}.")
     for name, reason in result.refused.items():
-        yield Verdict("warning", f"Recording {name}: refused. {reason}.")
+        yield Verdict("warning", f"Recording {name}: not fitted. {reason}.")
     for name, reason in result.unevaluated.items():
-        yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
+        yield Verdict("note", f"Recording {name}: not validated. {reason}.")
 
 
 # --- rows and cards -------------------------------------------------------------------------------------------------

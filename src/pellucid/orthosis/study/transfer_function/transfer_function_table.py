@@ -19,13 +19,13 @@ class TransferFunctionTable(ProcedureTable):
     poles, zeros : int
         Orders of denominator and numerator.
     hold : str
-        What the input did between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
+        Course of the input between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
     reference : str, optional
-        Channel that no noise reaches and that drives both: what a controller follows.
+        Channel without noise that drives input and output, such as a controller's reference.
     period : float, optional
-        Of the recordings of protocol ``random_phase_multisine`` [s].
+        Period of the recordings of protocol ``random_phase_multisine`` [s].
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     """
 
     alone: ClassVar[bool] = True

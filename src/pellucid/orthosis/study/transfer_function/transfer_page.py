@@ -36,7 +36,7 @@ def shown(unit: str, channel: str) -> tuple[str, float]:
 
 
 def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
-    """Output measured and simulated, what the simulation misses, and the input; `labels` of input and output."""
+    """Draw measured and simulated output, the simulation's error, and the input; `labels` are of input and output."""
     heldout, time = found.split == "heldout", found.time
     (input_label, input_scale), (output_label, output_scale) = labels
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
@@ -58,7 +58,7 @@ def response(found: Response, labels: Sequence[tuple[str, float]]) -> Drawing:
         figure,
         f"{found.recording.replace('_', ' ')}, {'held out' if heldout else 'fitted'}: measured "
         f"(black; white on a dark page) and simulated, "
-        f"what the simulation misses, and the input. Fit {number(found.fit, digits=3)} %.",
+        f"the simulation's error, and the input. Fit {number(found.fit, digits=3)} %.",
     )
 
 
@@ -296,12 +296,12 @@ def _looks(found: TransferResult) -> Iterator[Section]:
         if look.periodic:
             drawings.append(draw(output_lines, look, shown(found.units[1], found.channels[1])))
     text = (
-        "A frequency response without a model, and how much of the output no linear model explains. Over periods only "
-        "noise changes; over realisations of random phases what is not linear changes too, and lines that were left "
-        "out show it directly."
+        "A frequency response without a model, and the share of the output that no linear model explains. Only noise "
+        "changes from period to period. Distortion changes from one realisation of random phases to the next, and "
+        "lines without excitation show it directly."
         if periodic
-        else "A frequency response without a model, smooth over a few neighbouring frequencies. What it leaves is "
-        "noise and distortion together: without periods nothing tells them apart."
+        else "A frequency response without a model, smooth over a few neighbouring frequencies. The rest is noise and "
+        "distortion together; only a periodic input separates them."
     )
     tables = tuple(figure_tables(found, "Before any model"))
     yield Section("before", "Before any model", (text,), tables, tuple(drawings))
@@ -380,8 +380,9 @@ def _coefficients(found: TransferResult) -> Section:
         "coefficients",
         "Coefficients and their intervals",
         (
-            "Of (b_m s^m + ... + b_0) / (s^n + a_{n-1} s^{n-1} + ... + a_0). Intervals allow for coloured residuals, "
-            "and for the initial state being estimated; those of inertia, damping and stiffness follow to first order.",
+            "The transfer function is (b_m s^m + ... + b_0) / (s^n + a_{n-1} s^{n-1} + ... + a_0). Its intervals "
+            "account for coloured residuals and for the estimated initial state. Those of inertia, damping and "
+            "stiffness follow to first order.",
         ),
         tuple(tables),
     )
