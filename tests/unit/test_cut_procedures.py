@@ -60,7 +60,8 @@ def test_a_lost_stretch_of_input_ends_a_record(make_study):
     study = spoilt(make_study, slice(900, 1000), np.nan, TORQUE, CHANNEL, append=LINEAR)
     record = input_output(study.recording("sweep"), ("torque", "position"))
     assert (len(record), record.time[0]) == (1000, 5.0)
-    assert "100 consecutive samples are missing; only the longest stretch without them, 1000 samples, is kept" in record.notes
+    kept = "only the longest stretch without them, 1000 samples, is kept"
+    assert f"100 consecutive samples are missing; {kept}" in record.notes
 
 
 SWINGS = '\n[loaded_swing]\nlowpass = "10 Hz"\n'

@@ -96,12 +96,12 @@ def test_what_cannot_be_a_tree_is_named():
     refused("joint 'elbow': found no link 'lower', expected one of upper", links=links[:1])
     refused("link 'hand' has no joint", links=[*links, Link("hand", 1.0)])
     loop = TreeJoint("back", "base", "lower", axis=Z)
-    refused("link 'lower' hangs on two joints, 'elbow' and 'back': a loop", joints=[*joints, loop])
+    refused("link 'lower' is the child of two joints, 'elbow' and 'back': a loop", joints=[*joints, loop])
     around = [TreeJoint("a", "upper", "lower", axis=Z), TreeJoint("b", "lower", "upper", axis=Z)]
-    refused("none: every link hangs on another, in a loop", joints=around)
+    refused("none: every link is the child of another, in a loop", joints=around)
     refused("carry one another in a loop", joints=[TreeJoint("c", "base", "hand", axis=Z), *around],
             links=[*links, Link("hand", 1.0)])  # fmt: skip
-    refused("links that hang on nothing: 'base', 'floor'", joints=[joints[0], TreeJoint("b", "floor", "lower", axis=Z)])
+    refused("links without a parent: 'base', 'floor'", joints=[joints[0], TreeJoint("b", "floor", "lower", axis=Z)])
     refused("found no joint that moves", joints=[TreeJoint("a", "base", "upper", "fixed")], links=links[:1])
     chain = [TreeJoint(f"j{i}", f"l{i}", f"l{i + 1}", axis=Z) for i in range(33)]
     refused("found 33 links, expected at most 32", joints=chain, links=[Link(f"l{i + 1}", 1.0) for i in range(33)])

@@ -30,5 +30,5 @@ def test_turns_that_cannot_be_are_named():
 
     refused(r"found shape \(1, 2\), expected 2 rows", ((1.0, 0.0),))
     refused("found 32 of the motor of shoulder by its own joint, expected 1: gears", ((32.0, 0.0), (0.0, 1.0)))
-    refused("rows that hang on one another", ((1.0, 1.0), (1.0, 1.0)))
+    refused("linearly dependent rows", ((1.0, 1.0), (1.0, 1.0)))
     refused("expected 2 rows of 2 finite", ((1.0, float("nan")), (0.0, 1.0)))

@@ -171,7 +171,7 @@ def test_what_cannot_be_a_robot_is_named(written, change, message):
         ('<link name="c"/>', "link 'c' has no joint"),
         (
             '<link name="d"/><link name="c"/><joint name="x" type="fixed"><parent link="d"/><child link="c"/></joint>',
-            "links that hang on nothing: 'base', 'd'",
+            "links without a parent: 'base', 'd'",
         ),
         (
             '<link name="c"/><joint name="x" type="revolute"><parent link="b"/><child link="c"/>'

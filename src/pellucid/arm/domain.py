@@ -1,4 +1,4 @@
-"""Robots of several joints: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+"""Entry point of the domain of robots with several joints; `_domains.py` defines the interface."""
 
 from ..study.procedures.procedure import ProcedureEntry
 

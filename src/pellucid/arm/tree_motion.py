@@ -199,7 +199,7 @@ def _between(stops: list[slice], moves: np.ndarray) -> np.ndarray:
 
 
 def _thinned(samples: np.ndarray, rate: float, filtering: Filtering) -> np.ndarray:
-    """One row in so many; what the low-pass has left needs no second filter."""
+    """Return every n-th sample, without a second filter if the low-pass already prevents aliasing."""
     factor = filtering.decimate
     if filtering.lowpass is not None and filtering.lowpass <= 0.25 * rate / factor:
         return samples[::factor]

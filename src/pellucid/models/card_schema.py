@@ -1,4 +1,4 @@
-"""What a card's file may hold: fields of their types, numbers that a machine may have, intervals that hold theirs."""
+"""Schema of a model card's file: types of its fields, plausible numbers, intervals that contain their values."""
 
 from __future__ import annotations
 

@@ -136,8 +136,10 @@ def filtered_jacobian(
 def filtered_rows(
     vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
-    linear is filtered once and kept with the motion; only what is not is filtered again."""
+    """Return effort (m,) and derivative (m, p) of `filtered_jacobian` at the rows of a regression.
+
+    Linear terms are filtered once and kept with the motion; only nonlinear terms are filtered again.
+    """
     if _presliding_direction(motion) is not None:
         effort, jacobian = filtered_jacobian(vector, selection, motion, smooth)
         return motion.rows(effort), motion.rows(jacobian)

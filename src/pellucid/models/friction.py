@@ -1,4 +1,4 @@
-"""Friction against velocity, with the interval that the parameters' covariance leaves: what a report draws."""
+"""Curve of friction over velocity for reports, with the confidence interval from the parameters' covariance."""
 
 from __future__ import annotations
 

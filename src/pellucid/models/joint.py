@@ -1,4 +1,4 @@
-r"""One joint: which parameters it has, what they are called, and which of them a friction family frees.
+r"""Model of one joint: its parameters, their names, and the parameters that each friction family frees.
 
 The physics itself is the core's (``include/pellucid/joint.hpp``, ``friction.hpp``):
 
@@ -6,8 +6,8 @@ The physics itself is the core's (``include/pellucid/joint.hpp``, ``friction.hpp
    y &= J\ddot q + g_s\sin q + g_c\cos q + k q \\
    \tau &= y + f(\dot q, y) + \tau_0
 
-This file only says which of the core's parameters a model of a given family may use, and how the names a report prints
-map to the core's flat parameter vector; units and physical bounds are the core's.
+This file states only which of the core's parameters each family uses, and how printed names map to the core's flat
+parameter vector. The core defines units and physical bounds.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ SYMBOLS_BY_NAME: Mapping[str, Symbol] = {
 """Every parameter of the core as it is, and those that are tied."""
 
 PARALLEL_STIFFNESS = "parallel_stiffness"
-"""Name of the stiffness of a spring beside the drive."""
+"""Name of the stiffness of a spring in parallel with the drive."""
 
 MAX_STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
@@ -192,7 +192,7 @@ def joint_model(
     velocity_range: float = np.inf,
     parallel_spring: bool = False,
 ) -> JointModel:
-    """The symbols a family frees on a joint, with those of a spring beside the drive if there is one.
+    """Return the model of a joint with a friction family, and with a spring in parallel with the drive if it has one.
 
     `velocity_range` [rad/s or m/s]."""
     if family not in FAMILIES:

@@ -1,13 +1,13 @@
-r"""Many joints: rigid links that hang on one another by hinges, slides and welds.
+r"""Kinematic tree of rigid links, connected by revolute, prismatic and fixed joints.
 
 The physics is the core's (``include/pellucid/kinematic_tree.hpp``, ``mass_matrix.hpp``, ``torque_regressor.hpp``):
 
 .. math::
    \tau = M(q)\ddot q + h(q, \dot q) = Y(q, \dot q, \ddot q)\,\theta
 
-with ten numbers of each link in theta. This file says what a tree is made of, and refuses what cannot be one.
+with ten parameters of each link in theta. This file defines the parts of a tree and rejects invalid ones.
 
-Trees without welds: what a fixed joint carries is one body with what it hangs on.
+Fixed joints can be removed: the link of a fixed joint and its parent are merged into one body.
 """
 
 from __future__ import annotations
@@ -71,7 +71,10 @@ class Link:
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """How `child` hangs on `parent`: where the joint's frame, which is the child's own at 0, is in the parent's."""
+    """A joint from `parent` to `child`: pose of its frame in the parent's frame.
+
+    The joint's frame is the child's own frame at position 0.
+    """
 
     name: str
     parent: str
@@ -85,7 +88,7 @@ class TreeJoint:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links and the joints between them; every link but the base hangs on one joint.
+    """Links and the joints between them; every link but the base has one joint to its parent.
 
     Links are numbered outwards from the base, which does not move and has no number; coordinates are those of joints
     that move, in the order of the links behind them. Methods take samples of shape (n, coordinates), or one sample.
@@ -180,20 +183,20 @@ def order_outwards(joints: Sequence[TreeJoint], links: Sequence[Link], where: st
         if joint.child in carried_by:
             other = carried_by[joint.child].name
             raise IdentificationError(
-                f"{where}: link {joint.child!r} hangs on two joints, {other!r} and {joint.name!r}: a loop, "
-                "expected a tree; cut the loop at one joint and leave that joint out"
+                f"{where}: link {joint.child!r} is the child of two joints, {other!r} and {joint.name!r}: a loop, "
+                "expected a tree; open the loop by removing one joint"
             )
         carried_by[joint.child] = joint
     bases = sorted({j.parent for j in joints} - set(carried_by))
     if len(bases) != 1:
-        found = ", ".join(map(repr, bases)) if bases else "none: every link hangs on another, in a loop"
+        found = ", ".join(map(repr, bases)) if bases else "none: every link is the child of another, in a loop"
         raise IdentificationError(
-            f"{where}: links that hang on nothing: {found}; expected one, the base: join the others to it, or "
-            "leave one joint of a loop out"
+            f"{where}: links without a parent: {found}; expected one, the base; join the others to it, or remove one "
+            "joint of a loop"
         )
     loose = sorted(known - set(carried_by) - set(bases))
     if loose:
-        raise IdentificationError(f"{where}: link {loose[0]!r} has no joint, expected one that it hangs on")
+        raise IdentificationError(f"{where}: link {loose[0]!r} has no joint, expected one to its parent")
     placed, order = {bases[0]}, []
     waiting = list(joints)
     while waiting:

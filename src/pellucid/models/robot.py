@@ -40,7 +40,7 @@ class Robot:
             )
         if not np.linalg.cond(turns) < MAX_TURNS_CONDITION:
             raise IdentificationError(
-                f"{where}: found rows that hang on one another, expected each motor to tell a joint"
+                f"{where}: found linearly dependent rows, expected each motor to add information about the joints"
             )
         object.__setattr__(self, "turns", tuple(tuple(float(x) for x in row) for row in turns))
 

@@ -1,7 +1,7 @@
-"""Arguments of public functions as users give them: numbers, texts with a unit, arrays of any library.
+"""Conversion of arguments of public functions: numbers, texts with a unit, arrays of any library.
 
-Each function returns the value in SI, or raises an error that names the function and the argument, what was found and
-what was expected.
+Each function returns the value in SI, or raises an error. The error names the function, the argument, the found value
+and the expected one.
 """
 
 from __future__ import annotations

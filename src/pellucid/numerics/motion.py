@@ -1,14 +1,15 @@
-"""A motion made ready for identification: filtered once, differentiated, effort beside it.
+"""Motion prepared for identification: filtered once, differentiated, with the effort at the same samples.
 
-Hours of motion: filtered one piece after another, each with borders of its own, and thinned before decimation.
+Long motions are filtered piece by piece, each piece with its own borders, and downsampled before decimation.
 
-Pieces follow each other without a gap: what is trimmed of one lies in its neighbours. The low-pass forgets a border to
-one part in 10^13 before that, so that pieces hold what one pass over everything would.
+Pieces follow each other without a gap: the trimmed border of one lies inside its neighbours. Within the trimmed border
+the low-pass's transient decays to one part in 10^13, so that the pieces equal one pass over the whole motion.
 
 Held-out data have types of their own, which no fit accepts.
 
 A recording with ``use = "validate"`` may reach reported errors and the verdict on the prediction, and nothing else.
-What is made of it derives from `JudgedData`, and every function that fits, scales or chooses asks `require_fitted`.
+Data from such a recording derive from `JudgedData`, and every function that fits, scales or chooses calls
+`require_fitted`.
 
 Speed of a movement, and the samples from its onset to its end.
 
@@ -86,7 +87,10 @@ class Filtering:
         if self.decimate > 1:
             parts.append(f"both sides decimated by {self.decimate}")
         if self.dead_band:
-            parts.append(f"samples left out that draw more than {SLOW_SHARE:.0%} from below {self.dead_band:g} {unit}")
+            parts.append(
+                f"samples excluded that depend by more than {SLOW_SHARE:.0%} on velocities below {self.dead_band:g} "
+                f"{unit}"
+            )
         return "; ".join(parts)
 
 
@@ -248,8 +252,11 @@ def motion_of(
     velocity: np.ndarray | None = None,
     **more,
 ) -> Motion:
-    """A motion from arrays: filtered once, differentiated, the effort beside it. `time`, `position`, `command` (n,)
-    [s], [rad or m]; `fs` [Hz]; a `velocity`, (n,), that was recorded takes the place of the position's."""
+    """Return a motion from arrays, filtered once and differentiated, with its effort.
+
+    `time`, `position`, `command` (n,) [s], [rad or m]; `fs` [Hz]. A recorded `velocity`, (n,), replaces the derivative
+    of `position`.
+    """
     rate = (len(time) - 1) / float(time[-1] - time[0]) if fs is None else fs
     try:
         if velocity is None:

@@ -34,8 +34,8 @@ base = K numbers, the normal matrix N becomes K'NK, and no sums are recomputed. 
 without bounds. Parameters that the efforts do not determine come from the maker's bodies or from the smallest ones, and
 each is marked accordingly.
 
-Active bounds invalidate the covariance of least squares. The intervals are the jackknife's over segments [3]_: each is
-left out in turn, and the rest is fitted again within the same bounds.
+Active bounds invalidate the covariance of least squares. The intervals are the jackknife's over segments [3]_: each
+segment is omitted in turn, and the others are fitted again within the same bounds.
 
 .. [1] C. D. Sousa, R. Cortesao, "Physical feasibility of robot base inertial parameter identification: a linear matrix
    inequality approach", Int. J. Robotics Research 33, 2014.

@@ -89,10 +89,10 @@ def relative_errors(residuals: tuple[np.ndarray, ...], size: np.ndarray) -> np.n
 
 
 def cross_validate_segments(rows: TreeRows, fit: ModelFit) -> SegmentsOut:
-    """Return the errors on each segment of what `fit` finds from all other segments."""
+    """Return the errors on each segment of the model that `fit` estimates from all other segments."""
     numbers = np.unique(rows.segment[rows.used.any(axis=1)])
     if len(numbers) < 2:
-        raise IdentificationError(f"found {len(numbers)} segment to fit and judge by, expected at least 2")
+        raise IdentificationError(f"found {len(numbers)} segment for cross-validation, expected at least 2")
     models, values, each = [], [], []
     squares, counts = np.zeros((2, len(rows.size)))
     for number in numbers:
@@ -115,7 +115,7 @@ def heldout_errors(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> np.
     if not count.all():
         still = estimate.robot.names[int(np.argmin(count))]
         names = ", ".join(sorted({m.recording for m in motions}))
-        raise IdentificationError(f"joint {still!r} never moves in {names}: expected motion to judge by")
+        raise IdentificationError(f"joint {still!r} never moves in {names}: expected motion to evaluate its error")
     return 100.0 * np.sqrt(np.sum(moving * off**2, axis=0) / np.sum(moving * effort**2, axis=0))
 
 
@@ -390,8 +390,8 @@ def identify_tree(
 ) -> TreeIdentification:
     """Identify a robot from `motions`, and test it on held-out motions `judged`.
 
-    `width` is that of the smooth sign of friction [rad/s; m/s]. `leave_out` adds cross-validation over segments.
-    `terms` are the friction terms that joints may get. `ripple` adds a search for drive ripple.
+    `width` is the velocity width of friction's smooth sign [rad/s; m/s]. `leave_out` adds cross-validation over
+    segments. `terms` are the candidate friction terms of the joints. `ripple` adds a search for drive ripple.
     """
     require_fitted(motions, "identify_tree")
     rows = collect_rows(robot, motions, width=width)
@@ -460,10 +460,10 @@ def rows_without_maker_effort(rows: TreeRows, motions: Sequence[TreeMotion]) -> 
 
 
 def _notes(rows: TreeRows, choice: FamilyChoice, model: TreeModel) -> tuple[str, ...]:
-    """Return the choices of friction and ripple in words."""
+    """Return sentences about the chosen friction terms and ripple."""
     said = [
-        f"{rows.robot.names[x.joint]} was given {x.term.replace('_', ' ')}: it saves {x.saved:.1f} % of the squares "
-        f"that are missed on segments left out (p = {x.p_value:.2g})"
+        f"{rows.robot.names[x.joint]} has the friction term {x.term.replace('_', ' ')}: it reduces the squared error "
+        f"on held-out segments by {x.saved:.1f} % (p = {x.p_value:.2g})"
         for x in choice.taken
     ]
     said += [

@@ -320,8 +320,8 @@ def fit_consistent(
 ) -> tuple[TreeEstimate, ConsistentSolution]:
     """Fit physically consistent links, with intervals from the jackknife over segments.
 
-    `stated` and `in_si` are those of `make_prior`. Parameters that come from the prior are marked. The notes say what
-    consistency costs, and what the prior costs beside it.
+    `stated` and `in_si` are those of `make_prior`. Parameters that come from the prior are marked. The notes state how
+    much consistency, and additionally the prior, increase the error.
     """
     start = fit_rows(model, rows)[0] if start is None else start
     found, prior = solve_with_prior(model, rows, start=start, stated=stated, in_si=in_si)

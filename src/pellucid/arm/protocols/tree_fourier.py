@@ -110,8 +110,8 @@ def capsules_along_links(
     A pair is not compared if the way between its parts along the arm is at most a `clearance` [m] plus both radii.
     Such parts are always near each other, whatever the joints do.
 
-    `parents` (l,), BASE where a link hangs on what does not move; `places` (l, 3) of each link's frame in its parent's
-    [m]; `tips` (l, 3) in the link's own [m]; `radius` [m], one or (l,).
+    `parents` (l,), BASE where a link is attached to the fixed base; `places` (l, 3) of each link's frame in its
+    parent's [m]; `tips` (l, 3) in the link's own [m]; `radius` [m], one or (l,).
     """
     count = len(parents)
     thick = np.broadcast_to(np.asarray(radius, float), count)

@@ -43,10 +43,10 @@ from .joint_answers import answer_joints
 from .recorded_tree import SIGN_THRESHOLDS, friction_power_shares
 
 SETTLING_PERIODS = 2.0
-"""Samples within this many periods of the low-pass's cut-off are dropped at either border by default."""
+"""Samples within this many periods of the low-pass's cut-off are excluded at either end by default."""
 
 COLUMNS = ("position", "effort", "velocity")
-"""Columns of a recording beside time."""
+"""Columns of a recording other than time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,9 +287,9 @@ def fit_robot(
 ) -> RobotFit:
     """Identify base inertial parameters and friction of a robot from its motion and efforts.
 
-    Weighted least squares on filtered data over the base parameters. Friction terms beyond Coulomb and viscous friction
-    are chosen within the fitted recordings, by segments left out in turn. `RobotFit.consistent` has physically
-    consistent bodies, near those of `robot` where the efforts tell little.
+    Weighted least squares on filtered data over the base parameters. Cross-validation over segments of the fitted
+    recordings chooses friction terms beyond Coulomb and viscous friction. `RobotFit.consistent` has physically
+    consistent bodies, close to those of `robot` where the efforts carry little information.
 
     Parameters
     ----------

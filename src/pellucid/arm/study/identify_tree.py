@@ -59,7 +59,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     fitted, judged = ([m for m in motions if m.payload is None and m.use == use] for use in ("fit", "validate"))
     if not fitted:
         raise IdentificationError('no recording without payload is marked use = "fit"; at least one must be')
-    tell("friction of each joint, each segment left out in turn", 0.1)
+    tell("cross-validating the friction of each joint", 0.1)
     of_motors = (f"{MOTOR_PREFIX}{term}" for term in table.families)
     terms = (*table.families, *(term for term in of_motors if term in FURTHER_MOTOR_TERMS))
     found = identification.identify_tree(

@@ -80,7 +80,7 @@ use = "fit"
 # [[recordings]]
 # name = "second"                   # another motion
 # file = "recordings/second.csv"
-# use = "validate"                  # never fitted: it judges the model
+# use = "validate"                  # never fitted: it validates the model
 
 # [[recordings]]
 # name = "loaded"

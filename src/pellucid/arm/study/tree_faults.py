@@ -133,7 +133,7 @@ def _lengths(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Itera
             files = ", ".join(stream.path.name for stream in recording.streams.values())
             found = f"{before} samples, of which {files} has {len(recording)} (recording {recording.name})"
             yield _fault(
-                "note", "lengths", recording.path.name, "time", found, "files of one length; the rest is left out"
+                "note", "lengths", recording.path.name, "time", found, "files of one length; the rest is excluded"
             )
 
 

@@ -379,8 +379,8 @@ def chosen_families(
     return Drawing(
         "families",
         figure,
-        f"Friction terms beside viscous and dry friction: in how many of {folds} choices, each without one segment, a "
-        "joint got the term; ✓ marks what the whole recordings chose.",
+        f"Friction terms in addition to viscous and dry friction. Numbers count in how many of {folds} "
+        "cross-validation folds each joint's term was chosen; ✓ marks the choice on all segments.",
     )
 
 
@@ -463,7 +463,7 @@ def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
 
 
 def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, name: str = "arm") -> Drawing:
-    """Draw the arm along a recording, and beside it each joint's prediction error by each model."""
+    """Draw the arm along a recording, and each joint's prediction error by each model."""
     trace = drawn_trace(found)
     figure = Figure(figsize=(FIGURE_WIDTH, max(4.4, 1.6 + 0.42 * len(found.names))), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))

@@ -88,10 +88,14 @@ def report_held_by_a_bound(case: TreeResult) -> Iterator[Verdict]:
 
 
 def report_heldout_worse(case: TreeResult) -> Iterator[Verdict]:
-    """Report joints with much larger, or with large, errors on data that were not fitted."""
+    """Report joints with large, or much larger, errors on held-out data."""
     fitted, judged = case.errors_of("best", "fitted"), case.errors_of("best", case.judged)
     if case.judged == "fitted":
-        yield Verdict("warning", "Nothing was left out to judge by.", "Record more, or mark a recording to validate.")
+        yield Verdict(
+            "warning",
+            "No data were held out, so the model is not validated.",
+            "Record more, or mark a recording to validate.",
+        )
         return
     worse = {
         joint: (a, b)
@@ -233,8 +237,10 @@ def report_weak_numbers(case: TreeResult) -> Iterator[Verdict]:
     }
     identified_count = sum(state == IDENTIFIED_VERDICT for state in bodies.values())
     lost = sum(state == NOT_IDENTIFIABLE_VERDICT for state in bodies.values())
-    text = f"Of {len(bodies)} combinations of the bodies' numbers, {identified_count} are told from 0"
-    text += f", and {lost} cannot be told at all." if lost else "."
+    text = (
+        f"{identified_count} of {len(bodies)} combinations of the bodies' parameters are significantly different from 0"
+    )
+    text += f"; {lost} are not identifiable." if lost else "."
     do = (
         ""
         if identified_count > 0.5 * len(bodies)

@@ -56,7 +56,10 @@ def page(study: Study, result: TreeResult) -> Page:
         Section(
             "errors",
             "Errors",
-            ("A model knows more only if it shows on what it was not fitted to. Beside it stand the simplest rivals.",),
+            (
+                "A richer model is better only if it reduces the error on data that were not fitted. The simplest "
+                "reference models are shown for comparison.",
+            ),
             figure_tables(result, "errors"),
         ),
         Section("effort", "Effort of each joint", drawings=(efforts,)),
@@ -120,7 +123,7 @@ def _friction_words(found: TreeResult) -> str:
     given = [f"{name}: {', '.join(each)}" for name, each in terms.items() if each]
     if not given:
         return "No joint needs more than viscous and dry friction and an offset."
-    text = "Every joint has viscous and dry friction and an offset. What segments left out asked for besides: "
+    text = "Every joint has viscous and dry friction and an offset. Cross-validation adds these terms: "
     return f"{text}{'; '.join(given).replace('_', ' ')}."
 
 
@@ -155,7 +158,7 @@ def _rows_of(found: TreeResult, k: int) -> Iterator[tuple[np.ndarray, np.ndarray
 
 
 def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
-    """Return a table of published values beside those of the model with plain friction."""
+    """Return a table of published values and those of the model with plain friction."""
     base = found.models["base"].parameters
     rows = []
     for joint, table in found.published.items():
@@ -191,8 +194,8 @@ def _choice(found: TreeResult) -> tuple[Section, ...]:
             chosen[k, -1] = k in turned
     drawing = draw(figures.chosen_families, found.names, terms, shares, chosen, found.choice.folds)
     text = (
-        "A term is given to a joint where it predicts segments better that were left out of its fit. To judge the "
-        "choice, it is made again without each segment in turn."
+        "A joint receives a term if the term improves the prediction of held-out segments. To test the choice, it is "
+        "repeated without each segment in turn."
     )
     return (Section("families", "Friction terms chosen", (text,), drawings=(drawing,)),)
 
@@ -211,8 +214,9 @@ def _ripple(found: TreeResult) -> tuple[Section, ...]:
     if not spectra:
         return ()
     text = (
-        "Cogging, teeth and bearings repeat with the motor's angle, at orders that nobody states. Where one stands out "
-        "of what the model leaves over, and predicts segments left out, it is part of the model."
+        "Cogging, teeth and bearings cause ripple that repeats with the motor's angle at unknown orders. The model "
+        "includes a ripple if it is a peak in the spectrum of the residuals and improves the prediction of held-out "
+        "segments."
     )
     return (Section("ripple", "Drive ripple", (text,), drawings=(draw(figures.ripples, spectra),)),)
 

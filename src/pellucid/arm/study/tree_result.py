@@ -50,8 +50,8 @@ HEADLINE_MODELS = ("best", "base")
 """Models whose errors the headline compares; a shortened table keeps their rows."""
 
 ROW_KIND_DESCRIPTIONS: Mapping[str, str] = {
-    "fitted": "what was fitted",
-    "segments_out": "segments left out in turn",
+    "fitted": "fitted recordings",
+    "segments_out": "held-out segments (cross-validation)",
     "heldout": "held-out recordings",
 }
 """Kinds of rows on which errors are measured, in words."""
@@ -98,9 +98,9 @@ class TreeTrace:
 
 @dataclass(frozen=True)
 class Choice:
-    """Friction terms and ripples that were chosen with each segment left out in turn."""
+    """Friction terms and ripples that were chosen without each segment in turn."""
 
-    folds: int  # number of segments left out in turn
+    folds: int  # number of cross-validation folds, one for each segment
     terms: tuple[Mapping[str, int], ...]  # for each joint, number of folds in which a term was chosen
     ripples: Mapping[str, int]  # number of folds in which a ripple was found, by joint
 
@@ -340,7 +340,7 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
             for name, (use, each) in by_recording.items()
         )
         yield FigureTable("Effort errors of the best model by recording", heads, rows)
-    heads = ("joint", "friction beside viscous and dry", "parameters identified", "parameters not identified")
+    heads = ("joint", "friction other than viscous and dry", "parameters identified", "parameters not identified")
     yield FigureTable("Parameters of joints", heads, tuple(_joints(found)))
     heads = ("joint", *(f"{name.replace('_', ' ')}" for name in _friction_names(found)))
     units = f"{', '.join(dict.fromkeys(found.effort_units))}; rad, m, s"

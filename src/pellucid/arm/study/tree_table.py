@@ -33,34 +33,34 @@ class TreeTable(ProcedureTable):
     Attributes
     ----------
     urdf : str or None
-        Path of the robot's file, from the study's folder; None where ``[[rig.joints]]`` say places and axes.
+        Path of the robot's file, from the study's folder; None if ``[[rig.joints]]`` state positions and axes.
     dh : str or None
-        Convention of the joints' rows of Denavit and Hartenberg, ``"classic"`` or ``"modified"``; None without rows.
+        Convention of the joints' Denavit-Hartenberg rows, ``"classic"`` or ``"modified"``; None without rows.
     gravity : tuple of float
         Direction of gravity in the base's frame, of length 1.
     held : dict[str, float]
-        Joints of the file that did not move, and where they were [rad; m].
+        Joints of the file that did not move, and their positions [rad; m].
     effort_lowpass : float or None
-        Cut-off of the low-pass on effort, where it is not that of the motion [Hz].
+        Cut-off of the low-pass on effort, if it differs from that of the motion [Hz].
     velocity_width : float
-        Friction takes tanh(velocity / this) for the velocity's sign; 0: the sign itself [rad/s; m/s].
+        Width of the smooth sign of velocity in friction, tanh(velocity / width); 0 for the sign itself [rad/s; m/s].
     segments : str, int or dict
-        What is left out together when intervals and families are judged: stretches between common stops
-        (``"automatic"``), so many equal parts of each recording, or the ends of each by recording [s].
+        Segments that are held out together for intervals and for the choice of terms: stretches between common stops
+        (``"automatic"``), a number of equal parts of each recording, or the ends of each segment by recording [s].
     families : tuple of str
-        Friction terms that are offered to each joint beside viscous and dry friction and an offset.
+        Candidate friction terms of each joint in addition to viscous and dry friction and an offset.
     ripple : bool
-        Whether a ripple of unknown order is looked for in each drive.
+        Whether each drive is searched for ripple of unknown order.
     inertia_prior : bool
-        Whether the bodies that the study or the robot's file states are the prior of the consistent ones; otherwise
-        bodies are guessed from the places of the joints.
+        Whether the bodies stated in the study or the robot's file are the prior of the consistent ones; otherwise the
+        prior is guessed from the positions of the joints.
     gains : str
-        Where the drives' gains come from: as ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
+        Source of the drives' gains: ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
         torque and current, or from fitted recordings with and without a known ``"payload"``.
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     published : dict[str, dict[str, float]]
-        What others found, by joint and parameter, in SI; shown beside what is found here, and used for nothing.
+        Published values by joint and parameter, in SI; shown for comparison only.
     """
 
     alone: ClassVar[bool] = True
@@ -147,7 +147,7 @@ class TreeTable(ProcedureTable):
                 yield f"{where}: found no [rig.joints.drive], expected one that says how its effort is known"
             own = [key for key in ("parent", *FRAME_KEYS, "body") if key in joint.model_fields_set]
             if self.urdf is not None and own:
-                yield f"{where}: found {own[0]} beside [tree] urdf, expected one of them: the file says it"
+                yield f"{where}: found {own[0]} and [tree] urdf, expected one of them: the file states it"
             if self.urdf is None and isinstance(joint, RigJoint):
                 yield from self._missing_of(joint, where)
             if self.urdf is None and joint.parent not in (None, "base", *names):
@@ -161,7 +161,7 @@ class TreeTable(ProcedureTable):
         if self.urdf is None:
             yield from _unlike_frames(joints)
         if self.urdf is None and self.held:
-            yield "[tree] held: found joints of a robot's file, expected [tree] urdf beside it"
+            yield "[tree] held: found joints of a robot's file, expected [tree] urdf to name the file"
         entries = [entry.name for entry in config.recordings]
         for name in self.segments if isinstance(self.segments, dict) else ():
             if name not in entries:

@@ -1,1 +1,1 @@
-"""Posteriors for few data: what is known of a parameter, drawn, beside the intervals of least squares."""
+"""Posteriors for few data: samples of the parameters, in addition to the intervals of least squares."""

@@ -2,7 +2,7 @@ r"""Sample a density with ensembles of walkers, and test whether the sampler has
 
 Each walker moves along the difference of two others (differential evolution [1]_), so the scaling and correlation of
 the parameters do not matter. Where gradients are known, walkers make Hamiltonian steps instead. Two ensembles start
-independently. Convergence is judged by three quantities: the longest autocorrelation time of any parameter [2]_, the
+independently. Three quantities measure convergence: the longest autocorrelation time of any parameter [2]_, the
 effective number of independent draws, and the disagreement between the halves of both ensembles [3]_,
 
 .. math::

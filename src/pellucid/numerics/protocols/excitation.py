@@ -1,4 +1,4 @@
-r"""Reference trajectories that show a joint's parameters.
+r"""Reference trajectories that excite a joint's parameters.
 
 Multisines follow the finite Fourier series that is standard in robot identification [1]_; `point_to_point` moves with
 bounded acceleration between random targets, so that inertia shows while the velocity changes and friction while it does
@@ -19,19 +19,19 @@ Sums of sines with random phases, which separate linear response, noise and non-
 
 .. math::  r_m(t) = c + \sum_{k \in L} A_k \cos(2\pi k t / T + \phi_{mk}), \qquad \phi_{mk} \sim U[0, 2\pi)
 
-Every realisation m has the same lines L and amplitudes, and phases of its own. Over periods only noise changes; over
-realisations what is not linear changes too. Lines that are left out show what a non-linearity puts there: at even ones
-what even powers make, at odd ones what odd powers make.
+Every realisation m has the same lines L and amplitudes, and its own phases. Only noise changes from period to period;
+distortion also changes from realisation to realisation. Lines without excitation show non-linear distortion directly:
+even lines that of even powers, odd lines that of odd powers.
 
 Small slow reversals of growing size: the motion that shows presliding friction.
 
 Contacts that give before they slip look like springs in strokes shorter than their travel, and like friction in longer
-ones. A ladder of strokes from the one to the other, around several angles, shows both and where one becomes the other
-[5]_. It needs an encoder some ten times finer than the travel, strokes slow enough that inertia is small beside
+ones. A series of growing strokes around several angles shows both regimes and the transition
+[5]_. It needs an encoder some ten times finer than the travel, strokes so slow that inertia is small compared with
 friction, and the largest stroke several travels wide. Under a position controller without integral action the joint
 follows only once the controller's effort exceeds friction, so that references grow until it does: from a hundredth of a
-degree in stiff loops up to a few degrees in soft ones. Of an effort instead of a position, the same ladder goes from a
-tenth of the friction's level to one and a half times of it.
+degree in stiff loops up to a few degrees in soft ones. For an effort instead of a position, the same series grows
+from 0.1 to 1.5 times the friction's level.
 
 .. [1] J. Swevers, C. Ganseman, D. B. Tukel, J. De Schutter, H. Van Brussel, "Optimal robot excitation and
    identification", IEEE Trans. Robot. Autom. 13, 1997.
@@ -157,7 +157,7 @@ LINE_CHOICES = ("full", "odd", "odd_random")
 """Excited lines: all harmonics in the band, the odd ones, or the odd ones less a random one of each group."""
 
 LINE_GROUP_SIZE = 4
-"""Number of odd lines in a group; with ``"odd_random"`` one of each group is left out."""
+"""Number of odd lines in a group; with ``"odd_random"`` one of each group is not excited."""
 
 PEAK_OVERSAMPLING = 4
 """Peaks are sought on a grid this many times finer than the samples."""

@@ -28,7 +28,7 @@ CostAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
 """A function from parameters of shape (p,) to a cost and its gradient of shape (p,)."""
 
 FINAL_ITERATIONS = 100
-"""Convergence is judged on this many final iterations."""
+"""Number of final iterations on which convergence is tested."""
 
 CONVERGED_SHARE = 0.05
 """A parameter has converged once it stays within this share of its total change from its final value."""
