@@ -56,6 +56,7 @@ def test_recordings_one_after_another_are_separated():
 @pytest.mark.parametrize(("height", "lowered"), [(3.0, 3.0), (5.4, 3.72), (12.0, 12.0)])
 def test_the_figure_of_an_answer_keeps_the_size_of_its_letters(height, lowered):
     """A figure of three panels was drawn at six tenths of its size: its letters had 7 px."""
-    figure = Figure(figsize=(10.4, height))
+    figure = Figure(figsize=(10.4, height), layout="constrained")
+    figure.subplots()
     _fit_first_screen(figure)
     assert figure.get_figheight() == pytest.approx(lowered, rel=1e-3)
