@@ -321,7 +321,7 @@ explains the checks.
 **Claim.** An exported controller stops a single fault of sensor, drive, clock or memory before it transfers more than a
 few joules to the wearer. It does not stop a healthy robot.
 
-**Data.** Simulated. Fifteen controllers of an elbow exoskeleton, as `pellucid export` writes them, run on 20 simulated
+**Data.** Simulated. Fifteen controllers of an elbow exoskeleton, as `pellucid export` writes them, run on simulated
 plants. The plants share no equation with the core: bristle friction, transmission with backlash, drive with lag and
 ripple, hardening straps, muscle servo. Inertia, friction and gravity are 0.7 to 1.4 times the identified values.
 Sensors have gain errors of 5 %, offsets of 1 % of the effort limit, lag, noise and quantization. No threshold was
