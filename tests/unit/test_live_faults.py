@@ -109,7 +109,7 @@ def test_a_second_operator_is_told_to_both(rig):
     time.sleep(OPERATOR_AWAY_S + 0.5)
     assert rig.session.phase == "running"  # the other one is there
     assert second.act("stop")[0]["type"] == "done"
-    assert rig.until(lambda: rig.engine.status().state.name == "stopped") < DISARMED_S
+    assert rig.until(lambda: rig.engine.status().state.needs_reset) < DISARMED_S
 
 
 def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
@@ -135,7 +135,7 @@ def test_a_silent_engine_is_told_at_once_and_a_stop_is_answered(rig):
         assert rig.operator.act("repeat")[0]["type"] == "done"
         assert rig.operator.act("start")[0]["why"] == "the engine is silent"
         time.sleep(1.5)  # longer than a session may be silent
-    rig.until(lambda: rig.engine.status().state.name == "stopped")
+    rig.until(lambda: rig.engine.status().state.needs_reset)
     rig.until(lambda: any(text.startswith("the engine goes on") for text in texts(rig)))
     assert "stopped by hand" in texts(rig)
     assert not any("busy" in text or "no sign of life" in text for text in texts(rig))
@@ -160,7 +160,7 @@ def test_a_stop_during_a_reset_wins(rig):
     rig.until_powered()
     rig.operator.act("stop")
     rig.until(lambda: rig.session.phase == "judged")
-    assert rig.engine.status().state.name == "stopped"
+    assert rig.engine.status().state.needs_reset
     # Until the law gave its torque, a busy computer may have stopped it, and the rig reset that stop.
     before = len(texts(rig))
     rig.operator.act("reset")
@@ -168,7 +168,7 @@ def test_a_stop_during_a_reset_wins(rig):
     rig.participant.act("stop")
     assert rig.engine.region.last_command()["token"] == 0
     time.sleep(3.0)  # longer than the delay of a reset
-    assert rig.engine.status().state.name == "stopped"
+    assert rig.engine.status().state.needs_reset
     assert "the stop was reset" not in texts(rig)[before:]
     rig.operator.act("reset")
     rig.until(lambda: "the stop was reset" in texts(rig)[before:])
