@@ -193,6 +193,7 @@ Asked Loop::decide(const Reading& reading, std::int64_t now_us, std::uint32_t& f
       // After a reset nothing runs until it is armed again.
       doing_ = Doing::nothing;
       armed_ = false;
+      flags &= ~flag::stepped;  // nothing of this step is asked for
     } else {
       state_ = state_of(out_);
     }
