@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from test_front_door_logs import COULOMB, GRAVITY, INERTIA, proposed, swing, written
+from test_front_door_logs import COULOMB, GRAVITY, INERTIA, proposed, roles_of, swing, written
 
 import pellucid as pl
 from pellucid.start.propose_study import require_possible_clock
+from pellucid.start.study_text import defaults_of
 from pellucid.start.try_log import try_log
 from pellucid.start.try_page import parameter_rows
 
@@ -115,3 +116,34 @@ def test_a_worn_joint_has_its_limbs_spring_and_says_so(tmp_path, worn):
     said = "machine and limb together"
     assert (said in tried.answer.badge) == (said in parameter_rows(tried)[0][0]) == (worn == "yes")
     assert (said in tried.page.read_text()) == (worn == "yes")
+
+
+def test_a_measured_current_comes_before_a_commanded_torque(tmp_path):
+    t, q, v, tau = swing()
+    model = INERTIA * np.gradient(v, t)
+    path = written(
+        tmp_path / "log.csv", "t,actual_q [rad],actual_current [A],target_moment [Nm]", [t, q, tau / 3, model]
+    )
+    found = proposed(path)
+    assert found.drive == "current"
+    assert {question.key for question in found.asked}.isdisjoint({"command_followed"})
+    assert roles_of(found)["target_moment [Nm]"] == ("desired_torque", "N*m")
+
+
+def test_a_current_that_explains_nothing_replaces_no_command(tmp_path):
+    t, q, _, tau = swing()
+    noise = 2.0 + 0.1 * np.random.default_rng(1).standard_normal(len(t))
+    path = written(tmp_path / "log.csv", "t,q [rad],actual_current [A],target_moment [Nm]", [t, q, noise, tau])
+    assert "command_followed" in {question.key for question in proposed(path).asked}
+
+
+def test_a_command_that_is_not_delivered_is_no_effort(tmp_path):
+    t, q, _, tau = swing()
+    path = written(tmp_path / "log.csv", "t_s,q_rad,tau_cmd_Nm", [t, q, tau])
+    with pytest.raises(pl.PellucidError, match=r"no effort was recorded.*tau_cmd_Nm"):
+        try_log([path], out=tmp_path / "no", answers={"command_followed": "no"})
+    with pytest.raises(pl.PellucidError, match=r'found "maybe", expected yes or no'):
+        proposed(path, command_followed="maybe")
+    # Who is not certain confirms nothing.
+    open_one = proposed(path, command_followed="not certain")
+    assert "command_followed" in {each.subject for each in defaults_of(open_one)}

@@ -31,6 +31,7 @@ from .propose_study import (
     has_accepted_unit,
     propose_study,
     require_agreeing_units,
+    require_delivered_effort,
     require_known_units,
     require_lever_arm,
     require_possible_clock,
@@ -243,6 +244,7 @@ def make_study(
         require_agreeing_units(proposal)
         require_turns_of_motors(proposal)
         require_lever_arm(proposal)
+        require_delivered_effort(proposal)
         require_signed_effort(proposal)
         with _draft_of(folder) as draft:
             text = _write(draft, proposal, put)

@@ -41,11 +41,13 @@ from .inference.gears import FoundGear, find_gear
 from .inference.locked_spring import LockedSpring, find_postures, spring_of_tables, with_locked_spring
 from .inference.motion_efforts import (
     DERIVATIVE_LIMITS,
+    EFFORT_LIMITS,
     FULL_TURNS,
     UNIT_RATIOS,
     MotionSamples,
     RepeatedMotion,
     acceleration_scale,
+    effort_share,
     find_repeated_motion,
     find_resting_limit,
     is_magnitude,
@@ -72,6 +74,13 @@ SCALE_QUESTIONS = frozenset({
     "command_followed",
 })  # fmt: skip
 """Questions on whose answers every figure depends: with another unit it would be another number."""
+
+
+NO_ANSWERS = ("not certain", "unknown")
+"""Answers that leave a question open, as its default does."""
+
+CHOSEN_KEYS = frozenset({"command_followed", "worn", "angle_zero"})
+"""Questions that have no other answers than their choices."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +241,9 @@ class Proposal:
 
 def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | None = None) -> Proposal:
     """Return a proposal for files that were read; `answers` replace the defaults of questions by their keys."""
-    answers = dict(answers or {})
+    answered = set(answers or {})
+    # Who says that it is not known confirms no default.
+    answers = {key: answer for key, answer in (answers or {}).items() if answer.strip() not in NO_ANSWERS}
     remarks: list[str] = []
     tables, paired = _pair_columns_with_sheets(given.tables)
     shows_people = _shows_people(tables)
@@ -251,6 +262,7 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
     facts = {k: v for t in main.tables for k, v in find_drive_facts(t.facts).items()}
     main = _with_stated_counts(_with_rated_efforts(main, facts))
     streams = [_with_rated_efforts(stream, facts) for stream in streams]
+    main = _with_measured_drive(main)
     drive = _drive_kind(main, streams) if not person else None
     spring = _locked_spring(main, drive)
     if spring is not None:
@@ -282,11 +294,12 @@ def propose_study(given: GivenFiles, name: str, answers: Mapping[str, str] | Non
         possible.add("counts_per_turn")
     if any(layout.roles.clock.column is not None for layout in layouts):
         possible.add("time_unit")
-    unknown = set(answers) - possible
+    unknown = answered - possible
     if unknown:
         known = ", ".join(question.key for question in questions)
         expected = f"expected answers to {known} alone" if known else "expected none: these files leave nothing open"
         raise StudyError(f"found an answer to {', '.join(sorted(unknown))}, {expected}")
+    _require_chosen(questions, answers)
     main, streams, drive, motion, gravity, facts = _apply(answers, main, streams, drive, motion, gravity, dict(facts))
     if motion == "rotary" and gravity in (None, "none") and {"counts_per_turn", "position_unit"} & set(answers):
         gravity = _gravity(main, drive, turns)
@@ -451,6 +464,24 @@ def _unit_said(role: ColumnRole | None, table: GivenTable) -> str | None:
     if role is None or role.unit_why == SAID_BY_LAB:
         return None if role is None else role.unit
     return with_stated_unit(read_name(role.column), table.units.get(role.column)).unit
+
+
+def require_delivered_effort(proposal: Proposal) -> None:
+    """Raise a StudyError if the only effort is a command that the drive does not deliver, as the lab says."""
+    role = _commanded_effort((proposal.main, *proposal.streams), proposal.drive)
+    if role is not None and proposal.answers.get("command_followed") == "no":
+        raise StudyError(
+            f'{proposal.main.tables[0].path.name}: no effort was recorded: found "{role.column}", a command that the '
+            "drive does not deliver, expected the torque, force or current that was measured"
+        )
+
+
+def _require_chosen(questions: Iterable[Question], answers: Mapping[str, str]) -> None:
+    """Raise a StudyError if an answer is none of the choices of its question, where it has no others."""
+    for question in questions:
+        answer = answers.get(question.key)
+        if question.key in CHOSEN_KEYS and answer is not None and answer not in question.choices:
+            raise StudyError(f'{question.key}: found "{answer}", expected {" or ".join(question.choices)}')
 
 
 def _key_of_unit(role: ColumnRole) -> str:
@@ -1058,6 +1089,32 @@ def _drive_kind(main: Layout, streams: Sequence[Layout]) -> str | None:
 def _drive_of(effort: str | None) -> str | None:
     """Return the kind of a drive by its effort."""
     return next((kind for kind, efforts in DRIVE_CHANNELS.items() if effort in efforts), None)
+
+
+def _with_measured_drive(main: Layout) -> Layout:
+    """Return a layout in which commanded torques and forces are no effort where a measured current explains the motion.
+
+    A command may be that of a model without friction, and a drive need not deliver it; its current was measured.
+    """
+    driving = [r for r in main.channels if r.quantity in ("torque", "force")]
+    commanded = [r.column for r in driving if read_name(r.column).is_command and not r.is_command]
+    if not commanded or len(commanded) < len(driving):
+        return main
+    explained = [
+        effort_share(effort, motion, 2.0 * np.pi / FULL_TURNS[position.unit] if position.unit in FULL_TURNS else None)
+        for role, position, effort, motion in _moved_efforts(main, "current")
+        if role.is_certain and not read_name(role.column).is_command
+    ]
+    if max(explained, default=0.0) < EFFORT_LIMITS.min_effort_share:
+        return main
+
+    def asked_for(role: ColumnRole) -> ColumnRole:
+        why = f"{role.why}; a measured current explains the motion, and this was asked for"
+        if role.column not in commanded:
+            return role
+        return replace(role, quantity=f"desired_{role.quantity}", is_command=True, why=why)
+
+    return main.with_each(asked_for)
 
 
 def _main_effort(layouts: Sequence[Layout], drive: str | None) -> tuple[Layout, ColumnRole] | None:

@@ -9,7 +9,7 @@ from ..models.estimates import Parameter, Verdict, rank_verdicts
 from ..study.answer import Answer, Assumption, Step
 from ..study.procedures.result import HeldOutEffort, Result
 from ..study.study import Study
-from .propose_study import Proposal
+from .propose_study import NO_ANSWERS, Proposal
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class TriedLog:
         if not taken:
             return rank_verdicts(self.result.verdicts)
         listed = ", ".join(f"`{a.subject}` {a.taken}" for a in taken)
-        shown = (a.taken if a.taken != "unknown" else "..." for a in taken)
+        shown = (a.taken if a.taken not in NO_ANSWERS else "..." for a in taken)
         answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
         doubt = Verdict(
             "warning",
