@@ -147,3 +147,13 @@ def test_a_command_that_is_not_delivered_is_no_effort(tmp_path):
     # Who is not certain confirms nothing.
     open_one = proposed(path, command_followed="not certain")
     assert "command_followed" in {each.subject for each in defaults_of(open_one)}
+
+
+@pytest.mark.parametrize("span", [1.0, 2.2])
+def test_an_effort_that_only_carries_the_weight_is_of_no_machine(tmp_path, span):
+    t, q, _, _ = swing(seconds=30.0)
+    q = span * q
+    tau = 4.0 * np.sin(q) + 0.02 * np.random.default_rng(1).standard_normal(len(t))
+    tried = try_log([written(tmp_path / "log.csv", "t_s,q_rad,tau_Nm", [t, q, tau])], out=tmp_path / "page")
+    assert tried.answer.verdict == "cannot say"
+    assert "less than 1 cm from the axis" in tried.answer.reason

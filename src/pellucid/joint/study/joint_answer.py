@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ...models.estimates import Verdict
 from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import EFFORT_NAMES, number, percent
 from ...study.pages.values import Value
@@ -52,9 +53,16 @@ class JudgedJoint(Protocol):
         """Effort on held-out recordings; empty without one."""
 
     @property
+    def verdicts(self) -> Sequence[Verdict]:
+        """Verdicts on the joint."""
+
+    @property
     def checksums(self) -> Mapping[str, str]:
         """SHA-256 of the recordings."""
 
+
+NO_MACHINE_FINDINGS = ("missing_inertia", "spring_bench")
+"""Findings that the effort was none that moves a machine: a model that predicts it says nothing of one."""
 
 STRETCHES_OUT = "stretches of the fitted recordings, each left out in turn"
 """What the error is of where no recording is held out."""
@@ -90,6 +98,10 @@ def joint_answer(fit: JudgedJoint) -> Answer:
     known_r2 = f" (R² {number(r2, digits=3)})" if np.isfinite(r2) and not ranged else ""
     said += f"{ranged}{known_r2}{_constant_text(fit, effort)}."
     verdict, reason = _verdict(error.number, r2, judged)
+    no_machine = next((v.text for v in fit.verdicts if v.finding in NO_MACHINE_FINDINGS and v.kind == "warning"), "")
+    if verdict == "yes" and no_machine:
+        verdict, reason = "cannot say", no_machine[:1].lower() + no_machine[1:].rstrip(".")
+        said = f"The figures are of no machine alone: {reason}. {said}"
     numbers = [AnswerNumber(f"error of the {effort} on {judged}", error.number, "%", id=error.id)]
     if np.isfinite(r2):
         numbers.append(AnswerNumber(f"R2 on {judged}", r2, "1"))

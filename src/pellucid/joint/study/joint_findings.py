@@ -899,26 +899,47 @@ def report_spring_bench(case: JointCase) -> Iterator[Verdict]:
     if "inertia" not in found:
         return
     inertia = found["inertia"]
-    most = inertia.value + STANDARD_ERRORS * inertia.standard_error
     is_unseen = inertia.at_bound or inertia.value < STANDARD_ERRORS * inertia.standard_error
     if "parallel_stiffness" in found and "gravity" not in found and is_unseen and stiffness > 0.0:
         text = f"The effort follows the position as that of a spring of {said}, and no inertia is seen: this is most "
         yield Verdict("warning", f"{text}likely a spring whose end is locked.", do, weight=2.0)
         return
-    if not case.rotary or "gravity" not in found or case.fit.model.effort_unit != "N*m":
-        return
-    gravity = found["gravity"]
+    text = _weight_without_inertia(case)
+    is_alike = left <= FINDING_THRESHOLDS.max_spring_alike_share * size
+    if text and is_alike and case.fit.model.effort_unit == "N*m":
+        text += f" this is most likely a spring of {said}, which looks like a weight over small angles."
+        yield Verdict("warning", text, do, weight=2.0)
+
+
+def report_missing_inertia(case: JointCase) -> Iterator[Verdict]:
+    """Report an effort that carries the weight and moves nothing, as that of a machine that is guided by hand."""
+    text = _weight_without_inertia(case)
+    if text:
+        text += " the effort carries the weight, and something else moves the joint, such as a hand that guides it."
+        do = "Record the joint while its drive alone moves it, or with what guides it measured."
+        yield Verdict("warning", text, do, weight=2.0)
+
+
+def _weight_without_inertia(case: JointCase) -> str:
+    """Return the beginning of a sentence on a weight whose inertia allows no lever, up to a colon; "" if it does."""
+    fitted = [p for p in case.fit.predictions if p.split == "fitted"]
+    found = {p.name: p for p in case.fit.estimate.parameters}
+    if not fitted or not case.rotary or not {"inertia", "gravity"} <= set(found):
+        return ""
+    gravity, inertia = found["gravity"], found["inertia"]
+    most = inertia.value + STANDARD_ERRORS * inertia.standard_error
     sure = gravity.value > STANDARD_ERRORS * gravity.standard_error
+    missed = float(np.sum(np.concatenate([p.effort - p.predicted for p in fitted]) ** 2))
     acceleration = np.concatenate([p.acceleration for p in fitted])
     usual = USUAL_LEVER_M * gravity.value / GRAVITY * float(np.linalg.norm(acceleration))
-    shown = usual > MIN_EXCESS * np.sqrt(missed) and left <= FINDING_THRESHOLDS.max_spring_alike_share * size
-    if sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value:
-        text = (
-            f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text('N*m')} with an inertia below "
-            f"{number(most, digits=2)} {unit_text('kg*m^2')} would hang less than {100 * MIN_LEVER_M:.0f} cm from the "
-            f"axis: this is most likely a spring of {said}, which looks like a weight over small angles."
-        )
-        yield Verdict("warning", text, do, weight=2.0)
+    shown = usual > MIN_EXCESS * np.sqrt(missed)
+    if not (sure and shown and np.isfinite(most) and most * GRAVITY < MIN_LEVER_M * gravity.value):
+        return ""
+    return (
+        f"A weight of {number(gravity.value, gravity.standard_error)} {unit_text(gravity.unit)} with an inertia below "
+        f"{number(most, digits=2)} {unit_text(inertia.unit)} would hang less than {100 * MIN_LEVER_M:.0f} cm from the "
+        "axis:"
+    )
 
 
 def _spring(fitted: Sequence[Prediction]) -> tuple[float, float, float]:
