@@ -1,5 +1,6 @@
 """Names, units and encodings of logs from labs of many languages, each of which was once read wrongly or refused."""
 
+import json
 import re
 
 import numpy as np
@@ -206,3 +207,31 @@ def test_headers_in_encodings_of_many_countries(tmp_path, encoding, header):
     wanted = dict(zip(names[1:], ("reference", "position", "torque"), strict=True))
     assert {name: roles_of(found).get(name) for name in wanted} == wanted
     assert found.main.roles.clock.column == names[0]
+
+
+def test_topics_by_turns_with_a_stamp_each_share_a_clock(tmp_path):
+    t, _, q, tau = controlled()
+    rows = []
+    for time, angle, torque in zip(1000.0 * t, q, tau, strict=True):
+        for late, name, value, unit in ((0, "position", angle, "deg"), (1, "torque", torque, "Nm")):
+            payload = {"value": float(value), "unit": unit}
+            rows.append({"topic": f"exo/elbow/{name}", "ts": round(1.7e12 + time) + late, "payload": payload})
+    path = tmp_path / "mqtt.jsonl"
+    path.write_text("\n".join(map(json.dumps, rows)))
+    found = proposed(path)
+    assert roles_of(found) == {"exo/elbow/position": "position", "exo/elbow/torque": "torque"}
+    assert [role.unit for role in found.main.channels] == ["deg", "N*m"]
+    assert found.main.roles.rate == pytest.approx(100.0, rel=0.01)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_cells_may_hold_their_unit(tmp_path, mark):
+    t, _, q, tau = controlled()
+    rows = [f"{time:.2f} s{mark}{x:.4f} °{mark}{y:.4f} N·m" for time, x, y in zip(t, q, tau, strict=True)]
+    path = tmp_path / "grafana.csv"
+    head = mark.join(('"Time"', '"knee angle"', '"knee torque"'))
+    path.write_text("\n".join([head, *rows]), encoding="utf-8")
+    found = proposed(path)
+    assert {r.column: (r.quantity, r.unit) for r in found.main.channels} == {
+        "knee angle [°]": ("position", "deg"), "knee torque [N·m]": ("torque", "N*m"),
+    }  # fmt: skip

@@ -13,7 +13,7 @@ from .muscle_names import find_muscle
 from .stated_units import ends_in_multiple, scaled_unit_from_text, split_unit, stated_unit_text, unit_from_text
 
 QUANTITY_WORDS = {
-    "time": {"time", "t", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "tempo", "elapsed", "tijd",
+    "time": {"time", "t", "ts", "timestamp", "stamp", "clock", "zeit", "tiempo", "temps", "tempo", "elapsed", "tijd",
         "datetime", "epoch", "uptime", "sec", "secs", "millis", "micros"},
     "counter": {"counter", "count", "sample", "samples", "number", "index", "idx", "seq", "frame", "row", "packet",
         "no", "nr"},

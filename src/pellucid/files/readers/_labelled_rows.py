@@ -1,9 +1,14 @@
-"""Rows that repeat a label before each number, as serial monitors and plotters show them: ``t: 10, angle: 1.5``."""
+"""Rows that repeat a label before each number, or a unit behind it: ``t: 10, angle: 1.5`` and ``12.3 °,0.5 N·m``.
+
+Serial monitors and plotters write the one, dashboards the other.
+"""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+
+from ..stated_units import unit_from_text
 
 MIN_LABELLED_SHARE = 0.9
 """Smallest share of the first rows that have the same labels."""
@@ -63,3 +68,54 @@ def _pairs(line: str) -> list[tuple[str, str, str]] | None:
         pairs.append((match[1].strip(), match[2], match[3]))
         place = match.end()
     return pairs if len(pairs) >= 2 else None
+
+
+_UNIT_CELL = re.compile(
+    r"\s*\"?\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)[ \u00a0\u202f]+"
+    r"([^\W\d_][^\d\";,]{0,11}|[°%][^\d\";,]{0,6})\"?\s*"
+)
+"""A number, and a unit behind it."""
+
+
+def table_without_units(content: bytes) -> bytes | None:
+    """Return the content of a table whose cells hold units with these in the header; None of any other table.
+
+    >>> table_without_units(b"t,angle\\n" + 20 * b"0.1,1.5 deg\\n").splitlines()[:2]
+    [b't,angle [deg]', b'0.1,1.5']
+    """
+    lines = text.splitlines() if (text := _utf8(content)) is not None else []
+    rows = [line for line in lines[1:] if line.strip()]
+    if len(rows) < MIN_LABELLED_ROWS:
+        return None
+    for mark in ("\t", ";", ","):
+        width = lines[0].count(mark) + 1
+        sample = [row.split(mark) for row in rows[:SAMPLED_LINES]]
+        if width < 2 or any(len(cells) != width for cells in sample):
+            continue
+        units = [_unit_of(cells) for cells in zip(*sample, strict=True)]
+        if not any(units):
+            continue
+        names = [name.strip().strip('"') for name in lines[0].split(mark)]
+        heads = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+        plain = [mark.join(_without_unit(cell) for cell in row.split(mark)) for row in rows]
+        return "\n".join([mark.join(heads), *plain, ""]).encode()
+    return None
+
+
+def _utf8(content: bytes) -> str | None:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return None
+
+
+def _unit_of(cells: tuple[str, ...]) -> str | None:
+    """Return the unit that most cells of a column hold behind their number; None if they hold none that is known."""
+    found = [match[2].strip() for cell in cells if (match := _UNIT_CELL.fullmatch(cell)) is not None]
+    unit, count = Counter(found).most_common(1)[0] if found else ("", 0)
+    return unit if count >= MIN_LABELLED_SHARE * len(cells) and unit_from_text(unit) is not None else None
+
+
+def _without_unit(cell: str) -> str:
+    match = _UNIT_CELL.fullmatch(cell)
+    return cell if match is None else match[1]

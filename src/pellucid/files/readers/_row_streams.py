@@ -41,6 +41,9 @@ MIN_UNNAMED_CHANGE_SHARE = 0.8
 MIN_ORDERED_SHARE = 0.9
 """Numbers are labels if at least this share of the rows follows the same number each time."""
 
+MAX_CLOCK_SHARE = 0.2
+"""Labels have one clock if their times differ by less than this share of a period, as messages sent in turn do."""
+
 MAX_STREAMS = 16
 """Rows with lists belong to at most so many sets of names."""
 
@@ -122,7 +125,7 @@ def split_streams(
     label = _label_column(values, words)
     if label is None:
         return dict(values), dict(units)
-    return _split_labels(path, values, units, *label)
+    return _split_labels(path, values, units | _units_of_labels(words, label[1], label[2]), *label)
 
 
 def _renamed(values: Mapping[str, np.ndarray | str], words: Mapping[str, Words]) -> dict[str, str]:
@@ -329,6 +332,30 @@ def _restarts(values: Mapping[str, np.ndarray | str], codes: np.ndarray) -> bool
     return False
 
 
+def _units_of_labels(words: Mapping[str, Words], codes: np.ndarray, labels: Sequence[str]) -> dict[str | int, str]:
+    """Return the unit that a column of units beside the labels has in all rows of each label, by the label."""
+    found: dict[str | int, str] = {}
+    for column, own in words.items():
+        if column.rpartition(".")[2].casefold() not in ("unit", "units"):
+            continue
+        for code, label in enumerate(labels):
+            stated = np.unique(own.codes[codes == code])
+            if len(stated) == 1 and stated[0] >= 0:
+                found[label] = own.texts[stated[0]]
+    return found
+
+
+def _is_one_clock(parts: Sequence[np.ndarray]) -> bool:
+    """Whether several columns of times are one: equal, or apart by less than a small share of a period."""
+    if any(len(part) != len(parts[0]) for part in parts):
+        return False
+    if all(np.array_equal(part, parts[0], equal_nan=True) for part in parts):
+        return True
+    steps = np.diff(parts[0])
+    period = float(np.median(steps)) if len(steps) and np.all(steps >= 0.0) else 0.0
+    return all(float(np.max(np.abs(part - parts[0]))) < MAX_CLOCK_SHARE * period for part in parts)
+
+
 def _split_labels(
     path: Path,
     values: Mapping[str, np.ndarray | str],
@@ -346,13 +373,11 @@ def _split_labels(
         rows = [own[:fewest] for own in rows]  # the log ended within a turn
     made: dict[str, np.ndarray | str] = {}
     new_units: dict[str | int, str] = {}
-    own_values = [name for name in numeric if name.casefold() in _VALUE_NAMES]
+    own_values = [name for name in numeric if name.rpartition(".")[2].casefold() in _VALUE_NAMES]
     for name, x in numeric.items():
         parts = [x[own] for own in rows]
         is_clock = name == next(iter(numeric)) or read_name(name).quantity in ("time", "counter")
-        if is_clock and all(
-            len(part) == len(parts[0]) and np.array_equal(part, parts[0], equal_nan=True) for part in parts
-        ):
+        if is_clock and _is_one_clock(parts):
             # What every label shares, such as the time, is one column.
             made[name] = parts[0]
             if name in units:
@@ -365,4 +390,6 @@ def _split_labels(
             made[own] = part
             if name in units:
                 new_units[own] = units[name]
+            elif own == label and label in units:
+                new_units[own] = units[label]
     return made, new_units

@@ -32,7 +32,7 @@ from ._comma import (
     read_number,
     two_readings,
 )
-from ._labelled_rows import plain_table
+from ._labelled_rows import plain_table, table_without_units
 from ._last_row import cut_row
 from ._lost_rows import LostRows, RowWidths
 from ._number_blocks import (
@@ -138,6 +138,11 @@ def _whole_or_parts(path: Path, file: BinaryIO, end: int | None, *, arrow: bool)
     if plain_table(start) is not None:
         plain = plain_table(file.read() if end is None else file.read(end))
         return read_table(path, io.BytesIO(start if plain is None else plain))
+    if table_without_units(start[: start.rfind(b"\n") + 1]) is not None:
+        plain = table_without_units(file.read() if end is None else file.read(end))
+        if plain is not None:
+            return read_table(path, io.BytesIO(plain))
+        file.seek(0)
     found = read_table(path, file, end, arrow=arrow)
     if not found.values or any(isinstance(x, np.ndarray) for x in found.values.values()):
         return found
