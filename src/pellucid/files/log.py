@@ -118,6 +118,7 @@ VERDICT_WORDS = {
     "heartbeat": "heartbeat",
     "mains": "mains hum",
     "mvc_artefact": "short peaks",
+    "clock": "uneven clock",
     "spike": "glitches",
     missing.KIND: "missing samples",
     held.KIND: "another clock",

@@ -223,7 +223,8 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
     """Return a public `function` that refuses an argument of another type than its annotation with an `ArgumentError`.
 
     Numbers, texts, paths, truth values, arrays, mappings and sequences are checked. Arguments of other classes are the
-    function's own to check. A sampling rate may be given as ``rate`` or ``fs``, whichever the function has. An array with masked samples becomes one with NaN, and times that are dates become seconds.
+    function's own to check. A sampling rate may be given as ``rate`` or ``fs``, whichever the function has. An array
+    with masked samples becomes one with NaN, and times that are dates become seconds.
     """
     signature = inspect.signature(function)
     parsed = {

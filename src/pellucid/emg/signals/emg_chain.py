@@ -30,6 +30,7 @@ from scipy import signal
 from ... import _core
 from ..._errors import RecordingError
 from ...numerics.arguments import with_checked_arguments
+from .emg_findings import without_short_peaks
 
 
 @dataclass(frozen=True)
@@ -563,6 +564,7 @@ def maximal_envelope(
     Parameters
     ----------
     contractions : sequence of array_like, each of shape (n,) or (n, muscles)
+        Short peaks far above all other samples, which no muscle makes, are left out.
         Raw EMG of one contraction after another [V]; their lengths may differ. A muscle's largest value may be in any.
     rate : float
         Sampling rate [Hz].
@@ -605,8 +607,10 @@ def maximal_envelope(
     tops = []
     for i, contraction in enumerate(contractions):
         try:
-            # Over a maximum of 1 V a relative envelope is one in V.
-            tops.append(envelope(contraction, rate=rate, chain=asked, maximum=1.0).max(axis=0))
+            # Over a maximum of 1 V a relative envelope is one in V. A short artefact is no muscle's maximum.
+            x = np.asarray(contraction, dtype=np.float64)
+            sound = np.apply_along_axis(without_short_peaks, 0, x, rate) if x.ndim in (1, 2) and x.size else x
+            tops.append(envelope(sound, rate=rate, chain=asked, maximum=1.0).max(axis=0))
         except RecordingError as error:
             raise RecordingError(f"maximal_envelope, contraction {i}: {error}") from None
     shapes = sorted({top.shape for top in tops})

@@ -64,6 +64,9 @@ class FindingThresholds:
     heart_rates_hz: tuple[float, float] = (0.6, 2.6)  # Rates of hearts
     # Correlation of the single complexes with their mean; bursts of a muscle, aligned at their peaks, stay below
     min_complex_similarity: float = 0.80
+    # The same without the samples at the peak, where bursts that are aligned there resemble each other
+    min_side_similarity: float = 0.75
+    peak_half_s: float = 0.015  # Time on either side of a peak that is left out of it
     min_complex_count: int = 6
     max_interval_variation: float = 0.3  # Relative median deviation of the intervals between complexes
     # Share of a complex's power, from 4 to 40 Hz, that lies above 12 Hz; a moved cable has less
@@ -71,9 +74,18 @@ class FindingThresholds:
     motion_band_hz: tuple[float, float] = (1.0, 12.0)  # Band of moved electrodes, below a muscle's
     max_motion_share: float = 0.35  # Share of the power from 1 Hz on that may lie in this band
     min_motion_v: float = 10e-6  # Smaller RMS in this band is not reported
-    min_peak_ratio: float = 4.0  # A short peak over the 99.5 % quantile of magnitudes
+    motion_window_s: float = 0.4  # A single movement of a cable is looked for in windows of this length
+    # It has at least this many times the RMS that the muscle has there above the band, and that the band has elsewhere
+    min_motion_ratio: float = 1.0
+    min_motion_rise: float = 6.0
+    min_peak_ratio: float = 4.0  # A short peak over this quantile of magnitudes
+    peak_quantile: float = 0.99
+    beside_peak_s: float = 0.01  # Time on either side of a peak that is the artefact's, too
+    min_gap_steps: float = 1.5  # A step of a clock of more usual steps is a gap
+    max_gap_share: float = 0.05  # With more of them the clock is uneven throughout
+    max_rate_error: float = 0.01  # Share by which a clock's rate may differ from the stated one
     max_peak_s: float = 0.03  # Longest duration of such a peak
-    max_peak_share: float = 2e-3  # Share of samples above the ratio; more are bursts of the muscle
+    max_peak_share: float = 5e-3  # Share of samples above the ratio; more are bursts of the muscle
     max_muscle_v: float = 0.02  # Larger RMS of most channels: the unit is another one
     min_muscle_v: float = 1e-8  # The same for smaller RMS; from here to `min_rms_v` nothing is connected
     min_carrier_share: float = 0.02  # Share of the power, from 0.5 Hz on, that raw EMG has above 20 Hz at least
@@ -124,6 +136,7 @@ CONSEQUENCES = {
     "saturation": "The envelope is too small where the muscle is strongest.",
     "normalised_per_trial": "Trials cannot be compared: normalise all by one maximal contraction.",
     "mvc_artefact": "A maximum of this recording would be the artefact's: all envelopes become too small.",
+    "clock": "Times behind a gap hold only where the gap is kept; a filter runs over it.",
     "unit": "Checks and defaults in V do not hold: state the unit of the file.",
 }
 """Consequence of each kind."""
@@ -248,8 +261,8 @@ def _channel_findings(
     if rms < least or rms == 0.0:
         return [whole("dead", rms, f"{size_text(rms, unit)} RMS")]
     if is_wrong_unit:
-        likely = next((u for u, size in _TRIED_UNITS if 1e-6 <= rms * size <= 2e-3), "")
-        hint = f"; as {likely} it would be {size_text(rms * EMG_UNITS[likely], 'V')}" if likely and likely != unit else ""
+        likely = next((u for u, size in _TRIED_UNITS if u != unit and 1e-6 <= rms * size <= 2e-3), "")
+        hint = f"; as {likely} it would be {size_text(rms * EMG_UNITS[likely], 'V')}" if likely else ""
         found.append(whole("unit", rms, f"{size_text(rms, unit)} RMS, where a muscle has 1 µV to 2 mV{hint}"))
         return found
     # Limits in volts are none where the unit is not known.
@@ -330,6 +343,7 @@ def _slow_findings(name: int | str, x: np.ndarray, rate: float, unit: str, scale
     """Return a heartbeat or moved electrodes of a channel, (n,): both lie below most of a muscle's band."""
     if rate < 100.0 or len(x) < 2.0 * rate:
         return []
+    x = without_short_peaks(x, rate)
     low, high = FINDING_LIMITS.motion_band_hz
     sos = signal.butter(2, [4.0, min(40.0, 0.45 * rate)], "bandpass", fs=rate, output="sos")
     slow = signal.sosfiltfilt(sos, x)
@@ -349,7 +363,88 @@ def _slow_findings(name: int | str, x: np.ndarray, rate: float, unit: str, scale
         first, last = (float(strong[0] / rate), float((strong[-1] + 1) / rate)) if len(strong) else (0.0, len(x) / rate)
         said = f"{100.0 * rms**2 / whole**2:.0f} % of the power lies below {high:g} Hz ({size_text(rms, unit)} RMS)"
         return [EmgFinding(name, "motion", first, last, rms, CONSEQUENCES["motion"], said)]
-    return []
+    return _single_movements(name, band, above - band, rate, unit, scale)
+
+
+def _single_movements(
+    name: int | str, band: np.ndarray, rest: np.ndarray, rate: float, unit: str, scale: float
+) -> list[EmgFinding]:
+    """Return stretches in which a cable moved: its `band`, (n,), is far larger there than elsewhere, and than `rest`.
+
+    `rest`, (n,), is what lies above the band.
+    """
+    count = max(2, round(FINDING_LIMITS.motion_window_s * rate))
+    window = np.full(count, 1.0 / count)
+    low, high = (np.sqrt(np.maximum(signal.oaconvolve(x**2, window, "same"), 0.0)) for x in (band, rest))
+    usual = float(np.median(low))
+    is_moved = (
+        (low > FINDING_LIMITS.min_motion_rise * usual)
+        & (low > FINDING_LIMITS.min_motion_ratio * high)
+        & (low > FINDING_LIMITS.min_motion_v * scale)
+    )
+    # The filter of the band has not settled at the ends.
+    edge = round(rate / FINDING_LIMITS.motion_band_hz[0])
+    is_moved[:edge] = is_moved[len(is_moved) - edge :] = False
+    found = []
+    for part in runs(is_moved):
+        size = float(low[part].max())
+        said = f"a movement of {size_text(size, unit)} RMS below {FINDING_LIMITS.motion_band_hz[1]:g} Hz"
+        first, last = part.start / rate, part.stop / rate
+        found.append(EmgFinding(name, "motion", first, last, size, CONSEQUENCES["motion"], said))
+    return found
+
+
+def clock_findings(name: str, time: np.ndarray, nominal: float | None = None) -> list[EmgFinding]:
+    """Return where a clock of times, (n,) [s], lost samples, and a rate that is not the `nominal` one [Hz].
+
+    Samples behind a gap keep their times: a gap stays one.
+    """
+    steps = np.diff(time[np.isfinite(time)])
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if not usual > 0.0:
+        return []
+    found = []
+    gaps = np.flatnonzero(steps > FINDING_LIMITS.min_gap_steps * usual)
+    if 0 < len(gaps) <= FINDING_LIMITS.max_gap_share * len(steps):
+        lost = round(float(np.sum(steps[gaps] / usual - 1.0)))
+        rate = len(steps) / float(steps.sum())
+        said = (
+            f"{lost} samples lost in {len(gaps)} gap{'s' if len(gaps) > 1 else ''} of up to {steps[gaps].max():.3g} s: "
+            f"{1.0 / usual:.5g} Hz between gaps, {rate:.5g} Hz in all"
+        )
+        first, last = float(time[gaps[0]]), float(time[gaps[-1] + 1])
+        found.append(EmgFinding(name, "clock", first, last, float(steps[gaps].sum()), CONSEQUENCES["clock"], said))
+    if nominal and abs(1.0 / (usual * nominal) - 1.0) > FINDING_LIMITS.max_rate_error:
+        said = f"{1.0 / usual:.5g} Hz, where the file states {nominal:.5g} Hz"
+        first, last = float(time[0]), float(time[-1])
+        found.append(EmgFinding(name, "clock", first, last, 1.0 / usual, CONSEQUENCES["clock"], said))
+    return found
+
+
+def short_peaks(x: np.ndarray, rate: float) -> list[slice]:
+    """Return single short peaks far above everything else of a channel, (n,): no muscle makes them."""
+    size = np.abs(x)
+    usual = float(np.quantile(size, FINDING_LIMITS.peak_quantile)) if len(x) else 0.0
+    if usual == 0.0:
+        return []
+    above = np.flatnonzero(size > FINDING_LIMITS.min_peak_ratio * usual)
+    if not len(above) or len(above) > FINDING_LIMITS.max_peak_share * len(x):
+        return []
+    gap = FINDING_LIMITS.max_peak_s * rate
+    groups = np.split(above, np.flatnonzero(np.diff(above) > gap) + 1)
+    return [] if any(g[-1] - g[0] > gap for g in groups) else [slice(int(g[0]), int(g[-1]) + 1) for g in groups]
+
+
+def without_short_peaks(x: np.ndarray, rate: float) -> np.ndarray:
+    """Return a channel of raw EMG, (n,), in which short peaks are 0: a maximum of the rest is the muscle's."""
+    mean = float(np.mean(x)) if np.isfinite(x).all() and len(x) else 0.0
+    peaks = short_peaks(x - mean, rate) if np.isfinite(x).all() else []
+    if not peaks:
+        return x
+    made, beside = np.array(x), round(FINDING_LIMITS.beside_peak_s * rate)
+    for part in peaks:
+        made[max(part.start - beside, 0) : part.stop + beside] = mean
+    return made
 
 
 def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | None:
@@ -372,6 +467,8 @@ def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | Non
     peaks = peaks[np.sign(slow[peaks]) == sign]
     mean = np.median(parts, axis=0)
     alike = (parts @ mean) / (np.linalg.norm(parts, axis=1) * np.linalg.norm(mean))
+    aside = np.abs(np.arange(-reach, reach + 1)) > FINDING_LIMITS.peak_half_s * rate
+    sides = (parts[:, aside] @ mean[aside]) / (np.linalg.norm(parts[:, aside], axis=1) * np.linalg.norm(mean[aside]))
     intervals = np.diff(peaks) / rate
     middle = float(np.median(intervals))
     variation = float(np.median(np.abs(intervals - middle))) / middle
@@ -382,6 +479,7 @@ def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | Non
     high = float(power[band & (frequency > 12.0)].sum() / power[band].sum())
     if (
         np.median(alike) < FINDING_LIMITS.min_complex_similarity
+        or np.median(sides) < FINDING_LIMITS.min_side_similarity
         or not 1.0 / fastest <= middle <= 1.0 / slowest
         or variation > FINDING_LIMITS.max_interval_variation
         or high < FINDING_LIMITS.min_complex_high_share
@@ -392,19 +490,10 @@ def heartbeat(slow: np.ndarray, rate: float) -> tuple[float, float, float] | Non
 
 def _peak_findings(name: int | str, x: np.ndarray, rate: float) -> list[EmgFinding]:
     """Return single short peaks far above everything else of a channel, (n,)."""
-    size = np.abs(x)
-    usual = float(np.quantile(size, 0.995))
-    if usual == 0.0:
+    peaks = short_peaks(x, rate)
+    if not peaks:
         return []
-    limit = FINDING_LIMITS.min_peak_ratio * usual
-    above = np.flatnonzero(size > limit)
-    if not len(above) or len(above) > FINDING_LIMITS.max_peak_share * len(x):
-        return []
-    gap = FINDING_LIMITS.max_peak_s * rate
-    groups = np.split(above, np.flatnonzero(np.diff(above) > gap) + 1)
-    if any(g[-1] - g[0] > gap for g in groups):
-        return []
-    ratio = float(size.max() / usual)
-    said = f"{len(groups)} peak{'s' if len(groups) > 1 else ''} up to {ratio:.1f} times all others"
-    first, last = float(above[0] / rate), float((above[-1] + 1) / rate)
+    ratio = float(np.abs(x).max() / np.quantile(np.abs(x), FINDING_LIMITS.peak_quantile))
+    said = f"{len(peaks)} peak{'s' if len(peaks) > 1 else ''} up to {ratio:.1f} times all others"
+    first, last = peaks[0].start / rate, peaks[-1].stop / rate
     return [EmgFinding(name, "mvc_artefact", first, last, ratio, CONSEQUENCES["mvc_artefact"], said)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...files.log import ALARM_LEVEL, Log, LogChannel, LogFinding
-from .emg_findings import EmgFinding, emg_quality
+from .emg_findings import EmgFinding, clock_findings, emg_quality
 
 MIN_SECONDS = 1.0
 """Shortest stretch of EMG that is examined [s]."""
@@ -21,6 +21,9 @@ def emg_log_findings(log: Log) -> list[LogFinding]:
         rate = _rate(log, clock, length)
         if rate * MIN_SECONDS > length or rate <= 0.0:
             continue
+        own_clock = _clock(log, clock, length)
+        if own_clock is not None:
+            found += [_finding(one, rate) for one in clock_findings(own_clock.name, own_clock.samples)]
         for unit in dict.fromkeys(_unit(c) for c in own):
             alike = [c for c in own if _unit(c) == unit]
             samples = np.column_stack([c.samples for c in alike])
@@ -29,12 +32,21 @@ def emg_log_findings(log: Log) -> list[LogFinding]:
     return found
 
 
+def _clock(log: Log, clock: LogChannel | None, length: int) -> LogChannel | None:
+    """Return the clock of columns of a length; None without one in seconds."""
+    tried = [clock, *(c for c in log.channels if c.quantity.kind == "time" and c.quantity.unit in ("s", ""))]
+    return next((c for c in tried if c is not None and len(c.samples) == length > 2 and _step(c) > 0.0), None)
+
+
+def _step(clock: LogChannel) -> float:
+    """Return the usual step of a clock [s]."""
+    return float(np.nanmedian(np.diff(clock.samples)))
+
+
 def _rate(log: Log, clock: LogChannel | None, length: int) -> float:
     """Return the sampling rate of columns of a length [Hz]; 0 where nothing tells it."""
-    if clock is not None and len(clock.samples) == length and clock.quantity.unit == "s" and length > 2:
-        step = float(np.nanmedian(np.diff(clock.samples)))
-        return 1.0 / step if step > 0.0 else 0.0
-    return log.rate or 0.0
+    own = _clock(log, clock, length)
+    return 1.0 / _step(own) if own is not None else log.rate or 0.0
 
 
 def _unit(channel: LogChannel) -> str:

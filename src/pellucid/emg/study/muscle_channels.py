@@ -16,7 +16,8 @@ from ...files.recording import MAXIMAL_PROTOCOL, Recording
 from ...models.estimates import Verdict
 from ...study.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_quality import find_hum, inspect_emg
+from ..signals.emg_findings import without_short_peaks
+from ..signals.emg_quality import channel_fault, find_hum, inspect_emg
 from .emg_torque.emg_torque_table import EmgTorqueTable
 from .muscle_tables import EnvelopeTable, MuscleTable
 
@@ -138,14 +139,15 @@ def find_used_muscles(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
 
 def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
     """Return the faults of the EMG of the muscles that a table uses."""
-    found = []
+    found, streams = [], []
     notches = notch_frequencies(study_chain(study, table)) if isinstance(table, EnvelopeTable) else None
     for recording in find_recordings_with_emg(study, table):
         stream = emg_stream(recording, table)
         wanted = {f"emg.{muscle}" for muscle in find_used_muscles(stream, table)} | {"time"}
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only, notches=notches)
-    return found
+        streams.append(only)
+    return found + per_trial_faults(streams)
 
 
 def envelope_faults(
@@ -206,9 +208,13 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
             f'{study.folder}: found only recordings with use = "validate"{f" of {who}" if who else ""}, expected one '
             'with use = "fit", a maximal contraction (protocol = "mvc") or another, whose largest envelope is the scale'
         )
-    for recording, _, envelopes in made:
+    for recording, _, plain in made:
         if recording.use != "fit" or (recording.participant in maximal and recording.protocol != MAXIMAL_PROTOCOL):
             continue
+        stream = sound_stream(emg_stream(recording, table))
+        envelopes = plain
+        if stream is not None:
+            envelopes = _stream_envelopes(stream, tables[recording.participant], chain)[1]
         for muscle, x in envelopes.items():
             key = recording.participant, muscle
             top[key] = max(top.get(key, 0.0), float(x.max()))
@@ -225,6 +231,43 @@ def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelop
         for r, time, envelopes in made
         if r.protocol != MAXIMAL_PROTOCOL
     ]  # fmt: skip
+
+
+def sound_stream(stream: Recording) -> Recording | None:
+    """Return a stream whose raw EMG has no short peaks, from which its maxima are taken; None if it has none anyway."""
+
+    def sound(each: Recording) -> Recording:
+        channels = {
+            name: replace(c, samples=without_short_peaks(c.samples, each.fs))
+            if name.startswith("emg.") and c.unit == "V"
+            else c
+            for name, c in each.channels.items()
+        }
+        return replace(each, channels=channels)
+
+    made = sound(stream)
+    if all(made.channels[name].samples is c.samples for name, c in stream.channels.items()):
+        return None
+    return replace(made, uncut=sound(stream.uncut)) if stream.uncut is not None else made
+
+
+def per_trial_faults(streams: Sequence[Recording]) -> list[Fault]:
+    """Return faults of relative envelopes of which each of several trials reaches exactly 1, its own maximum."""
+    tops: dict[tuple[str | None, str], list[Recording]] = {}
+    for stream in streams:
+        for name, c in stream.channels.items():
+            known = c.samples[np.isfinite(c.samples)]
+            if name.startswith("emg.") and c.unit != "V" and known.size and abs(float(known.max()) - 1.0) < 1e-9:
+                tops.setdefault((stream.participant, name), []).append(stream)
+    found = []
+    for (_, name), own in tops.items():
+        if len(own) < 2 or len({each.path for each in own}) < 2:
+            continue
+        names = ", ".join(each.name for each in own[:5]) + (f" and {len(own) - 5} more" if len(own) > 5 else "")
+        said = f"a largest value of exactly 1 in each of {len(own)} recordings ({names}): each is its own maximum"
+        expected = "one maximum for all recordings of a participant"
+        found.append(channel_fault("warn", "normalised_per_trial", own[0].path.name, own[0].name, name, said, expected))
+    return found
 
 
 def _table_of_participant(

@@ -313,8 +313,8 @@ def onset(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``rest``, the beginning and end of a stretch of rest
-        [s], ``level``, the intervals' probability, ``height``, ``shortest`` and ``pause``.
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``rest``, the beginning and end of a
+        stretch of rest [s], ``level``, the intervals' probability, ``height``, ``shortest`` and ``pause``.
 
     Returns
     -------
@@ -364,8 +364,8 @@ def cocontraction(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level, and ``moments``,
-        whether the arrays are moments of two muscle groups [N m] of opposite signs.
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``level``, the confidence level, and
+        ``moments``, whether the arrays are moments of two muscle groups [N m] of opposite signs.
 
     Returns
     -------
@@ -413,8 +413,8 @@ def synergies(
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     **options
-        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``muscles`` (names of the columns), ``number`` of
-        synergies and ``heldout`` envelopes.
+        For arrays: ``rate`` or ``fs``, the sampling rate [Hz], and optionally ``muscles`` (names of the columns),
+        ``number`` of synergies and ``heldout`` envelopes.
 
     Returns
     -------

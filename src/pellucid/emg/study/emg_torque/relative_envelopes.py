@@ -14,8 +14,9 @@ from ....files.fault import Fault
 from ....files.recording import MAXIMAL_PROTOCOL, Recording
 from ....study.study import Study
 from ...signals.emg_chain import EmgChain
+from ...signals.emg_findings import without_short_peaks
 from ...signals.emg_quality import EMG_LIMITS, channel_fault, contrast_faults, inspect_emg, swapped_faults
-from ..muscle_channels import notch_frequencies, study_chain
+from ..muscle_channels import notch_frequencies, per_trial_faults, study_chain
 from .emg_torque_table import EmgTorqueTable
 from .study_muscles import find_used_muscles, ignored_channels
 
@@ -50,6 +51,7 @@ def emg_faults(study: Study) -> list[Fault]:
                 rates[stream.path.name, recording.name] = _mean_rate(stream)
             if chain is not None:
                 found += _envelope_faults(recording, stream, chain)
+    found += per_trial_faults([recording.stream_or_self(asked.emg) for recording in study.recordings()])
     ignored, usual = ignored_channels(study), float(np.median(list(rates.values()))) if rates else 0.0
     found += [
         channel_fault(
@@ -142,11 +144,12 @@ def _first_muscle_named(muscles: Mapping[str, object], parts: Sequence[str]) -> 
 
 
 def relative_envelopes(
-    study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
+    study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool, is_scale: bool = False
 ) -> dict[str, np.ndarray]:
     """Return envelopes by muscle on the recording's clock, shape (n,) each, or refuse EMG that is unfit for use.
 
-    `top` is the envelope of each muscle that counts as 1. `study` [emg_torque].
+    `top` is the envelope of each muscle that counts as 1. For a scale (`is_scale`), short peaks of raw EMG are left
+    out. `study` [emg_torque].
     """
     stream, chain = recording.stream_or_self(study.table(EmgTorqueTable).emg), _study_chain(study)
     whole = stream.uncut or stream
@@ -170,6 +173,7 @@ def relative_envelopes(
                 )
             chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel {channel}")
             run = chain.causal if causal else chain.zero_phase
+            x = without_short_peaks(x, stream.fs) if is_scale else x
             x = run(x, stream.fs, maximum=1.0, inside=inside)
         made[muscle] = np.interp(recording.time, whole.time[inside], x / top.get(muscle, 1.0))
     return made
@@ -183,7 +187,7 @@ def find_maxima(study: Study, participant: str | None, fitted: Sequence[Recordin
     source = _scale_recordings(study, participant, fitted)
     top: dict[str, float] = {}
     for recording in source:
-        for muscle, envelope in relative_envelopes(study, recording, {}, causal=False).items():
+        for muscle, envelope in relative_envelopes(study, recording, {}, causal=False, is_scale=True).items():
             top[muscle] = max(top.get(muscle, 0.0), float(envelope.max()))
     lost = [muscle for muscle, most in top.items() if not most > 0.0]
     if lost:
