@@ -25,14 +25,31 @@ from pellucid.study.study_file import parse_study_file
 from pellucid_lab.papers.printed import printed
 
 ROOT = Path(__file__).parents[2]
-PAGES = (
-    ROOT / "README.md",
-    ROOT / "docs" / "library.md",
-    ROOT / "docs" / "commands.md",
-    ROOT / "docs" / "try-a-log.md",
-    *sorted((ROOT / "docs").glob("tutorial-*.md")),
-)
-MARKS = {"README.md": (), "library.md": (pytest.mark.slow,), "try-a-log.md": (pytest.mark.slow,)}
+TUTORIALS = tuple(sorted((ROOT / "docs" / "tutorials").glob("*.md")))
+GUIDES = tuple(page for page in sorted((ROOT / "docs" / "how-to").glob("*.md")) if page.name != "index.md")
+PAGES = (ROOT / "README.md", ROOT / "docs" / "commands.md", *TUTORIALS, *GUIDES)
+MIN_TUTORIALS = 6
+MIN_GUIDES = 25
+MAX_TUTORIAL_WORDS = 1000
+MAX_GUIDE_WORDS = 400
+MARKS = {
+    "README.md": (),
+    **dict.fromkeys(
+        (
+            "anonymise-recordings.md",
+            "carry-a-known-load.md",
+            "compare-conditions-in-python.md",
+            "identify-a-joint-from-arrays.md",
+            "identify-a-log-in-one-command.md",
+            "import-mvc-recordings.md",
+            "process-emg-in-python.md",
+            "read-an-incident.md",
+            "register-an-analysis-before-the-data.md",
+            "repair-an-interrupted-recording.md",
+        ),
+        (pytest.mark.slow,),
+    ),
+}
 """Marks of pages that take seconds; the others take minutes."""
 LONG = (pytest.mark.nightly, pytest.mark.slow)
 MAX_LINE_OF_FIRST_OUTPUT = 25
@@ -41,15 +58,21 @@ BLOCK_TIMEOUT_S = 3600.0
 NOT_RUN = {
     "README.md": ["installs packages of the system", "sets up the clone in which this page is read"],
     "commands.md": ["needs a robot of your own", "needs logs of your own"],
-    "tutorial-assess.md": 2 * ["needs a Dask cluster"],
-    "tutorial-deploy.md": ["takes an hour", *2 * ["a part of the program of a microcontroller"]],
-    "tutorial-identify-your-joint.md": [
-        "needs recordings of your own",
-        "is printed of a damaged recording, which does not ship",
-        "is printed of a late channel, which does not ship",
+    "deploy-a-controller.md": ["a part of the program of a microcontroller"],
+    "identify-a-joint.md": ["needs recordings of your own"],
+    "identify-an-orthosis.md": ["takes a quarter of an hour"],
+    "run-a-live-session.md": ["needs a person at two pages"],
+    "bring-your-own-controller.md": ["takes an hour"],
+    "connect-a-device-to-a-live-session.md": 2 * ["a part of a package of your own"],
+    "integrate-the-supervisor.md": 2 * ["needs a robot of your own"],
+    "put-the-controller-on-an-stm32.md": [
+        "flags of a compiler for a microcontroller",
+        "a part of the program of a microcontroller",
     ],
-    "tutorial-knee-orthosis.md": ["takes a quarter of an hour"],
-    "tutorial-live-session.md": ["needs a person at two pages", *2 * ["a part of a package of your own"]],
+    "register-an-analysis-before-the-data.md": ["needs a study of your own"],
+    "run-an-emg-estimator-on-a-microcontroller.md": ["a part of the program of a microcontroller"],
+    "use-a-recording-with-a-known-payload.md": ["a part of a study of a robot"],
+    "use-it-from-matlab.md": 2 * ["needs MATLAB"],
 }
 """Why blocks are left out, page by page and in order. One more is added here on purpose."""
 
@@ -70,7 +93,7 @@ def test_blocks_that_are_left_out_are_few_and_listed():
     assert {page: reasons for page, reasons in found.items() if reasons} == NOT_RUN
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.name.startswith("tutorial")], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda p: p.name)
 def test_the_first_screen_of_a_tutorial_is_a_command_and_its_output(page):
     first, second, *_ = blocks_of(page)
     assert (first.language, second.language) == ("sh", "text")
@@ -78,10 +101,35 @@ def test_the_first_screen_of_a_tutorial_is_a_command_and_its_output(page):
     assert second.line <= MAX_LINE_OF_FIRST_OUTPUT
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.name.startswith("tutorial")], ids=lambda p: p.name)
-def test_a_tutorial_begins_with_how_to_reach_the_command(page):
-    first = next(block for block in blocks_of(page) if block.language == "sh")
-    assert first.text.splitlines()[0] == "source .venv/bin/activate", first.where
+@pytest.mark.parametrize("page", [*TUTORIALS, *GUIDES], ids=lambda p: p.name)
+def test_a_page_begins_with_how_to_reach_the_command(page):
+    run = [b for b in blocks_of(page) if b.language in ("sh", "python") and "not run" not in b.comment]
+    assert not run or run[0].text.splitlines()[0] == "source .venv/bin/activate", run[0].where
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda p: p.name)
+def test_a_tutorial_has_a_command_that_is_run(page):
+    assert any(block.language == "sh" and "not run" not in block.comment for block in blocks_of(page))
+
+
+def test_tutorials_and_guides_are_many_and_short():
+    assert len(TUTORIALS) >= MIN_TUTORIALS
+    assert len(GUIDES) >= MIN_GUIDES
+    limits = {**dict.fromkeys(TUTORIALS, MAX_TUTORIAL_WORDS), **dict.fromkeys(GUIDES, MAX_GUIDE_WORDS)}
+    words = {page: len(prose_of(page).split()) for page in limits}
+    assert {page.name: n for page, n in words.items() if n > limits[page]} == {}
+
+
+def prose_of(page: Path) -> str:
+    """Return a page's text without its blocks and its comments, a piece of code as one word."""
+    text = re.sub(r"```.*?```|<!--.*?-->", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "x", text)
+
+
+def test_the_index_lists_every_guide():
+    index = (ROOT / "docs" / "how-to" / "index.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^- \[.+\]\(([\w-]+\.md)\)$", index, flags=re.MULTILINE)
+    assert sorted(listed) == [page.name for page in GUIDES]
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / "validation" / "simulation.md"], ids=lambda page: page.name)
