@@ -213,7 +213,7 @@ def test_a_participant_without_a_condition_is_left_out_and_named(tmp_path):
     found = assess(small(tmp_path, missing=(("P2", "PCFr"),)))
     assert found.participants == ("P1", "P3")
     assert found.without == {"P2": "no recording in PCFr"}
-    assert any("P2 is left out" in v.text and v.kind == "warning" for v in found.verdicts)
+    assert any("P2 is excluded" in v.text and v.kind == "warning" for v in found.verdicts)
     assert "P2" in next(row.note for row in found.rows if row.id.endswith("assess.participants"))
 
 
@@ -288,8 +288,8 @@ def test_a_recording_with_too_many_gaps_is_left_out_by_name_and_its_participant_
     assert "markers elbow and wrist: found missing samples in" in told
     assert "wrist lost in" in told
     assert "elbow lost in" not in told
-    assert "the recording P2_Ctrl is left out" in told
-    assert "P2 left out: none that can be used in Ctrl" in next(row.note for row in found.rows)
+    assert "the recording P2_Ctrl is excluded" in told
+    assert "P2 excluded: none that can be used in Ctrl" in next(row.note for row in found.rows)
     (said,) = [f for f in check(study) if f.kind == "gap"]
     assert (said.severity, said.file) == ("cut", "P2_Ctrl.csv")
     # What is left is what the study would be without this participant.
@@ -314,7 +314,7 @@ def test_who_is_left_out_for_one_condition_alone_is_said(tmp_path):
 
     found = assess(small(tmp_path, participants=5, change=hide))
     assert found.participants == ("P2", "P4", "P5")
-    assert any("All 2 of 5 participants who are left out lack PCFr" in v.text for v in found.verdicts)
+    assert any("All 2 of 5 excluded participants lack PCFr" in v.text for v in found.verdicts)
 
 
 def test_a_study_along_a_line_speaks_of_metres_and_newtons(tmp_path):

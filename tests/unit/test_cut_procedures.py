@@ -153,4 +153,4 @@ def test_torque_from_emg_leaves_a_recording_out_of_which_too_little_is_left(data
     assert [r.name for r in asked(study, "emg_torque")[0].taken(study).recordings()] == with_others
     (told,) = [fault for fault in check(study) if fault.kind == "left_out"]
     assert told.severity == "warn"
-    assert told.message.endswith("expected 1 s of samples without a break: the recording is left out")
+    assert told.message.endswith("expected 1 s of samples without a break: the recording is excluded")

@@ -188,4 +188,4 @@ def test_a_held_out_recording_without_a_usable_stretch_is_named_and_refuses_noth
     found = identify(study, families=["symmetric"], thorough=False)
     for name in ("inertia", "gravity", "coulomb"):
         assert found[name].value == alone[name].value
-    assert any("it is held out, and is left out" in verdict.text for verdict in found.verdicts)
+    assert any("it is held out, and is excluded" in verdict.text for verdict in found.verdicts)

@@ -127,7 +127,7 @@ def test_units_that_do_not_agree_and_constants_that_are_none_are_refused(files):
         moment_trials(study(files, recordings=both), "knee")
     with pytest.raises(StudyError, match='expected a number and its unit, such as "60 deg"'):
         study(files, STUDY.replace('"-60 deg"', '"bent"'))
-    with pytest.raises(StudyError, match="found value beside unit, expected it alone"):
+    with pytest.raises(StudyError, match="found value and unit, expected value alone"):
         study(files, STUDY.replace('{ value = "-60 deg" }', '{ value = "-60 deg", unit = "deg" }'))
     with pytest.raises(StudyError, match='found the unit "%MVC", expected "rad"'):
         study(files, STUDY.replace('"-60 deg"', '"-60 %MVC"'))
@@ -274,7 +274,7 @@ def test_a_gap_within_a_recording_or_half_of_it_still_leaves_it_out(own_files):
         table[rows, 0] = np.nan
         write_table(own_files, "others", table)
         made = study(own_files)
-        assert "the recording is left out" in left_out_fault(made.recording("others"), made, whole=True).message
+        assert "the recording is excluded" in left_out_fault(made.recording("others"), made, whole=True).message
         table[rows, 0] = 0.1
         write_table(own_files, "others", table)
 

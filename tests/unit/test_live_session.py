@@ -183,7 +183,7 @@ def test_a_trial_that_calibrate_leaves_out_is_to_be_repeated(tmp_path):
     told = session.operator_state()["judged"]
     assert told["used_by"] == []
     assert told["reason"] == session.reason == left_out.message
-    assert "the recording is left out" in told["reason"]
+    assert "the recording is excluded" in told["reason"]
 
 
 def test_a_stop_ends_the_trial_and_a_reset_lets_it_begin_again(tmp_path):

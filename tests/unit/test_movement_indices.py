@@ -40,7 +40,7 @@ def test_a_lost_marker_leaves_its_movement_out():
     found = pl.movement_indices(T, angle, target=target, lowpass=12.0)
     assert found.count == 9
     assert found.left_out == {"lost": 1}
-    assert "left out: 1 lost" in str(found)
+    assert "excluded: 1 lost" in str(found)
 
 
 def test_what_holds_no_movement_is_refused():

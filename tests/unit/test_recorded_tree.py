@@ -277,7 +277,7 @@ def test_defects_of_each_joint_are_cut(tmp_path):
         ([("[tree]", "[tree]\nsegments = { other = [\"1 s\", \"2 s\"] }")], 'segments: found "other", expected names'),
         ([("[tree]", "[tree]\nsegments = { sweep = [\"2 s\", \"1 s\"] }")], "at least two times that increase"),
         ([("[tree]", "[tree]\nheld = { finger = \"2 mm\" }")], "expected .tree. urdf to name the file"),
-        ([("[tree]", "[tree]\nurdf = \"arm.urdf\"")], "found place beside .tree. urdf, expected one of them"),
+        ([("[tree]", "[tree]\nurdf = \"arm.urdf\"")], "found place and .tree. urdf, expected one of them"),
         ([("lowpass = \"20 Hz\"\n", "")], "lowpass: found none, expected a cut-off"),
         ([("[rig.joints.drive]\nkind = \"torque\"\n", "")], "elbow: found no .rig.joints.drive."),
         ([("motion = \"rotary\"\nturns = { shoulder = 30.0, ", "motion = \"prismatic\"\nturns = { shoulder = 30.0, "),

@@ -94,7 +94,7 @@ def test_the_command_prints_and_saves_all(both):
 
 def test_families_are_of_a_joint_alone(both, monkeypatch):
     monkeypatch.setattr(registry, "ALL_PROCEDURES", (Backlash(),))
-    with pytest.raises(IdentificationError, match="leave out --family"):
+    with pytest.raises(IdentificationError, match="omit --family"):
         pl.identify(both, families=["symmetric"])
 
 

@@ -145,4 +145,4 @@ def test_an_answer_says_how_many_of_the_trials_were_used(tmp_path):
     found = _run(Counting(), study, None)
     assert found.headline == f"{every - 3} recordings were counted."
     assert found.answer.basis.sentence.startswith(f"Based on {every - 3} of {every} recordings")
-    assert [v.kind for v in found.verdicts if "is left out" in v.text] == ["warning"] * 3
+    assert [v.kind for v in found.verdicts if "is excluded" in v.text] == ["warning"] * 3

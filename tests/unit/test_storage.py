@@ -107,7 +107,7 @@ def test_a_damaged_storage_file(tmp_path, text, said):
             r'found the stream "imu", expected one of \[str',
         ),
         ('time = { rate = "1000 Hz" }\n', "", "no channel time found"),
-        ('{ rate = "1000 Hz" }', '{ rate = "1000 Hz", column = "t" }', "stands in place of the column"),
+        ('{ rate = "1000 Hz" }', '{ rate = "1000 Hz", column = "t" }', "replaces the column"),
         ('[emg_torque]\njoints = ["knee"]', "", r"\[rig.drive\] no such table found"),
         (
             'joints = ["knee"]',

@@ -166,7 +166,7 @@ def test_what_cannot_be_a_robot_is_named(written, change, message):
     [
         (
             '<joint name="back" type="fixed"><parent link="base"/><child link="b"/></joint>',
-            "on two joints, .*loop",
+            "child of two joints, .*loop",
         ),
         ('<link name="c"/>', "link 'c' has no joint"),
         (

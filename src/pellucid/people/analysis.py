@@ -263,8 +263,8 @@ class Analysis:
     ) -> SessionPeriods | None:  # fmt: skip
         """Return when `participants` had the compared condition and control; None without an order.
 
-        `periods` holds the mean period by participant and condition, empty if it is not stated. `conditions` are all,
-        control first. What the design does not allow is refused.
+        `periods` holds the mean period by participant and condition, empty if it is not stated. `conditions` lists all
+        conditions, control first. Periods that the design does not allow raise an error.
         """
         known = all((person, c) in periods for person in participants for c in conditions)
         orders = [tuple(periods[person, c] for c in conditions) for person in participants] if known else []

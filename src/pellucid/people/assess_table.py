@@ -122,7 +122,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
     def _facts(self) -> tuple[str, ...]:
         said = [f"{len(self.participants)} participants"]
         if self.left_out:
-            said.append(f"left out for a missing condition: {', '.join(self.left_out)}")
+            said.append(f"excluded for a missing condition: {', '.join(self.left_out)}")
         said += [f"{name}: {each.statement}{self._why(name)}" for name, each in self.certificates.items()]
         if any(self._point(index, name).unit == "" for index, tests in self.changes.items() for name in tests):
             said.append("changes without % are in the unit of their column")
@@ -155,9 +155,9 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         return f" ({'; '.join(reasons)})" if reasons else ""
 
     def _losses(self, index: str, people: int) -> list[str]:
-        """Say how many people, but for those compared, and movements gave an index no value; nothing without losses."""
+        """Return sentences on the participants and movements without a value of an index; empty without losses."""
         every = len(self.participants) + len(self.left_out)
-        said = [f"{every - people} of {every} left out"] if people < every else []
+        said = [f"{every - people} of {every} excluded"] if people < every else []
         return said + [f"{gone} of {of} movements lost in {c}" for c, (gone, of) in self.lost[index].items() if gone]
 
     def __repr__(self) -> str:
@@ -614,7 +614,7 @@ def _notes(tables, participants: Sequence[str], lost: Mapping[str, LostCounts], 
     for name, (people, _, _) in tables.items():
         absent = [person for person in participants if person not in people]
         if absent:
-            notes.append(f"{name}: left out for no alike movements in all conditions: {', '.join(absent)}")
+            notes.append(f"{name}: excluded for lack of equal movements in all conditions: {', '.join(absent)}")
         many = too_many_lost(lost[name], max_share)
         if many:
             counts = " and ".join(f"{gone} of {of} movements in {c}" for c, (gone, of) in many.items())

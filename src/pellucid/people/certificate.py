@@ -1,21 +1,22 @@
-r"""May a robot be called transparent? All end points together, each within its margin.
+r"""Certificate of transparency: test whether all end points lie within their margins.
 
-"Transparent" is claimed only if every end point lies within its margin: an intersection-union test, whose level is
-that of each [1]_, so that nothing is divided by the number of end points; power is what many of them cost. "Not
-transparent" is claimed if one end point lies beyond its margin, or if more people lie far beyond it than a transparent
-robot may have; of several tries one may succeed by chance, so the p of each claim are corrected after Holm. Between
-both the study cannot say, and is told how many participants would.
+"Transparent" is claimed only if every end point lies within its margin: this is an intersection-union test.
+Its level is that of each end point [1]_, so that no level is divided by the number of end points; many end points cost
+power. "Not transparent" is claimed if one end point lies beyond its margin. It is also claimed if more people lie far
+beyond the margin than a transparent robot may have. One of several tests may succeed by chance; therefore Holm's
+correction applies to the p-values of these claims. Otherwise the study is undecided, and the certificate reports the
+number of participants that would decide it.
 
-What is claimed is an *estimand*, stated before the data: the mean of people's changes or their pseudo-median. Where
-sessions came in an order, it is estimated without the effects of their periods, and claimed for every carry-over up to
-a declared one (`session_periods`). A mean may be small although somebody is slowed by half. Therefore two shares must
-be shown beside it: people within the margin, and people far beyond it (`share_of_people`).
+The claim is about an *estimand*, stated before the data: the mean of people's changes or their pseudo-median. If
+sessions have an order, the estimate is free of the effects of their periods. The claim then holds for every carry-over
+up to a declared one (`session_periods`). A mean may be small although one person is slowed by half. Therefore two
+shares are tested in addition: people within the margin, and people far beyond it (`share_of_people`).
 
-A change may have another cause than the condition: movements that were still changing, slow ones that gave no value, or
-the period of differences that are known by bounds alone. Each is a `Doubt`: it is tested, and the change without it is
-held against the margin too. Where it weighs and the change without it does not say the same, the end point is
-undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only with what is seen
-would let through what few people do not show.
+A change may have another cause than the condition: movements that were still changing, slow movements without a value,
+or the period of differences that are known by bounds alone. Each such cause is a `Doubt`. It is tested, and the change
+without it is compared with the margin too. If the doubt matters and the change without it leads to another result, the
+end point is undecided. A doubt can thus only withdraw a claim, never make one. Some doubts always matter, because a
+small study may not show their effect.
 
 `decide` executes an `Analysis`. Recordings, tables and arrays hand it what they know of people's changes.
 
@@ -100,12 +101,12 @@ class Certificate:
 
     @property
     def statement(self) -> str:
-        """The verdict as it is told: with "post hoc" if the analysis is not the registered one."""
+        """Return the verdict, with "post hoc" if the analysis is not the registered one."""
         return f"{self.verdict} (post hoc)" if self.post_hoc else self.verdict
 
     @property
     def p_value(self) -> float:
-        """p value of the claim that all end points lie within their margins: the largest single one."""
+        """Return the p-value of the claim that all end points lie within their margins: the largest single one."""
         return max(each.p_within for each in self._all.values())
 
     @property
@@ -270,24 +271,24 @@ def certificate(
     Parameters
     ----------
     differences : mapping of str to ndarray, shape (n,)
-        By end point, one difference a participant, in the unit of its margin.
+        One difference for each participant by end point, in the unit of its margin.
     margins : mapping of str to Margin
-        One for each end point.
+        Margin of each end point.
     alpha : float
-        Chance of a false "transparent" about the estimand.
+        Probability of a false "transparent" about the estimand.
     estimand : str
-        ``"mean"`` of the differences, whatever their skewness; ``"pseudo-median"``, which supposes that they are spread
-        symmetrically; or ``"mean and people"``, the mean with another share of `people` than 75 %.
+        ``"mean"`` of the differences, whatever their skewness; ``"pseudo-median"``, which assumes that their
+        distribution is symmetric; or ``"mean and people"``, the mean with another share of `people` than 75 %.
     people : float, optional
         Share of people in (0, 1) who must be shown to lie within, for ``"mean and people"``.
     people_level : float
-        Level of the tests of both shares of people.
+        Level of the tests on both shares of people.
     sessions : SessionPeriods, optional
-        When participants had both conditions.
+        Periods in which participants had both conditions.
     largest_carry_over : float
         Largest carry-over between sessions for which the verdict holds, in half-widths of each margin.
     method : str, optional
-        Another test in place of the estimand's: ``"t"``, whose level does not hold for skewed differences.
+        Test that replaces the estimand's: ``"t"``, which exceeds its level for skewed differences.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-r"""Conditions compared over participants: tests, effect sizes, and intervals of what differs.
+r"""Comparison of conditions over participants: tests, effect sizes, and intervals of the differences.
 
 Each participant is one number a condition. Friedman's and Nemenyi's tests (`friedman`) say whether conditions differ,
 and which; Kendall's :math:`W = \chi^2 / n(k-1)` how much participants agree on their order. Against control, each other
@@ -17,7 +17,7 @@ asks whether the rank sums are further apart than chance:
    \chi^2 = \frac{(k-1) \sum_j (R_j - n(k+1)/2)^2}{\sum_{ij} (r_{ij} - (k+1)/2)^2}
    \quad\overset{\text{no ties}}{=}\quad \frac{12}{nk(k+1)} \sum_j R_j^2 - 3n(k+1)
 
-with ties sharing their mean rank; values that rounding alone tells apart are ties (`numerics/tied_ranks.py`). Its
+with ties sharing their mean rank; values that differ only by rounding are ties (`numerics/tied_ranks.py`). Its
 distribution over many participants is chi-squared with k - 1 degrees of freedom; over few, the chance of the same or a
 larger statistic is counted exactly instead: under the null hypothesis each participant's ranks are as likely in any
 order, and the orders of one participant after another are folded into a distribution of rank sums. That takes moments
@@ -333,14 +333,15 @@ def sign_distribution(weights: np.ndarray) -> np.ndarray:
 def rank_sums(differences: np.ndarray) -> np.ndarray:
     """Return W+ of each row of differences, (k, n), shape (k,); a difference of 0 counts half its rank.
 
-    With the 0s counted so, rows are judged by the distribution of n differences: no evidence comes from a 0.
+    This count keeps the distribution of n differences valid: a difference of 0 adds no evidence.
     """
     return np.sum(tied_ranks(np.abs(differences)) * (0.5 + 0.5 * tied_signs(differences)), axis=1)
 
 
 def two_sided_p(above: np.ndarray, pairs: int) -> np.ndarray:
-    """Return the exact two-sided p of each W+ (k,), of a number of `pairs` without ties; a W+ between two counts as the
-    less extreme one."""
+    """Return the exact two-sided p of each W+ (k,), of a number of `pairs` without ties; a W+ between two values is
+    replaced by the less extreme one.
+    """
     chance = np.cumsum(sign_distribution(np.arange(1, pairs + 1)))
     below = np.minimum(above, pairs * (pairs + 1) / 2 - above)
     return np.minimum(2.0 * chance[np.ceil(below - 1e-9).astype(int)], 1.0)
@@ -428,10 +429,10 @@ class ConditionComparison:
 
     @property
     def headline(self) -> str:
-        """One line with the numbers of participants and conditions, and Friedman's test."""
+        """Return one line with the numbers of participants and conditions, and Friedman's test."""
         n, k = self.values.shape
         said = f"{n} participants, {k} conditions"
-        said += f", {len(self.left_out)} left out for missing values" if self.left_out else ""
+        said += f", {len(self.left_out)} excluded for missing values" if self.left_out else ""
         if self.friedman is None:
             return f"{said}: no test"
         test = self.friedman

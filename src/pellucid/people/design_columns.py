@@ -32,7 +32,7 @@ class DesignRole(Enum):
 
 
 AMBIGUOUS_WORDS = ("distance", "width", "load", "difficulty")
-"""Words that name a factor, but beside that of a trial (``movement_distance``) what was measured in it."""
+"""Words that name a factor, but with a word for a trial (``movement_distance``) a measurement in it."""
 
 DESIGN_WORDS: Mapping[str, DesignRole] = {
     **dict.fromkeys(
@@ -55,7 +55,7 @@ DEMAND_WORDS = frozenset((
 DEMANDED_WORDS = frozenset((
     "speed", "velocity", "pace", "cadence", "tempo", "frequency", "force", "torque", "height", "weight", "mass",
 ))  # fmt: skip
-"""Quantities that are a factor beside one of `DEMAND_WORDS` or ``target`` alone: without it they may be measured."""
+"""Quantities that are a factor only with one of `DEMAND_WORDS` or ``target``; otherwise they may be measurements."""
 
 QUALIFIER_WORDS = frozenset((
     "number", "no", "nr", "num", "n", "id", "index", "idx", "label", "name", "code", "level",
@@ -73,7 +73,7 @@ numbers are taken as designed: successes, counts and scores are seldom as balanc
 
 
 def design_word(name: str) -> str:
-    """Return the word of `DESIGN_WORDS` that the name of a column consists of, beside qualifiers; "" without one.
+    """Return the word of `DESIGN_WORDS` in the name of a column that has no other words but qualifiers; "" without one.
 
     >>> design_word("amplitude [deg]"), design_word("TrialNumber"), design_word("trial_duration")
     ('amplitude', 'trial', '')

@@ -1,4 +1,4 @@
-"""Movements of people: what it offers to the rest of Pellucid, as `_domains.py` describes."""
+"""Entry point of the domain of people's movements; `_domains.py` defines the interface."""
 
 from ..study.procedures.procedure import ProcedureEntry
 

@@ -1,15 +1,15 @@
-r"""Is a change small enough not to matter? Equivalence of paired values within a margin that was stated beforehand.
+r"""Equivalence of paired values: test whether a change lies within a margin that was stated beforehand.
 
 A test that finds no difference shows none to be absent. Two one-sided tests turn the question round [1]_: the null
 hypotheses are that the change is at or beyond the lower margin, and at or beyond the upper one; both refused at level
 :math:`\alpha`, the change lies within. This is the same as an interval of confidence :math:`1 - 2\alpha` that lies
 within the margins.
 
-Each side is a test of the differences d less that margin. For the mean it is Student's statistic, judged by its least
-favourable skewed distribution (`mean_p_values`); Student's t, whose level does not hold for skewed differences, is
-there to compare with. For the pseudo-median it is counted signed ranks, exact where differences are as likely above as
-below it. Ranks count through the means of all pairs of differences, Walsh's averages: as many of them
-lie above a margin as W+ says, so the interval's ends are two of them [2]_.
+Each side is a test of the differences d minus that margin. For the mean the test uses Student's statistic with its
+least favourable skewed distribution (`mean_p_values`). Student's t-test exceeds its level for skewed differences and
+serves for comparison only. For the pseudo-median the test uses signed ranks, and it is exact for symmetric
+differences. W+ is the number of Walsh averages (means of all pairs of differences) above a margin. The interval's ends
+are therefore two of these averages [2]_.
 
 Neither mean nor pseudo-median says that everybody is spared. Beside them stand the share of people within the margin
 and the share far beyond it, with their bounds (`share_of_people`).
@@ -18,7 +18,7 @@ Where sessions came in an order, the effects of their periods are taken out of p
 (`session_periods`). Both claims hold for any carry-over up to a declared one: the margin is narrower for "within", and
 wider for "beyond", by as much as that carry-over could move the estimate.
 
-That a change is *beyond* a margin is a claim too, with a test of its own; between both nothing can be said.
+A change *beyond* a margin is also a claim with its own test. If neither claim holds, the result is undecided.
 
 A difference may be known by bounds alone, where a duration was cut off: "above the lower margin" is then tested with
 the lower bounds and "below the upper" with the upper ones, which may be infinite. Whatever the differences are in
@@ -71,7 +71,7 @@ MAX_TIPPING_POINT = 10.0
 """Carry-overs up to this many half-widths of the margin are tried for the tipping point."""
 
 MAX_BAYES_FACTOR = 1000.0
-"""Largest Bayes factor that is told: what is beyond it depends on the tails of the prior and not on the data."""
+"""Largest reported Bayes factor; larger ones depend on the tails of the prior and not on the data."""
 
 TINY = float(np.finfo(float).tiny)
 """Half-width of a margin around no change: a change as small as this cannot be told from none."""

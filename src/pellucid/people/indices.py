@@ -1,11 +1,10 @@
 """Catalogue of the indices of transparency.
 
-An index states its words, its unit, which change is worse, what a percentage of it means, how it is made of movements
-and where reports show it. Tables, tests, certificates, pages and predictions walk this catalogue, so that a new index
-that is made of a movement's angle is complete with its one entry.
+An index states its words, its unit, the direction that is worse, the meaning of a percentage, its computation from
+movements and its place in reports. Tables, tests, certificates, pages and predictions read this catalogue. A new index
+of a movement's angle therefore needs only one entry.
 
-Below the catalogue stand the values of a movement that are more than a field of it: smoothness, end-point errors and
-interaction.
+Functions below the catalogue compute smoothness, end-point errors and interaction of a movement.
 """
 
 from __future__ import annotations

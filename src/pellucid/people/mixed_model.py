@@ -1,4 +1,4 @@
-r"""How much a condition changes a value, from every movement: a linear mixed model of movements within people.
+r"""Change of a value by a condition, estimated by a linear mixed model of movements within people.
 
 .. math::
    y_{ij} = \beta_0 + \beta_1 c_{ij} + x_{ij}^T \gamma + u_{0i} + u_{1i} c_{ij} + \varepsilon_{ij}
@@ -9,8 +9,8 @@ differently; each participant has a level and a change of their own, u, normal w
 restricted likelihood, by statsmodels. Without the participants' own changes movements would count as if each were a
 participant's, and "within" be said far too often.
 
-The change is held against a margin by Student's t with n - 1 degrees of freedom for n participants. That is what
-balanced data have exactly, whose estimate and standard error are those of the participants' mean differences, and few
+Student's t with n - 1 degrees of freedom compares the change of n participants with a margin. This number is exact for
+balanced data, whose estimate and standard error are those of the participants' mean differences. It is conservative
 for others: Satterthwaite's and Kenward and Roger's approximations are not in statsmodels.
 
 Where no optimiser comes to rest, or the standard error is no number, the model says so and nothing else: its answer is
@@ -94,14 +94,14 @@ def mixed_model(
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Values of movements, in any one unit.
+        Values of movements, all in the same unit.
     participant : ndarray, shape (n,)
         Label of each movement's participant.
     condition : ndarray of bool, shape (n,), or None
         True for movements under the condition, False under control; None: all are under the condition, and "change" is
         the level.
     covariates : mapping of str to ndarray, shape (n,) each
-        Covariates of the movements. Constant ones, and linear combinations of others, are left out.
+        Covariates of the movements. Constant ones, and linear combinations of others, are excluded.
 
     Returns
     -------

@@ -76,7 +76,7 @@ class MovementIndices(Mapping[str, np.ndarray]):
 
     def __str__(self) -> str:
         left = ", ".join(f"{n} {reason}" for reason, n in self.left_out.items())
-        head = f"{self.count} movements" + (f"; left out: {left}" if left else "")
+        head = f"{self.count} movements" + (f"; excluded: {left}" if left else "")
         return f"{head}\n{text_table(*self._table())}"
 
     def _repr_html_(self) -> str:

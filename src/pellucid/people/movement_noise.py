@@ -1,10 +1,10 @@
-"""How much of a person's change is noise of single movements?
+"""Share of the noise of single movements in a person's change.
 
-People seem to differ more than they do, as each one's change is a mean of few movements that vary by themselves.
-Movements of one person, condition and cell are dealt out in turn to a few parts; each part gives a change of its own,
-computed as that of all movements is. The changes of one person's parts vary by the noise alone, whatever the statistic,
-and a slow drift is in all parts alike. The variance of the change of all movements is that of the parts over their
-number. What a whole session has in common is no noise of movements: it stays with the person.
+Each person's change is a mean of few movements that vary, so that observed changes differ more than true ones.
+Movements of one person, condition and cell are assigned in turn to a few parts, and a change is computed from each
+part. The changes of one person's parts differ only by noise, and a slow drift affects all parts equally. The noise
+variance of the change of all movements is that of the parts divided by their number. An effect that a whole session
+shares is not noise of movements, and remains in the person's change.
 """
 
 from __future__ import annotations

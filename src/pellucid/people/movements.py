@@ -1,12 +1,12 @@
-"""Point-to-point movements in an angle record: where each begins and ends, how fast it is, which are none.
+"""Detection of point-to-point movements in a recorded angle: onset, end and speed of each, and rejected ones.
 
 A record is cut into stretches with one movement each: from one step of the target to the next, or, without a target,
 from the middle of one rest to the middle of the next. The angle is low-passed without delay and differentiated; a
 movement lasts from the first to the last sample of its stretch whose speed is above a share of its largest, 5 % in the
 published rule [1]_. Speed has no sign: an overshoot and its correction backwards belong to the movement. The duration
-is thus the time to rest. Beside it stand the number of corrections and the time after the first arrival
-(`MOVEMENT_DEFINITIONS` has each by its name). What a filter at 3 Hz does to fast movements (longer, with lower peaks)
-is told by doing it again with others.
+is thus the time to rest. The number of corrections and the time after the first arrival are computed too
+(`MOVEMENT_DEFINITIONS` names each). A filter at 3 Hz makes fast movements longer and lowers their peaks; a sensitivity
+analysis with other filters reports this effect.
 
 A low-pass without delay rings: it answers a movement that is short for its cut-off with motions in the opposite
 direction, before and after it. Such a motion counts if it is faster than what the filter leaves of a one-way movement
@@ -388,7 +388,7 @@ def _movement(
 def _without_ringing(
     speed: np.ndarray, ways: np.ndarray, main: slice, motion: Kinematics, low: int, rule: MovementRule
 ) -> np.ndarray:
-    """Return the speed (n,), 0 in motions beside the `main` run that the filter alone may have made.
+    """Return the speed (n,), set to 0 in motions next to the `main` run that may be ringing of the filter.
 
     `ways` is 1 in the direction of the main run and -1 against it; `low` is the first of these samples in `motion`.
     """
@@ -473,8 +473,10 @@ def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
 
 
 def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
-    """Height of the highest other local maximum that rivals the peak across a valley below `max_valley_share`, and that
-    valley, relative to the peak; 0 and 1 where there is none."""
+    """Return height and valley of the highest other local maximum, relative to the peak; 0 and 1 without one.
+
+    Only maxima across a valley below `max_valley_share` count.
+    """
     inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
     inner = inner[(speed[inner] / speed[peak] > MOVEMENT_BOUNDS.min_rival_peak_share) & (inner != peak)]
     best, valley = 0.0, 1.0

@@ -1,9 +1,9 @@
-"""How many participants would a lab need? Power of the tests by simulation, from what a pilot study showed.
+"""Number of participants for a study: power of the tests, simulated from a pilot study.
 
-Participants are drawn from a normal distribution with the pilot's means and covariances over conditions: what is the
-same in all conditions of a participant cancels, as it does in the tests. The control's mean stays, and the other
-conditions may be moved to the change that is to be found. Every draw is one study, tested as `comparison` would; the
-power is the share of them in which the test is significant.
+Participants are sampled from a normal distribution with the pilot's means and covariances over conditions. Values that
+all conditions of a participant share cancel, as in the tests. The control's mean stays, and the means of the other
+conditions may be moved to the change that is to be detected. Each sample is one study, tested as in `comparison`. The
+power is the share of studies with a significant test.
 
 Draws come in parts with seeds of their own, so that the outcome is the same on however many cores. The parts go through
 an executor of the standard library's kind; without one, small runs stay in this process and larger ones use every core.
@@ -47,7 +47,7 @@ STUDIES_PER_PART = 500
 """Number of studies that one part of a simulation draws. Each part has a seed of its own."""
 
 MAX_INLINE_DRAWS = 5_000_000
-"""A simulation of at most this many drawn participants runs in this process; starting others would take longer."""
+"""A simulation of at most this many participants runs in this process; starting others would take longer."""
 
 Test = Literal["friedman", "nemenyi", "signed_rank"]
 
@@ -340,9 +340,9 @@ def _bounded_median(own: Sequence[MovementDuration], longest: float) -> tuple[fl
 
 
 LATE_SPREAD_RATIO = 1.0
-"""Standard deviation of "the last third less all movements", as a multiple of that of people's changes.
+"""Standard deviation of the mean of the last third minus that of all movements, as a multiple of that of changes.
 
-Sixty movements of each condition that scatter by 12 % leave about that beside changes of 3 %."""
+Sixty movements of each condition that scatter by 12 % have about this ratio if changes are 3 %."""
 
 NOISE_DEGREES_A_PERSON = 2.0
 """Degrees of freedom for each person of the noise of movements in a planned study.
@@ -352,7 +352,7 @@ About five movements of each cell and condition in `movement_noise.MAX_PARTS` pa
 
 @dataclass(frozen=True)
 class Active:
-    """Parts of a certificate beside its test that a planned study will have."""
+    """Parts of a planned study's certificate in addition to its test."""
 
     estimand: Estimand = "mean"
     people: float | None = None  # declared share of people
@@ -401,17 +401,18 @@ def equivalence_power(
     margins : sequence of Margin, length m
         Margins of the end points.
     participants : sequence of int
-        Sizes to try, each at least 2.
+        Numbers of participants to simulate, each at least 2.
     change : sequence of float, length m, optional
-        True changes that are assumed; by default 0.
+        Assumed true changes; by default 0.
     alpha : float
         Level of each one-sided test.
     active : Active
-        What the study will have beside its test.
+        Parts of the certificate in addition to its test.
     method : str, optional
-        Another test than the estimand's: ``"skew_robust"``, ``"signed_rank"`` or ``"t"``.
+        Test that replaces the estimand's: ``"skew_robust"``, ``"signed_rank"`` or ``"t"``.
     pilot : ndarray, shape (k, m), optional
-        Changes of a pilot's people, k >= 3: people are drawn from them, moved to `change`, in place of normal ones.
+        Changes of a pilot's people, k >= 3. Simulated people are then sampled from these changes, moved to `change`,
+        instead of from a normal distribution.
     studies : int
         Number of simulated studies for each size.
     seed : int
@@ -554,9 +555,7 @@ def planned_power(
     return equivalence_power(np.outer(spread, spread) * shape, margins, participants, change=change, **options)
 
 
-def expected_size(
-    point: EndPoint, what: str, given: float | str | Mapping[str, float | str], where: str = ""
-) -> float:
+def expected_size(point: EndPoint, what: str, given: float | str | Mapping[str, float | str], where: str = "") -> float:
     """Return the ``"sd"`` or the ``"effect"`` that is `given` for an end point, in the unit of its changes.
 
     `where` begins messages.

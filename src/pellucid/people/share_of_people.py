@@ -1,7 +1,7 @@
-r"""What share of people lies within a margin, and what share lies far beyond it?
+r"""Share of people within a margin, and share far beyond it.
 
-A mean within its margin does not say that people are. Two shares must be shown beside it: at least 75 % of people lie
-within the margin, and at most 5 % lie beyond three margins. Each is a test of its own, at a level of its own, with the
+A mean within its margin does not show that most people are. Two shares are therefore tested in addition: at least 75 %
+of people lie within the margin, and at most 5 % lie beyond three margins. Each test has its own level and the
 confidence bound of its share.
 
 - **Counting.** The number of people within is binomial, whatever the distribution of their changes; the bound is that
@@ -82,7 +82,7 @@ SHAPE_SEED = 31
 """Seed of these distributions."""
 
 NOTED_NOISE_SHARE = 0.05
-"""Smallest share of noise that is told."""
+"""Smallest share of noise that is reported."""
 
 TOO_FEW = "too few"
 """Answer with fewer than `MIN_PEOPLE` people."""

@@ -1,4 +1,4 @@
-"""The answer of a result: question, verdict, sentence, numbers, what they are based on, what was assumed, what next.
+"""Answer of a result: question, verdict, sentence, numbers, basis, assumptions and recommended next steps.
 
 A domain makes the answer of its result once. Terminal, page, certificate, results.json, notebook and paper show it, and
 write no verdict of their own.
@@ -88,16 +88,16 @@ class AnswerPart:
 
 @dataclass(frozen=True)
 class Basis:
-    """What an answer is based on.
+    """Basis of an answer: the data used.
 
     Attributes
     ----------
     used, recorded : int
-        How many were used, and how many were recorded.
+        Number used, and number recorded.
     counted : str
-        What is counted, in the singular: ``"recording"``, ``"participant"``, ``"file"``.
+        Counted unit, in the singular: ``"recording"``, ``"participant"``, ``"file"``.
     judged : str
-        Data that the numbers were computed on, in words, such as ``"held-out recordings"``; "" where nothing is judged.
+        Data that the numbers were computed on, in words, such as ``"held-out recordings"``; "" without any.
     is_simulated : bool
         Whether the recordings were simulated.
     is_worn : bool
@@ -361,7 +361,7 @@ def with_assumed(answer: Answer, assumed: Sequence[Assumption]) -> Answer:
 
 
 def answer_lines(answer: Answer) -> tuple[str, ...]:
-    """Return an answer in lines of text: question, verdict with its sentence, what it is based on, what was assumed."""
+    """Return an answer in lines of text: question, verdict with its sentence, basis and assumptions."""
     return (answer.question, f"{answer.badge}. {typeset_quantities(begun(answer.sentence))}", *answer.based_on)
 
 

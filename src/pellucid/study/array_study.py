@@ -1,4 +1,4 @@
-"""A study whose recordings are arrays in memory: what a command decides of files is decided of arrays, too."""
+"""Study whose recordings are arrays in memory, with the same decisions as for files."""
 
 from __future__ import annotations
 

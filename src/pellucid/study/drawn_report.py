@@ -57,10 +57,11 @@ class ReportPlace(StudyPlace):
         return self.report_dir / PAGE_NAME if whole and same and PAGE_NAME in told["files"] else None
 
     def note_drawn(self, page: Path, recordings: Iterable[Path], *, with_pdf: bool) -> None:
-        """Note beside a study's results what its report was drawn from, and the checksums of its files.
+        """Save the sources of a report and the checksums of its files with the study's results.
 
-        `recordings` are the files that study.toml names. Where one lies outside the study's folder, or nothing can be
-        written, the next report is drawn: nobody would see that a pattern finds a new file elsewhere.
+        `recordings` are the files that study.toml names. If one lies outside the study's folder, or
+        nothing can be written, the next report is drawn again, because new files elsewhere that match a pattern would
+        not be detected.
         """
         if page.parent != self.report_dir:
             return

@@ -106,7 +106,7 @@ MAX_FLOAT_LITERAL = "3.40282347e+38f"
 
 
 def core_headers() -> Path:
-    """Return the folder of the core's headers: beside the sources in a checkout, inside an installed package."""
+    """Return the folder of the core's headers: next to the sources in a checkout, inside an installed package."""
     package = Path(__file__).parents[1]
     for folder in (package / "include", package.parents[1] / "include"):
         if (folder / "pellucid" / "math.hpp").is_file():

@@ -1,6 +1,6 @@
-"""Tables of study.toml that a live session and a controller need beside the rig.
+"""Tables of study.toml that a live session and a controller require in addition to the rig.
 
-``[rig.instruments]`` says what a joint's robot measures, and how well; ``[session]`` what is done in a live session.
+``[rig.instruments]`` states a robot's measurements at a joint and their accuracy; ``[session]`` defines a live session.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class ForceSensor(StudyTable):
 
 
 class InstrumentsTable(StudyTable):
-    """What the joint's robot measures: ``[rig.instruments]``. All keys are optional.
+    """Measurements of the robot at a joint: ``[rig.instruments]``. All keys are optional.
 
     With ``[[rig.joints]]`` the table ``[rig.instruments]`` holds for all joints, and the table
     ``[rig.joints.instruments]`` of a joint takes the place of single keys.
@@ -100,21 +100,21 @@ class InstrumentsTable(StudyTable):
     drive_sensor : DriveSensor or None
         The drive's measurement of its own effort; None if there is none.
     force_sensor : ForceSensor or None
-        Accuracy of the force sensor; None if there is none, or nothing is known of it.
+        Accuracy of the force sensor; None without a sensor or a known accuracy.
     spring_stiffness : float or None
-        Stiffness of the series spring whose deflection is the drive's measurement [N m/rad or N/m]. It needs no
-        ``drive_sensor`` beside it, except for its accuracy.
+        Stiffness of the series spring whose deflection is the drive's measurement [N m/rad or N/m]. It requires no
+        ``drive_sensor``, except to state the accuracy.
     emg_range : float or None
         Largest torque in the EMG calibration [effort].
     start_up_answer : float or None
-        Work of the start-up test's wave at commissioning [J].
+        Work of the start-up test's excitation at commissioning [J].
     probe : bool or None
-        Whether a small wave of effort may test encoder and drive while the law runs; None: where the drive is not
-        measured.
+        Whether a small excitation of the effort may test encoder and drive while the controller runs; None: only if the
+        drive is not measured.
     probe_answer : tuple of float or None
-        Answers to the probe's three waves at commissioning: real and imaginary part of each, shape (6,) [1].
+        Responses to the probe's three excitations at commissioning: real and imaginary part of each, shape (6,) [1].
     shaking : bool
-        Whether the power goes off where the joint goes to and fro for seconds, faster than people reach.
+        Whether oscillation that lasts seconds and is faster than voluntary movement switches the power off.
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -136,7 +136,7 @@ class InstrumentsTable(StudyTable):
     def require_encoder(self) -> None:
         """Raise a ValueError if a tolerance is stated for a second encoder that is not there."""
         if self.second_encoder_tolerance is not None and not self.second_encoder:
-            raise ValueError("instruments: found second_encoder_tolerance, expected second_encoder = true beside it")
+            raise ValueError("instruments: found second_encoder_tolerance, expected second_encoder = true with it")
 
 
 def _completed(own: SomeTable, common: StudyTable) -> SomeTable:
@@ -268,7 +268,7 @@ class TrackingTask(SessionTask):
 
 
 class HoldingTask(SessionTask):
-    """An angle is held against the robot's torque, one angle a trial.
+    """The participant holds an angle while the robot applies torques; each trial has one angle.
 
     Attributes
     ----------
@@ -340,7 +340,7 @@ AnyTask = Annotated[
 
 
 class SessionLimits(StudyTable):
-    """What the law may do in a session: ``[session.limits]``. What is left out is as in ``[rig.limits]``.
+    """Limits of the controller in a session: ``[session.limits]``. Omitted keys are as in ``[rig.limits]``.
 
     Attributes
     ----------
@@ -365,12 +365,12 @@ class SessionTable(StudyTable):
     device : str
         The machine, such as ``"virtual-elbow"``.
     conditions : dict of str to str
-        ``[session.conditions]``: the law of each condition, ``"not worn"`` where the robot is not worn.
+        ``[session.conditions]``: the controller of each condition, ``"not worn"`` if the robot is not worn.
     pointer : str
-        Channel of the device that the participant's page shows: ``"position"`` is the robot's encoder.
+        Channel of the device on the participant's page: ``"position"`` is the robot's encoder.
     order : str
-        ``"balanced"``: over participants, each condition stands equally often at each place and after each other one;
-        ``"random"``: drawn for each participant; ``"given"``: as ``[session.conditions]`` lists them.
+        ``"balanced"``: over participants, each condition has each place and follows each other one equally often;
+        ``"random"``: randomised for each participant; ``"given"``: as ``[session.conditions]`` lists them.
     seed : int
         Seed of every random draw of the plan.
     pause : float
@@ -378,10 +378,10 @@ class SessionTable(StudyTable):
     pause_every : int
         Number of trials between two rests.
     streams : tuple of str
-        Names of the streams that are recorded beside the robot's own. A trial starts only while each is heard, and
-        one in which a stream fell silent should be repeated. Empty: every stream of the device's types, none needed.
+        Names of the streams that are recorded in addition to the robot's own. A trial starts only while each delivers
+        data, and should be repeated if a stream stops. Empty: every stream of the device's types, none required.
     consent, instructions : tuple of str
-        Paragraphs for the participant. Without a consent none is asked for.
+        Paragraphs for the participant. Without consent text the page requests no consent.
     limits : SessionLimits
     tasks : tuple of SessionTask
         Kinds of trials, in the order in which they are done.

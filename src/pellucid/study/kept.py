@@ -1,11 +1,13 @@
-"""Keep results beside a study, each in one file of numbers with the user's own mark. Files of other users are ignored.
+"""Keep results of a study, each in one file of numbers that carries the user's own mark.
+
+Files of other users are ignored.
 
 A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Each array is stored once, and
 the tree as JSON. Whatever the file says, only such dataclasses are restored from it. A seal follows the archive, which
 NumPy can read in spite of it. The seal is read first, because it states the size of the archive.
 
-`hold_lock` lets one command at a time write a study's results; `code_fingerprint` says whether other code may find
-other results.
+`hold_lock` lets one command at a time write a study's results; `code_fingerprint` shows whether changed code may
+give other results.
 """
 
 from __future__ import annotations

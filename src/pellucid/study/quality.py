@@ -1,4 +1,4 @@
-"""Check whether a recording is fit for identification. A fault names file and channel, what was found and expected."""
+"""Check whether a recording is fit for identification; each fault names file, channel, found and expected values."""
 
 from __future__ import annotations
 
@@ -107,7 +107,9 @@ def sensor_range_faults(recording: Recording, study: Study) -> list[Fault]:
         found = f"{end.samples} samples ({share:.2g} %) "
         found += sensor_range.describe_end(end, recording.channels[drive].unit)
         is_kept = drive in watched.accepted
-        done = f'they are fitted because of clip = "accept" for {drive}' if is_kept else "they are left out of the fit"
+        done = (
+            f'they are fitted because of clip = "accept" for {drive}' if is_kept else "they are excluded from the fit"
+        )
         wanted = f"a sensor with a larger range; {done}"
         faults.append(fault_of(recording, "warn", sensor_range.KIND, drive, found=found, expected=wanted))
     return faults
@@ -154,13 +156,13 @@ def _repeat_fault(recording: Recording) -> Fault | None:
     rows = len(recording) + recording.repeats
     found = f"{recording.repeats} of {rows} rows that repeat the samples of the row before, at its time or just after"
     wanted = "each packet once"
-    end = f"expected {wanted}; the repeated rows are left out"
+    end = f"expected {wanted}; the repeated rows are excluded"
     severity = "warn" if recording.repeats > MAX_HARMLESS_REPEATS * rows else "note"
     return fault_of(recording, severity, "repeated_packets", "time", found=found, expected=wanted, end=end)
 
 
 MAX_HARMLESS_REPEATS = 0.05
-"""A share of repeated rows up to this, which are left out, is no reason for doubt."""
+"""Largest share of repeated, excluded rows without a warning."""
 
 MAX_HARMLESS_SHIFT = 0.1
 """Stamps that smoothing moved by less than this share of a sampling period (RMS) are no reason for doubt."""
@@ -214,14 +216,14 @@ def share_faults(recording: Recording, study: Study) -> list[Fault]:
 def left_out_fault(
     recording: Recording, study: Study, whole: bool, shortest_piece: float | None = None
 ) -> Fault | None:
-    """Return why a recording is left out of a study: too much of it is cut, or anything if it must be `whole`.
+    """Return why a study excludes a recording: too much of it is cut, or anything if it must be `whole`.
 
-    With `shortest_piece` [s], pieces between cuts are used that are at least so long.
+    With `shortest_piece` [s], pieces between cuts that are at least this long are used.
     """
     cuts = breaking_cuts(recording)
     too_much = share_faults(recording, study)
     if too_much:
-        return replace(too_much[0], severity="warn", message=f"{too_much[0].message}: the recording is left out")
+        return replace(too_much[0], severity="warn", message=f"{too_much[0].message}: the recording is excluded")
     if not cuts or not whole:
         return None
     expected = "samples without a break, or a window of them"
@@ -233,7 +235,7 @@ def left_out_fault(
     found = f"{first.found} in {first.channel} at {first.start:.6g} s"
     if len(cuts) > 1:
         found += f" and {len(cuts) - 1} further breaks"
-    end = f"expected {expected}: the recording is left out"
+    end = f"expected {expected}: the recording is excluded"
     return fault_of(
         recording, "warn", "left_out", first.channel, found=found, expected=expected, end=end, of_channel=False
     )
@@ -248,7 +250,7 @@ def short_piece_fault(recording: Recording, shortest_piece: float) -> Fault | No
     lasts = [sum(float(piece.time[-1] - piece.time[0]) for piece in pieces) for pieces in (every, kept)]
     found = f"{len(every) - len(kept)} pieces between cuts, {lasts[0] - lasts[1]:.3g} s of {lasts[0]:.3g} s"
     expected = f"at least {shortest_piece:g} s each"
-    end = f"expected {expected}: these are left out"
+    end = f"expected {expected}: these are excluded"
     return fault_of(recording, "cut", "short_piece", "time", found=found, expected=expected, end=end, of_channel=False)
 
 

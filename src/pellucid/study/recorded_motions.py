@@ -149,13 +149,13 @@ def short_stretch_faults(study: Study) -> list[Fault]:
         short: list[tuple[str, str]] = []  # what was found, and the end of the message about it
         if recording.use != "fit" and not usable_stretches(recording, processing):
             found = f"{len(recording)} samples, no enabled stretch of at least {fewest}"
-            short.append((found, "; it is held out, and is left out"))
+            short.append((found, "; it is held out, and is excluded"))
         else:
             for stretch in stretches_of(recording, processing) if recording.cuts else ():
                 n, time = len(stretch.time), stretch.time
                 if n < fewest:
                     found = f"{n} samples between cuts, from {time[0]:.6g} s to {time[-1]:.6g} s"
-                    short.append((found, f", expected at least {fewest}; left out"))
+                    short.append((found, f", expected at least {fewest}; excluded"))
         file, where = recording.path.name, f"{recording.path.name} (recording {recording.name})"
         for found, end in short:
             message = f"{where}: found {found}{end}"

@@ -44,7 +44,7 @@ MAX_COUNTS_EXAMINED = 200_000
 
 @dataclass(frozen=True, eq=False)
 class RecordedFile:
-    """A file of a recording, with what study.toml says of it: what steps know beside the recording itself."""
+    """A file of a recording with its statements in study.toml, for steps that use more than the recording."""
 
     study: StudySource
     entry: RecordingEntry
@@ -265,13 +265,13 @@ def mark_lost_end(recording: Recording, file: RecordedFile) -> Recording:
 
 
 def mark_damaged_rows(recording: Recording, file: RecordedFile) -> Recording:
-    """Return a recording with a cut that says which rows of its file were left out as damaged."""
+    """Return a recording with a cut that states which rows of its file are excluded as damaged."""
     damaged = file.columns.damaged
     if not damaged:
         return recording
     # The rows lie at unknown times, where their absence leaves a gap; the cut itself contains no sample.
     n, end = len(recording), float(recording.time[-1])
-    cut = Cut("damaged_rows", "time", end, end, n, n - 1, f"left out {damaged}")
+    cut = Cut("damaged_rows", "time", end, end, n, n - 1, f"excluded {damaged}")
     return replace(recording, cuts=(*recording.cuts, cut))
 
 

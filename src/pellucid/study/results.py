@@ -101,7 +101,7 @@ def read_answers(path: str | os.PathLike) -> list[dict[str, Any]]:
 
 
 def require_own_page(folder: Path, command: str) -> None:
-    """Raise a PellucidError if a folder holds a page without figures of `command` beside it."""
+    """Raise a PellucidError if a folder holds a page, but no results of `command`."""
     if not (folder / "index.html").exists():
         return
     path = folder / "results.json"
@@ -114,7 +114,7 @@ def require_own_page(folder: Path, command: str) -> None:
 
 
 def row_table(row: ResultRow) -> dict[str, Any]:
-    """Return a row as a table for JSON; the key "undetermined" is left out if it is False."""
+    """Return a row as a table for JSON; the key "undetermined" is omitted if it is False."""
     return {key: value for key, value in asdict(row).items() if key != "undetermined" or value}
 
 

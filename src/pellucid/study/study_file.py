@@ -457,7 +457,7 @@ RigTable = Annotated[
 
 
 class Participant(StudyTable):
-    """A person who wears the machine: ``[participants.NAME]``.
+    """A wearer of the machine: ``[participants.NAME]``.
 
     Mass [kg], height [m], age [years], length of the shank from the knee to the heel [m].
     """
@@ -488,7 +488,10 @@ def _split_constant(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table of a constant channel with `value`, a number with its unit, split into number and unit."""
     others = sorted(key for key in table if key != "value" and not key.startswith(DERIVED_PREFIX))
     if others or table[DERIVED_PREFIX + "name"] == "time":
-        raise ValueError(f"found value beside {', '.join(others) or 'no times'}, expected it alone: it is every sample")
+        raise ValueError(
+            f"found value and {', '.join(others) or 'no times'}, expected value alone, because it applies to every "
+            "sample"
+        )
     number, _, unit = str(table["value"]).strip().partition(" ")
     try:
         value = float(number)
@@ -537,12 +540,12 @@ class ChannelSpec(StudyTable):
     scale : float
         `unit` per stored count.
     value : float or None
-        Constant value of the channel [unit], in place of a column, such as the position of a joint that was held.
+        Constant value of the channel [unit], instead of a column, such as the position of a joint that was held.
     minus : Subtracted or None
         Another column that is subtracted, such as that of an opposing cable or of a spring's other end.
     interleaved, stacked : tuple of int or None
-        Place of the channel in a flat list of several columns, from 0, and how many columns it holds: in turn, or one
-        after another.
+        Place of the channel, from 0, in a flat list of several columns, and number of columns: interleaved or one after
+        another.
     wrap_bits : int or None
         Number of bits after which the stored count rolls over.
     wrap : float or None
@@ -634,7 +637,7 @@ class ChannelSpec(StudyTable):
         name = table[DERIVED_PREFIX + "name"]
         if "rate" in table:
             if name != "time" or "column" in table:
-                raise ValueError("found rate, which stands in place of the column and the unit of time")
+                raise ValueError("found rate, which replaces the column and the unit of time")
             table = {"column": 0, "unit": "s", **table}
         if "value" in table:
             table = _split_constant(table)
@@ -755,7 +758,7 @@ class Stream(StudyTable):
         if "time" not in self.channels:
             raise ValueError("no channel time found, expected one with its column and unit, or its rate")
         if not self.join and {"offset", "drift"} & self.model_fields_set:
-            raise ValueError("found offset or drift of a stream on a clock of its own, expected join = true beside it")
+            raise ValueError("found offset or drift of a stream on a clock of its own, expected join = true with it")
         both = {"position", *DELAYED_CHANNELS} & set(self.channels)
         if self.join and not both and "auto" in (self.offset, self.drift):
             raise ValueError(
@@ -775,26 +778,26 @@ class Processing(StudyTable):
     order : int
         Order of the Butterworth filter, which runs forwards and backwards.
     sliding_means : tuple of int or None
-        Numbers of samples of sliding means, of effort and of position, that take the place of the low-pass for a joint
-        with a carriage. Both means are centred.
+        Numbers of samples of sliding means, of effort and of position, that replace the low-pass for a joint with
+        a carriage. Both means are centred.
     decimate : int
-        Factor of decimation after filtering: one of so many samples is kept.
+        Factor of decimation after filtering.
     resample : float or None
         Uniform rate for interpolation before filtering, if the clock jitters [Hz].
     smooth_stamps : str
         ``"automatic"`` smooths time stamps that jitter if the recorded motion then fits them better, unless `resample`
         is stated; ``"always"`` and ``"never"`` decide it.
     dead_band : float
-        Speed below which samples are left out [rad/s or m/s].
+        Speed below which samples are excluded [rad/s or m/s].
     trim : int
-        Number of samples that are dropped at each border, because the filter has not settled there.
+        Number of samples that are excluded at each border, because the filter has not settled there.
     velocity : str
         Source of the velocity: ``"differentiated"`` from the position, or ``"recorded"`` in the channel of that name.
     cut : str
-        ``"automatic"`` leaves out spikes, dropouts, frozen and clipped stretches, gaps and missing samples; ``"none"``
-        refuses a recording that has them.
+        ``"automatic"`` excludes spikes, dropouts, frozen and clipped stretches, gaps and missing samples; ``"none"``
+        rejects a recording that has them.
     cut_share : float
-        Largest share of a recording's samples that may be left out automatically, in [0, 1).
+        Largest share of a recording's samples that may be excluded automatically, in [0, 1).
     """
 
     lowpass: quantity("Hz", gt=0) | None = None
@@ -838,10 +841,10 @@ class Model(StudyTable):
     confidence : float
         Confidence level of the intervals, in (0, 1).
     posterior : bool
-        Whether a posterior is computed beside the intervals.
+        Whether a posterior is computed in addition to the intervals.
     min_improvement : float
-        Share of its error that a richer model must save a simpler one, on stretches of the fitted recordings that are
-        predicted from the others, in [0, 1).
+        Least relative reduction of the cross-validated error by a richer model, on stretches of the fitted recordings,
+        in [0, 1).
     """
 
     families: Annotated[tuple[Literal[tuple(FAMILIES)], ...], AfterValidator(_each_once)] = DEFAULT_FAMILIES
@@ -911,9 +914,9 @@ class RecordingEntry(StudyTable):
     use : str
         ``"fit"`` or ``"validate"``.
     window : tuple of float or None
-        Start and end of the samples that are used, start <= time < end on the file's own clock [s].
+        Start and end of the used samples, start <= time < end on the file's own clock [s].
     exclude : tuple of tuple of float
-        Starts and ends of the samples that are left out, start <= time < end on the file's own clock [s].
+        Starts and ends of the excluded samples, start <= time < end on the file's own clock [s].
     participant, condition : str or None
         Participant and condition of the trial.
     repetition : int or None
@@ -923,7 +926,7 @@ class RecordingEntry(StudyTable):
     amplitude : float or None
         Signed distance that each movement was to cover [rad or m], if no channel records it.
     payload : PayloadSpec or None
-        Mass carried during the trial; without its `mass` it is unknown, and found.
+        Mass carried during the trial; without its `mass` it is unknown and estimated.
     optical : str or None
         Path of the motion capture's file of the same trial, from the study's folder.
     streams : dict[str, str]

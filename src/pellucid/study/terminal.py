@@ -46,25 +46,25 @@ MAX_ITEM_LINES_UNLESS_VERBOSE = 34
 The command's own lines fill the screen."""
 
 MAX_STEP_LINES = 10
-"""Largest number of lines on what to do next without ``-v``."""
+"""Largest number of lines of recommended next steps without ``-v``."""
 
 MAX_TABLE_LINES_UNLESS_VERBOSE = 20
-"""Largest number of lines of a table that stands beside sentences without ``-v``."""
+"""Largest number of lines of a table among sentences without ``-v``."""
 
 FIRST_PROGRESS_S = 2.0
-"""Time after which a command says what it does, and how often it says so again [s]."""
+"""Time after which a command reports its progress, and period of further reports [s]."""
 
 MIN_PREDICTED_SHARE = 0.05
-"""The time that remains is told once this share of the work is done."""
+"""Completed share of the work from which the remaining time is reported."""
 
 MAX_HELD_RATIO = 1.3
 """A prediction of the remaining time that exceeds the last one shown by less than this factor leaves it standing."""
 
 SECONDS_SHOWN_BELOW_S = 90.0
-"""Below it the remaining time is shown in seconds, above it in minutes [s]."""
+"""Remaining time below which seconds are shown, and minutes above it [s]."""
 
 DONE_TEXT = "done"
-"""What progress is told when all work is done."""
+"""Text of the progress report when all work is done."""
 
 MAX_UNFINISHED_SHARE = 0.99
 """Largest share that is shown while a step lasts."""
@@ -241,9 +241,9 @@ def _print_first_line() -> Iterator[Callable[[str, float], None]]:
 
 
 def _print_progress(text: str, share: float, elapsed: float, left: str) -> None:
-    """Print on standard error the share of the work that is done, what is done now, and how long the rest takes.
+    """Print the completed share of the work, the current step and the remaining time on standard error.
 
-    Where that cannot be predicted, the time so far is printed; nothing, once all is done.
+    If the remaining time cannot be predicted, the elapsed time is printed. Nothing is printed once all work is done.
     """
     if share >= 1.0 and text == DONE_TEXT:
         return
@@ -264,7 +264,7 @@ def print_json(result: Result) -> None:
 
 
 def print_answer(out: Console, answer: Answer, *, with_steps: bool = False) -> None:
-    """Print an answer: question, verdict with its sentence, what it is based on; `with_steps` what to do next, too."""
+    """Print an answer: question, verdict with its sentence, basis; `with_steps` adds the recommended next steps."""
     from .answer import answer_lines
 
     steps = answer.following if with_steps else ()

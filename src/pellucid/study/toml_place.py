@@ -28,7 +28,7 @@ _KEY_PATTERN = re.compile(
 
 
 def explain_errors(error: ValidationError, path: Path, text: str, root: type[BaseModel]) -> str:
-    """Return one line of text per problem: file, line, table and key, what was found and expected."""
+    """Return one line of text per problem: file, line, table, key, found and expected values."""
     lines: dict[str, None] = {}
     problems = error.errors(include_url=False)
     for problem in problems[:MAX_EXPLAINED_PROBLEMS]:

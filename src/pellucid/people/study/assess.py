@@ -300,7 +300,7 @@ def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], c
             lacking.setdefault(absent, []).append(each.table.index.short)
     return [
         f"{', '.join(absent)}: found no value of {', '.join(names)} in movements that are alike in all of "
-        f"{', '.join(conditions)}, expected some: left out of {'it' if len(names) == 1 else 'them'}."
+        f"{', '.join(conditions)}, expected some; excluded from {'it' if len(names) == 1 else 'them'}."
         for absent, names in lacking.items()
     ]
 

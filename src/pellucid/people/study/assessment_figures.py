@@ -199,9 +199,9 @@ def changes_figure(
     profiles: Sequence[Profile] = (),
     what: str = "",
 ) -> Drawing:
-    """Draw an index's participants as points and lines, beside its changes from control with their intervals.
+    """Draw an index's participants as points and lines, and its changes from control with their intervals.
 
-    With `profiles` of a joint's angle, which are of the movement `what`, a limb for each condition moves beside them.
+    With `profiles` of a joint's angle, which are of the movement `what`, an animated limb for each condition is added.
     """
     conditions = each.table.conditions
     tone = tones((control, *(c for c in conditions if c != control)))

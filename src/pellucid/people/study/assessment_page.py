@@ -1,7 +1,7 @@
-"""Pages of an assessment: its part of the report, and the page for a reviewer of a certificate.
+"""Report of an assessment, and page for the reviewer of a certificate.
 
-The report has findings, missing evidence and every participant. The reviewer's page has what was stated before the
-data, what was found, and what was left out.
+The report has findings, missing evidence and every participant. The reviewer's page has the
+statements made before the data, the results, and the exclusions.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def page(study: Study, findings: AssessmentResult) -> Page:
         kicker="Pellucid report",
         tiles=_tiles(findings),
         sections=without_drawing(sections, "certificate"),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every "
-        "number in results.json.",
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is a file in this page's folder; every number "
+        "is in results.json.",
         verdicts=_verdicts(findings),
         answer=findings.answer,
         figure=_figure(findings),
@@ -120,12 +120,12 @@ def _certificate(findings: AssessmentResult) -> Section:
         tuple(_table(each) for each in tables.certificate_tables(findings)),
         tuple(drawings),
         (
-            "Two one-sided tests of each end point; all must lie within for the claim, so nothing is divided by their "
-            "number. Beyond is corrected after Holm. The mean is tested by Student's statistic, judged by its least "
-            "favourable skewed distribution; the pseudo-median by counted signed ranks. The share of people within is "
-            "a lower confidence bound that supposes no distribution. The mixed model is of movements, with a level and "
-            "a change for each participant. Where an end point would not say the same without what else may have "
-            "changed it, nothing is said of it.",
+            "Each end point has two one-sided tests. The claim requires all end points to lie within, so no level is "
+            "divided by their number. Holm's correction applies to claims of a change beyond the margin. The test of "
+            "the mean uses Student's statistic with its least favourable skewed distribution; the test of the "
+            "pseudo-median uses exact signed ranks. The share of people within is a distribution-free lower confidence "
+            "bound. The mixed model describes movements, with a level and a change for each participant. An end point "
+            "is undecided if its result changes once another possible cause is removed.",
             *map(typeset_sentence, certificate_remarks(findings)),
         ),
     )
@@ -167,10 +167,9 @@ def _isochrony(findings: AssessmentResult) -> Section:
 
 def _sensitivity(findings: AssessmentResult) -> Section:
     text = (
-        "The published indices again: with other cut-offs of the angle's filter; with other shares of the largest "
-        "speed that begin and end a movement; with movements that end where the speed first falls below the share, in "
-        "place of where it last does. A column in ms is by how much later the markers of recordings without an encoder "
-        "are taken to be."
+        "The published indices with other settings: other cut-offs of the angle's filter, other speed thresholds for "
+        "onset and end, and movements that end at the first instead of the last fall of the speed below the threshold. "
+        "A column in ms states the assumed delay of the markers in recordings without an encoder."
     )
     table = tables.sensitivity_table(findings)
     shown = (_table(table),) if table.rows else ()
@@ -197,12 +196,12 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
     ]
     paragraphs.append(
         "A movement that was not at rest when the next target came has not settled: it lasted longer than was seen. "
-        "The median duration counts it so (Kaplan and Meier); the mean duration takes what was seen for all of it."
+        "The median duration accounts for it (Kaplan and Meier); the mean duration uses the observed part."
     )
     paragraphs.append(
-        "The end-point error is that of the movement's last sample, along its direction; where the target's 0 lies in "
-        f"the angle is told by the participant's movements in {findings.control}, in the mean of both directions. The "
-        "variable error is the standard deviation of the end points of movements that are alike."
+        "The end-point error is that of the movement's last sample, along its direction; the participant's movements "
+        f"in {findings.control}, averaged over both directions, define the angle of the target's 0. The variable error "
+        "is the standard deviation of the end points of equal movements."
     )
     if spec.agonists:
         paragraphs.append(
@@ -212,11 +211,11 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
             f"participant and amplitude in {findings.control}, less 1."
         )
     paragraphs.append(
-        "Friedman's test with its p counted over all orders; Nemenyi's by the studentised range; signed ranks against "
-        f"{findings.control} with counted p, corrected after Holm. Changes from {findings.control} are the "
-        f"{ESTIMAND_WORDS[findings.estimand]}, of ratios where a percentage is told, with the interval of the "
-        "certificate's test. Differences of means, with intervals by bootstrap over participants, widened for few of "
-        "them, and the mixed model are sensitivity analyses."
+        "Friedman's test has an exact p-value; Nemenyi's test uses the studentised range. Signed-rank tests against "
+        f"{findings.control} have exact p-values with Holm's correction. Changes from {findings.control} are the "
+        f"{ESTIMAND_WORDS[findings.estimand]}, of ratios where a percentage is reported, with the interval of the "
+        "certificate's test. Sensitivity analyses are the mixed model and differences of means, whose bootstrap "
+        "intervals over participants are widened for small samples."
     )
     return Section("assess_method", "How", (" ".join(paragraphs),), notes=study.notes)
 
@@ -363,12 +362,12 @@ def _assumptions(found: AssessmentResult) -> Section:
         "No test sees people who are not in the sample. A group of "
         f"{100.0 * HIDDEN_SHARE:g} % of people is missing from "
         f"{100.0 * (1.0 - HIDDEN_SHARE) ** each.participants:.2g} % of studies of {each.participants} people; "
-        f"with fewer than {MIN_PEOPLE} nothing is claimed to lie within.",
-        f"Of each end point at least {100.0 * rule.within:g} % of people must be shown to lie within the margin, and "
-        f"at most {100.0 * rule.far:g} % beyond {rule.far_margins:g} margins. Each test has a level of "
+        f"with fewer than {MIN_PEOPLE} no end point is claimed to lie within.",
+        f"For each end point the study must show that at least {100.0 * rule.within:g} % of people lie within the "
+        f"margin, and at most {100.0 * rule.far:g} % beyond {rule.far_margins:g} margins. Each test has a level of "
         f"{100.0 * rule.alpha:g} %. With fewer than {MODEL_PEOPLE} people these bounds assume normal changes, unless "
         "the changes look otherwise.",
-        "Participants are independent of each other and drawn from those of whom the claim is made.",
+        "Participants are independent of each other and sampled from the population of the claim.",
     ]
     texts += [text for own in found.certified for text in own.unknown]
     rows = [
@@ -409,9 +408,9 @@ def _exclusions(spec: AssessmentTable, found: AssessmentResult) -> Section:
                     words = each.end_points[name].index.short if name in each.end_points else name
                     rows.append((f"{words}, {condition}", f"{gone} of {of}", "movements without a value"))
     if not rows:
-        return Section("exclusions", "Exclusions", ("Nobody and nothing was left out.",))
+        return Section("exclusions", "Exclusions", ("There were no exclusions.",))
     return Section(
-        "exclusions", "Exclusions", tables=(_plain_table(("What", "Which", "Why"), rows, "All that was left out.", 3),)
+        "exclusions", "Exclusions", tables=(_plain_table(("What", "Which", "Why"), rows, "All exclusions.", 3),)
     )
 
 

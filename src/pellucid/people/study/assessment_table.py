@@ -17,71 +17,70 @@ DEFAULT_STUDIES = 1000
 
 
 class AssessmentTable(ProcedureTable):
-    """Whether conditions change how people move: ``[assessment]``. Recordings that name a condition take part.
+    """Comparison of people's movements between conditions: ``[assessment]``, over recordings that name a condition.
 
     Attributes
     ----------
     control : str
-        The condition the others are compared with.
+        Condition with which the others are compared.
     design : str
-        How the sessions of a participant are ordered: ``"AB/BA"`` (two conditions) or ``"Williams"`` (three or more),
+        Order of a participant's sessions: ``"AB/BA"`` (two conditions) or ``"Williams"`` (three or more),
         which require the period of every recording, or ``"parallel sessions"``, which have no order.
     washout : str
         Pause between two sessions, such as ``"30 min"``.
     exclusions : tuple of str
-        Rules by which people or movements are excluded, in words.
+        Exclusion rules for people or movements, in words.
     excluded : dict of str to str
-        Participants who were excluded, with the reason; they count as lost.
+        Excluded participants with the reason; they count as lost.
     angle : str
         Channel of the angle; a study with `segment` does not need it.
     segment : tuple of str
         Markers on the moving segment, the proximal one first: its angle with the vertical is the angle.
     target : str
-        Channel of the angle to be reached; each of its steps begins a movement and says how far.
+        Channel of the angle to be reached; each of its steps begins a movement and states its amplitude.
     agonists, antagonists : tuple of str
-        Muscles ``emg.<muscle>`` that make positive movements, and their opponents; none: no EMG.
+        Muscles ``emg.<muscle>`` that cause positive movements, and their antagonists; empty without EMG.
     emg : str
-        Stream of the muscles, where they are not in the recording's own file.
+        Stream of the muscles, if they are not in the recording's own file.
     interaction : str
         Channel of the robot's torque on the person.
     lowpass : float
         Cut-off of the zero-phase low-pass on the angle [Hz].
     order : int
-        Of one pass.
+        Order of one pass of the filter.
     threshold : float
         Share of the largest speed that begins and ends a movement.
     cutoffs, thresholds : tuple of float
-        With which the indices are computed again [Hz], [1].
+        Other cut-offs and thresholds of the sensitivity analysis [Hz], [1].
     advance : float
-        By which EMG is taken earlier than the motion [s].
+        Time by which EMG precedes the motion [s].
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     margins : dict of str to str
-        By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
-        data are seen. Beside them ``estimand``: ``"mean"`` of people's changes (the default), ``"pseudo-median"``, or
-        ``"mean and people"``, with ``people``, the share of them who must be shown to lie within, such as ``"80 %"``
+        Largest change by a transparent robot for each index, ``"10 %"`` of control or with a unit, stated before the
+        data are seen. Further keys are ``estimand``: ``"mean"`` of people's changes (the default), ``"pseudo-median"``,
+        or ``"mean and people"``, with ``people``, the share of people who must lie within, such as ``"80 %"``
         (otherwise 75 %); ``people_level``, the level of the tests of the shares of people (default ``"10 %"``); and
-        ``largest_carry_over``, the largest effect of one session on the next in margins for which the certificate
+        ``largest_carry_over``, the largest effect of one session on the next, in margins, for which the certificate
         holds (default ``"0.25"``; it matters where recordings state their period).
     justification : dict of str to str
-        By index why a change of its margin does not matter: what a reviewer asks for first.
+        Reason by index why a change as large as its margin does not matter.
     spreads : dict of str to str
-        By index how much people's changes are expected to differ (standard deviation), as in `margins`: a plan needs
-        it.
+        Expected standard deviation of people's changes by index, in the units of `margins`; a plan requires it.
     false_transparent : float
-        How often "transparent" may be said of the estimand where it is not so, in (0, 0.5). For the mean it holds
-        whatever the skewness of people's changes; for the pseudo-median where they are spread symmetrically.
+        Probability of a false "transparent" about the estimand, in (0, 0.5). It is valid for the mean with any skewness
+        of people's changes, and for the pseudo-median if their distribution is symmetric.
     looks : tuple of float
-        Rising shares of the planned participants at which a sequential study is analysed; empty if only at its end.
-        `false_transparent` is then spent over them after O'Brien and Fleming.
+        Rising shares of the planned participants at which a sequential study is analysed; empty if only the end is
+        analysed. O'Brien and Fleming's spending function then divides `false_transparent` over the looks.
     look : int
-        Which of the `looks` this is, from 1.
+        Number of this look in `looks`, from 1.
     max_left_out : float
-        The largest share of a condition's movements, or of its participants, that may be lost where "transparent" is
-        said of the others alone, in [0, 1). Above it only bounds that hold whatever was lost can certify.
+        Largest lost share of a condition's movements, or of its participants, for a certificate from the others alone,
+        in [0, 1). Above it, a certificate requires bounds that hold for any values of the lost ones.
     curves : dict of str to str
-        How far a transparent robot may change whole curves, by their time: ``velocity`` and ``emg`` in shares of the
-        control's largest, ``interaction`` with a unit.
+        Largest change of whole curves over time by a transparent robot: ``velocity`` and ``emg`` in shares of the
+        control's maximum, ``interaction`` with a unit.
     """
 
     control: ShownText
@@ -135,7 +134,7 @@ class AssessmentTable(ProcedureTable):
         if isinstance(given, dict) and "equivalence" in given:
             raise ValueError(
                 f'equivalence: found "{given["equivalence"]}", expected [assessment.margins] estimand = "mean" or '
-                '"pseudo-median"; the mixed model stands beside the certificate as a sensitivity analysis'
+                '"pseudo-median"; the mixed model is only a sensitivity analysis of the certificate'
             )
         return given
 

@@ -40,7 +40,7 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
 
     add("assess.participants", len(found.participants), "1", _without(found))
     add(
-        "assess.movements", found.movements, "1", ", ".join(f"{n} left out: {why}" for why, n in found.left_out.items())
+        "assess.movements", found.movements, "1", ", ".join(f"{n} excluded: {why}" for why, n in found.left_out.items())
     )
     for each in found.assessed.values():
         _index_rows(found, each, add)
@@ -125,7 +125,7 @@ def _describe(column: np.ndarray) -> dict[str, float]:
 
 
 def _without(found: AssessmentResult) -> str:
-    return "; ".join(f"{person} left out: {why}" for person, why in found.without.items())
+    return "; ".join(f"{person} excluded: {why}" for person, why in found.without.items())
 
 
 PRINTED_UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}

@@ -1,8 +1,8 @@
-"""Certify the transparency of a condition: collect what recordings say of people's changes, and decide.
+"""Certify the transparency of a condition: collect people's changes from recordings, and decide.
 
-`study_changes` collects what is known of each end point: values, bounds where movements were cut off, periods,
-learning, lost and failed movements. `people.certificate.decide` says what follows. A mixed model of all movements with
-covariates of each (`model_of`) stands beside it.
+`study_changes` collects the data of each end point: values, bounds where movements were cut off, periods,
+learning, lost and failed movements. `people.certificate.decide` decides. A mixed model of all movements with
+covariates (`model_of`) is a sensitivity analysis.
 """
 
 from __future__ import annotations

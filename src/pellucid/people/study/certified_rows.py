@@ -59,10 +59,10 @@ TEST_ASSUMPTIONS = {
 """Assumption under which the level of each test holds."""
 
 DOUBT_DESCRIPTIONS = {
-    PERIOD_DOUBT: "without what the period did",
+    PERIOD_DOUBT: "without the effect of the period",
     LEARNING_DOUBT: "by the last third of movements, which were still changing,",
-    LEFT_OUT_DOUBT: "with targets that got no movement counted as never reached",
-    LOST_MOVEMENTS_DOUBT: "whatever the people did whose movements were left out",
+    LEFT_OUT_DOUBT: "with targets without a movement counted as never reached",
+    LOST_MOVEMENTS_DOUBT: "whatever people did in the excluded movements",
     UNEVEN_LOSSES_DOUBT: "with the movements that one condition lost more than the other counted as extreme ones",
     LOST_PEOPLE_DOUBT: "whatever the people did who take no part",
 }
@@ -250,8 +250,8 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
             f"({', '.join(cut)}): record until they settle.{counts}"
         )
     more = (
-        f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
-        "nothing changes and people differ as these do."
+        f"With about {each.needed} instead of {each.participants} people a study would show it with 90 % power, if the "
+        "robot changes nothing and people differ as these do."
         if each.needed is not None and each.needed > each.participants
         else "As people differ here, these many would mostly have shown it were there no change: there may be one."
         if each.needed is not None
@@ -317,10 +317,10 @@ def _people_sentence(each: Certified) -> str:
 DOUBT_REMEDIES = {
     PERIOD_DOUBT: "Have as many people begin with the robot as without it.",
     LEARNING_DOUBT: "Let people get used to it until movements no longer change.",
-    LEFT_OUT_DOUBT: "Find why targets got no movement.",
-    LOST_MOVEMENTS_DOUBT: "Find why movements were left out, and record again.",
-    UNEVEN_LOSSES_DOUBT: "Find why movements were left out in one condition more than in the other, and record again.",
-    LOST_PEOPLE_DOUBT: "Find why people take no part, and record them again.",
+    LEFT_OUT_DOUBT: "Find out why targets have no movement.",
+    LOST_MOVEMENTS_DOUBT: "Find out why movements were excluded, and record again.",
+    UNEVEN_LOSSES_DOUBT: "Find out why one condition has more excluded movements than the other, and record again.",
+    LOST_PEOPLE_DOUBT: "Find out why people are missing, and record them again.",
 }
 """Advice by doubt."""
 
@@ -360,7 +360,7 @@ def _lost_counts(each: Certified) -> str:
 
 def _lost(each: Certified) -> list[str]:
     lost = {condition: counts for condition, counts in _most_lost(each).items() if counts[0]}
-    return [f"{each.condition}: left out were {_counted(lost)}; of these nothing is known."] if lost else []
+    return [f"{each.condition}: {_counted(lost)} were excluded; their values are unknown."] if lost else []
 
 
 def _most_lost(each: Certified) -> dict[str, tuple[int, int]]:

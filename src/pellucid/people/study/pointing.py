@@ -4,7 +4,7 @@ The angle is a channel, or that of a segment with two markers. Markers have a cl
 recorded too, the offset and drift of that clock are estimated from the motion; otherwise both are assumed to start
 together.
 
-Whether recordings are suitable, and the faults of their movements, are told by `assessment_faults`.
+`assessment_faults` reports whether recordings are suitable, and the faults of their movements.
 """
 
 from __future__ import annotations
@@ -334,7 +334,7 @@ ASSISTED_AMPLITUDE_RATIO_BOUNDS = (0.5, 2.0)
 """The same range for people who aim at targets with a robot, which may keep them from reaching the targets."""
 
 MAX_SILENT_LEFT_OUT_SHARE = 0.2
-"""Largest share of a recording's movements that may be left out without a report."""
+"""Largest share of a recording's movements that may be excluded without a report."""
 
 
 def assessment_faults(study: Study) -> list[Fault]:
@@ -371,7 +371,7 @@ def usable_records(recordings: Sequence[Recording], spec: AssessmentTable) -> tu
         if not reason:
             records.append(record)
             continue
-        message = f"{reason}: the recording {recording.name} is left out"
+        message = f"{reason}: the recording {recording.name} is excluded"
         faults.append(Fault("cut", "gap", recording.path.name, spec.angle, reason, "an angle throughout", message))
     return records, faults
 
@@ -401,7 +401,7 @@ def _missing_conditions(recordings: Sequence[Recording], usable: Sequence[Record
         own = {recording.condition for recording in usable if recording.participant == person}
         absent = ", ".join(condition for condition in conditions if condition not in own)
         if absent:
-            message = f"participant {person}: found no usable recording in {absent}: left out of every comparison"
+            message = f"participant {person}: found no usable recording in {absent}: excluded from every comparison"
             faults.append(Fault("note", "condition", "study.toml", "", absent, "every condition", message))
     return faults
 
@@ -429,7 +429,7 @@ def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Seque
         add(
             "note",
             "left_out",
-            f"{len(left_out)} of {total} movements that had to be left out ({reasons_text})",
+            f"{len(left_out)} of {total} movements excluded ({reasons_text})",
             "hardly any",
         )
     missing = ~np.isfinite(record.angle)

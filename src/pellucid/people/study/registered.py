@@ -1,4 +1,4 @@
-"""The registered analysis of a study: ``analysis.toml`` beside study.toml, written by ``pellucid plan``."""
+"""Registered analysis of a study: ``analysis.toml`` in the folder of study.toml, written by ``pellucid plan``."""
 
 from __future__ import annotations
 

@@ -197,7 +197,8 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
     """Return the verdicts that a reader must know before using the numbers."""
     found_verdicts = [Verdict("warning", f"{why}.") for why in found.unusable.values()]
     found_verdicts += [
-        Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
+        Verdict("warning", f"{person} is excluded from every comparison: {why}.")
+        for person, why in found.without.items()
     ]
     found_verdicts += _one_sided(found)
     if len(found.participants) == 1:
@@ -210,7 +211,7 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
             f"{n} {REASON_WORDS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
         )
         found_verdicts.append(
-            Verdict("note", f"{total} of {total + found.movements} movements were left out: {words}.")
+            Verdict("note", f"{total} of {total + found.movements} movements were excluded: {words}.")
         )
     found_verdicts += _filter_verdicts(found)
     found_verdicts += [Verdict("note", note) for note in notes]
@@ -229,8 +230,8 @@ def _one_sided(found: AssessmentResult) -> list[Verdict]:
     return [
         Verdict(
             "warning",
-            f"All {count} of {total} participants who are left out lack {condition}: those who are left may be the "
-            "ones whom it disturbs least.",
+            f"All {count} of {total} excluded participants lack {condition}: the remaining ones may be those whom it "
+            "disturbs least.",
         )
     ]
 
@@ -247,7 +248,10 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
             turned.append(f"{lowered(found.indices[index].words)} ({filters_text})")
     if not turned:
         return []
-    text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."
+    text = (
+        "The result of the comparison depends on the filter or on the definition of the movements' end: "
+        f"{'; '.join(turned)}."
+    )
     return [Verdict("warning", text)]
 
 

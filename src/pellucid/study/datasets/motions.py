@@ -1,6 +1,6 @@
-"""Read public recordings of how people move: joint angles without torques, which virtual rigs follow.
+"""Read public recordings of people's movements: joint angles without torques, which simulated rigs follow.
 
-Read the motion of a knee in walking from a public recording on a treadmill, which virtual wearers follow.
+Read the motion of a knee in walking from a public recording on a treadmill, which simulated wearers follow.
 """
 
 from __future__ import annotations

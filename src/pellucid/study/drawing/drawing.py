@@ -114,7 +114,7 @@ class Drawing:
         return _rounded(buffer.getvalue())
 
     def inline(self) -> str:
-        """The figure as an ``<svg>`` element that can stand beside others in one HTML page.
+        """Return the figure as an ``<svg>`` element that shares one HTML page with others.
 
         Every id gets the figure's name as prefix, and every colour of the style becomes its CSS variable, so that the
         page's light and dark values apply.

@@ -1,4 +1,4 @@
-"""Draw estimates with their intervals, one beneath another, beside a margin: a forest plot.
+"""Draw a forest plot: estimates with their intervals, one beneath another, and a margin.
 
 `Table` is a table of a page, as text.
 """
@@ -95,7 +95,7 @@ class FitWithIntervals(Protocol):
 
 
 def parameters(fit: FitWithIntervals) -> Drawing:
-    """Draw each parameter's confidence interval divided by its value, with value and unit beside it."""
+    """Draw each parameter's confidence interval divided by its value, with its value and unit."""
     return draw(_forest, fit)
 
 

@@ -1,7 +1,7 @@
-"""Drawings that move: lines whose points move while a page is read, without a script.
+"""Animated drawings: lines whose points move on a page without a script.
 
-The movement is SVG's own (``<animate>``), so that the file beside the page moves too. Where a reader asked for less
-motion, on paper and in PDF the drawing stands still.
+The movement is SVG's own (``<animate>``), so that the figure's own file is animated too. The
+drawing is still on paper, in PDF and for readers whose settings reduce motion.
 
 `over_time` draws signals that stand still, one panel beneath another.
 """

@@ -78,7 +78,7 @@ MAX_LEAD_CHARACTERS = 270
 """Sentences of a headline stand on the first screen while they are no longer than this; the others follow below."""
 
 MAX_SHOWN_PARTS = 8
-"""Largest number of single verdicts that stand beside the answer; a table below has more."""
+"""Largest number of single verdicts that are shown with the answer; a table below has more."""
 
 MAX_SHOWN_WARNINGS = 3
 """Largest number of verdicts that stand between the answer and the evidence."""
@@ -191,13 +191,13 @@ class Page:
 
     @property
     def shown_parts(self) -> tuple[AnswerPart, ...]:
-        """Verdicts on single joints, conditions or claims beside the answer, if they are several and not too many."""
+        """Return the verdicts on single joints, conditions or claims, if there are several and not too many."""
         parts = () if self.answer is None else self.answer.parts
         return parts if 1 < len(parts) <= MAX_SHOWN_PARTS else ()
 
     @property
     def following(self) -> tuple[str, ...]:
-        """What to do next, in sentences, but for the report, which is being read."""
+        """Return the recommended next steps in sentences, except that of the report itself."""
         return () if self.answer is None else tuple(s.sentence for s in self.answer.next if s.name != REPORT_COMMAND)
 
     @property
@@ -271,9 +271,10 @@ def without_drawing(sections: Sequence[Section], name: str) -> tuple[Section, ..
 
 
 def write_page(folder: Path, page: Page, *, with_pdf: bool = False) -> Path:
-    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and, `with_pdf`, PDF.
+    """Write a page: ``index.html`` without outside references, and every figure in its folder as SVG and, `with_pdf`,
+    PDF.
 
-    A PDF takes longer than the SVG, because the letters of its fonts are cut out.
+    A PDF takes longer than the SVG, because fonts are subset.
     """
     folder = Path(folder)
     drawings = page.drawings

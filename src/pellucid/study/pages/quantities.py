@@ -171,7 +171,7 @@ def value_and_half_interval(parameter: Parameter, level: float, *, refused: str 
 
 
 def parameter_note(parameter: Parameter, level: float) -> str:
-    """Return a short warning about a parameter beside its interval; "" if there is none."""
+    """Return a short warning about a parameter for the cell of its interval; "" if there is none."""
     low, high = parameter.interval(level)
     if parameter.undetermined:
         return "undetermined"

@@ -27,7 +27,7 @@ MAX_LISTED_FILES = 3
 """A sentence lists at most this many files by name."""
 
 TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
-"""Stems of files that a folder of logs holds beside them."""
+"""Stems of files other than logs in a folder of logs."""
 
 CHANNEL_FREE_KINDS = ("personal", "text")
 """Kinds of findings that do not depend on a channel's samples."""

@@ -90,7 +90,7 @@ def write_audit_page(found: Audit, folder: Path) -> Path:
         kicker="pellucid audit",
         tiles=_tiles(found),
         sections=tuple(sections),
-        footer=f"Written by pellucid {version('pellucid')}. What a channel holds is guessed from its name and unit.",
+        footer=f"Written by pellucid {version('pellucid')}. Quantities of channels are guessed from names and units.",
         answer=found.answer,
         figure=draw(first_channels, found) if readable else None,
     )

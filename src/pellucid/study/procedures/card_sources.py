@@ -51,8 +51,8 @@ def card_sources(study: Study, procedure: Procedure) -> dict[str, str]:
     """Return the checksums of all inputs of a card of `procedure`, by their names in messages.
 
     Inputs are the parsed tables of study.toml, recordings, and other cards. Tables of other commands' procedures are
-    left out. So are the instruments of a joint, and its limits if the procedure does not use them, because a
-    controller's limits and instruments may be stated after its model was identified.
+    excluded. So are the instruments of a joint, and its limits if the procedure does not use them: a controller's
+    limits and instruments may be stated after its model was identified.
     """
     from .registry import ALL_PROCEDURES
 

@@ -1,4 +1,4 @@
-"""What a study adds to the answer of a result: what it is based on, what was assumed, and what to do next."""
+"""Complete the answer of a result from its study: basis, assumptions and recommended next steps."""
 
 from __future__ import annotations
 

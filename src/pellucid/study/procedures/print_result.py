@@ -175,7 +175,7 @@ def _is_longer_than_a_screen(out: Console, result: PrintableResult) -> bool:
 def _shorten_tables(
     out: Console, result: PrintableResult, room: int
 ) -> tuple[list[ParameterTable | FigureTable], list[str]]:
-    """Return the tables with as many rows as fit into `room` lines, and in words what was left out.
+    """Return the tables with as many rows as fit into `room` lines, and sentences about the omissions.
 
     The first table of each procedure is fitted before the second of any, and none after one that does not fit. No table
     has more rows than it states for one screen.
@@ -240,7 +240,9 @@ def _first_rows(table: ParameterTable | FigureTable, count: int) -> ParameterTab
 
 
 def _shorten_sentences(items: Sequence[tuple[str, str]], most: int) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return the worst sentences, at most `most`, each cut to about a line and a half, and how many were left out."""
+    """Return the worst sentences, at most `most`, each cut to about a line and a half, and a sentence about the number
+    omitted.
+    """
     worst_first = sorted(items, key=lambda item: VERDICT_ORDER.index(item[0]) if item[0] in VERDICT_ORDER else 1)
     kept = worst_first[:most]
     shown = [(kind, shorten(text, SCREEN_LAYOUT.max_brief_sentence_length, placeholder=" …")) for kind, text in kept]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .result import Result
 
 Progress = Callable[[str, float], None]
-"""A function that is told what is done now, and the share of all work that is done."""
+"""A function that receives the current step in words, and the completed share of all work."""
 
 Table = TypeVar("Table", bound="ProcedureTable | None")
 """The class of the table that asks for a procedure; None where other tables do."""
@@ -71,13 +71,13 @@ class CostedSteps:
         self._tell(name, self._parts[name][0])
 
     def part(self, name: str) -> Progress:
-        """Return a function that is told the progress of one step."""
+        """Return a function that receives the progress of one step."""
         before, own = self._parts[name]
         return lambda text, share: self._tell(text, before + own * share)
 
 
 class Procedure(ABC, Generic[Table, Found]):
-    """A question that a study can ask: the table that asks it, the faults that prevent it, its run and its page.
+    """A question that a study can ask: its table, the faults that prevent an answer, its run and its page.
 
     Pellucid's own are a `ProcedureEntry` each. Another package may write a subclass instead, in the ``procedure.py`` of
     a package with ``PROCEDURE_ORDER``, and name that package as an entry point of ``pellucid.procedures``.
@@ -117,7 +117,7 @@ class Procedure(ABC, Generic[Table, Found]):
         """
 
     def cut(self, study: Study) -> list[Fault]:
-        """Return what is left out of the recordings, and what may be clipped, to be told beside the result."""
+        """Return excluded and possibly clipped samples of the recordings, to be reported with the result."""
         from ..quality import clipped_effort_faults, cut_faults, sensor_range_faults, short_piece_fault
 
         faults: list[Fault] = []
@@ -129,8 +129,9 @@ class Procedure(ABC, Generic[Table, Found]):
         return faults + list(self.unfit(study).values())
 
     def unfit(self, study: Study) -> dict[str, Fault]:
-        """Return the fault of each recording that is left out, by its name: too much of it was cut, or, where none may
-        be missing, anything."""
+        """Return the fault of each excluded recording by its name: too much of it is cut, or anything if it must be
+        whole.
+        """
         from ..quality import left_out_fault
 
         faults = {r.name: left_out_fault(r, study, self.whole, self.shortest_piece) for r in study.recordings()}
@@ -162,16 +163,17 @@ class Procedure(ABC, Generic[Table, Found]):
         """Return the part of the report that shows a result."""
 
     def inputs(self, study: Study) -> Iterable[Path]:
-        """Return the files that it reads beside study.toml and the recordings."""
+        """Return the files that it reads in addition to study.toml and the recordings."""
         return ()
 
 
 @dataclass(frozen=True)
 class ProcedureEntry(Procedure[Any, Any]):
-    """A procedure as a row of a domain's ``domain.py``: what it is, and where its functions are.
+    """A procedure as a row of a domain's ``domain.py``: its properties and the places of its functions.
 
     Functions and tables are named as ``"module:attribute"`` and imported when they are called, the module relative to
-    `package`: ``".hinge.faults"`` is in the folder beside it. Functions that need the table take it from the study.
+    `package`: ``".hinge.faults"`` is in the folder ``hinge`` of that package. Functions that require the table
+    take it from the study.
     """
 
     package: str  # Package of the files below, such as ``pellucid.emg.study.onset``
@@ -206,11 +208,11 @@ class ProcedureEntry(Procedure[Any, Any]):
         return self._load(self.find_faults)(study)
 
     def cut(self, study: Study) -> list[Fault]:
-        """Return what is left out of the recordings, what may be clipped, and this procedure's own notes."""
+        """Return excluded and possibly clipped samples of the recordings, and this procedure's own notes."""
         return super().cut(study) + ([] if self.find_notes is None else self._load(self.find_notes)(study))
 
     def unfit(self, study: Study) -> dict[str, Fault]:
-        """Return the fault of each recording that is left out; nothing where such a recording refuses the study."""
+        """Return the fault of each excluded recording; none if such a recording stops the procedure."""
         return super().unfit(study) if self.leaves_out else {}
 
     def run(self, study: Study, table: Any, tell: Progress = quiet, **options: Any) -> Any:

@@ -107,7 +107,7 @@ class Result:
     verdicts : tuple of Verdict
         Verdicts on the result and on the recordings, worst first.
     rows : tuple of ResultRow
-        Result rows, all of one command.
+        Result rows of one command.
     cards : Mapping[str, Card or ParameterCard or TreeCard or DomainCard]
         Cards by the name of their file in ``models/``, without suffix.
     checksums : Mapping[str, str]
@@ -119,7 +119,7 @@ class Result:
     made_from : str
         Fingerprint of all inputs, which shows whether a kept result is fresh.
     completed : Answer, optional
-        The answer with what the study adds to it: what it is based on, what was assumed, what to do next.
+        The answer with the study's additions: basis, assumptions and recommended next steps.
     """
 
     study: str
@@ -240,7 +240,7 @@ class Result:
         """Write files other than cards and rows; most procedures have none."""
 
     def save(self, study: Study) -> tuple[ResultRow, ...]:
-        """Write every card, this command's rows in place of its earlier ones, and the result itself to be drawn later.
+        """Write every card, the result for later drawing, and this command's rows, which replace its earlier ones.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ class Result:
                 except (OSError, PellucidError):
                     rmtree(out, ignore_errors=True)
                     continue
-                return replace(study, out=out), f"{problem}; what was found is in {out} instead"
+                return replace(study, out=out), f"{problem}; the results are in {out} instead"
             raise
 
     @classmethod

@@ -60,8 +60,8 @@ def check(study: Study, *, on_progress: Callable[[str, float], None] | None = No
     Returns
     -------
     list of Fault
-        `severity` "refuse" stops a procedure; of "cut" it is said what is left out, of "note" what is remarkable; what
-        is found of "warn" is not to be believed as it is. The refusing ones first, then the warnings.
+        A fault with `severity` "refuse" stops a procedure, "cut" reports excluded samples, and "note" reports a
+        peculiarity. With "warn" a result is not reliable. Faults that stop come first, then warnings.
 
     Raises
     ------
@@ -145,18 +145,18 @@ def identify(
     on_progress: Callable[[str, float], None] | None = None,
     thorough: bool = True,
 ) -> Result:
-    """Identify what a study's study.toml asks for: a joint, one with a carriage, a transfer function, a coupling...
+    """Identify the models that study.toml requests: a joint, one with a carriage, a transfer function, a coupling...
 
     Parameters
     ----------
     study : Study
     families : sequence of str, optional
-        Friction families of a joint; the study's own list if left out. Other procedures have methods of their own.
+        Friction families of a joint; the study's own list by default. Other procedures have no families.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
     thorough : bool
-        Of a joint also weighted, robust, closed-loop and output-error estimates and simulations; False gives least
-        squares, intervals and held-out errors only.
+        Whether a joint also gets weighted, robust, closed-loop and output-error estimates and simulations; False gives
+        only least squares, intervals and held-out errors.
 
     Returns
     -------
@@ -186,14 +186,14 @@ def identify(
     study = as_study(study, "identify")
     procedures = _required(study, "identify")
     if families and not any(procedure.takes_families for procedure in procedures):
-        raise IdentificationError("this study is identified by methods of its own; leave out --family")
+        raise IdentificationError("the procedures of this study have no friction families; omit --family")
     options = {each.name: {"families": families, "thorough": thorough} for each in procedures if each.takes_families}
     return run(study, "identify", on_progress=on_progress, **options)
 
 
 @with_checked_arguments
 def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
-    """Calibrate torque from EMG by several methods, and judge them on what was not fitted.
+    """Calibrate several estimators of torque from EMG, and validate them on held-out data.
 
     Parameters
     ----------
@@ -209,9 +209,9 @@ def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = N
     Raises
     ------
     IdentificationError
-        If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
+        If the study requests no torque from EMG, has no data to fit or to validate, or lacks cards.
     RecordingError
-        If a recording is not fit to be used.
+        If a recording is not usable.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def assess(
     executor: Executor | None = None,
     **table: object,
 ) -> Result | Any:
-    """Compare how people move under several conditions: indices, tests, effect sizes and participants needed.
+    """Compare people's movements under several conditions: indices, tests, effect sizes and required participants.
 
     Parameters
     ----------
@@ -245,9 +245,9 @@ def assess(
     executor : Executor, optional
         Runs the simulated studies, on a cluster for instance.
     **table
-        For a data frame: ``analysis``, what was stated before the data were seen (``analysis.toml``, study.toml, or a
-        mapping of the same: control, design, margins, columns, and more). Or ``control``, the name of the control
-        condition, and optionally ``indices``, ``participant``,
+        For a data frame: ``analysis``, the analysis that was stated before the data were seen (``analysis.toml``,
+        study.toml, or an equal mapping: control, design, margins, columns, and more). Or ``control``, the name of the
+        control condition, and optionally ``indices``, ``participant``,
         ``condition``, ``factors`` (names of columns; movements are compared within the levels of the factors, by
         default of amplitude, target and direction), ``margins`` (largest relative change of each index that does not
         matter), ``alpha``, ``estimand``, ``people`` and ``max_left_out`` (largest share of movements or participants
@@ -447,7 +447,8 @@ def synergies(
 
 @with_checked_arguments
 def activations(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
-    """Activations of all muscles, near their EMG, with which a measured torque follows; electrodes that are lost.
+    """Estimate activations of all muscles that are close to their EMG and explain a measured torque; find lost
+    electrodes.
 
     Parameters
     ----------
@@ -463,9 +464,9 @@ def activations(study: Study, on_progress: Callable[[str, float], None] | None =
     Raises
     ------
     IdentificationError
-        If the study asks for no activations, or there is nothing to fit or to judge.
+        If the study requests no activations, or has no data to fit or to validate.
     RecordingError
-        If a recording is not fit to be used.
+        If a recording is not usable.
 
     Examples
     --------
@@ -485,7 +486,7 @@ def report(
     with_pdf: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
-    """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
+    """Write the report: one page on all identified, calibrated and assessed results, with every figure as a file.
 
     Parameters
     ----------
@@ -578,8 +579,10 @@ def each_page(
 
 
 def _cannot_be_kept(study: Study, procedure: Procedure) -> bool:
-    """Return whether a procedure's command has run and nothing was kept: what a plug-in finds may hold what cannot be
-    stored, and is found again."""
+    """Return whether a procedure's command has run without a kept result.
+
+    The result of a plug-in may contain objects that cannot be stored; it is computed again.
+    """
     if study.kept_path(procedure.name).is_file() or not study.results_path.is_file():
         return False
     return any(row.command == procedure.command for row in read_rows(study.results_path))

@@ -32,10 +32,10 @@ def study_page(
     verdicts: Iterable[Verdict] = (),
     figure: Drawing | None = None,
 ) -> Page:
-    """Build a page of a study in the common frame, with its answer first; verdicts stand worst first.
+    """Build a page of a study in the common frame, with its answer first and the worst verdicts on top.
 
-    Without a `figure` of its own, the first one of the sections stands beside the answer. A sentence in place of an
-    answer is answered by the verdicts, as `Result.answer` is.
+    Without a `figure`, the first one of the sections is shown with the answer. If `answer` is a sentence, the verdicts
+    answer it, as in `Result.answer`.
     """
     ranked = rank_verdicts(verdicts)
     shown = tuple((v.kind, typeset_sentence(v.said)) for v in ranked)
@@ -50,7 +50,7 @@ def study_page(
         "",
         tuple(tiles),
         sections if figure is None else without_drawing(sections, figure.name),
-        f"Written by pellucid {version('pellucid')}. Every figure is a file beside this page, every number in "
+        f"Written by pellucid {version('pellucid')}. Every figure is a file in this page's folder; every number is in "
         "results.json.",
         shown,
         answer,
