@@ -75,7 +75,7 @@ def test_the_real_machine_comes_with_the_package_and_says_whose_it_is(made):
 
 def test_the_page_says_what_few_people_cannot_show(made):
     text = made.page.read_text(encoding="utf-8")
-    assert "3 people show how a study goes and prove nothing" in text
+    assert "3 people illustrate a study but prove nothing" in text
     smallest = min(one.p_value for each in made.findings.assessed.values() for one in each.comparison.against_control)
     assert smallest >= 0.25
     assert "cannot give less than p = 0.25" in text

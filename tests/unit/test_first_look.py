@@ -49,7 +49,8 @@ def test_a_bent_joint_is_told_before_it_is_fitted(tmp_path):
     assert isinstance(look.found, BestLinearApproximation)
     assert (look.found.periods, look.found.realisations) == (3, 4)
     first = found.verdicts[0].text
-    assert first.startswith("Before any model (random_phase_multisine): the best possible fit of a linear model from torque")
+    said = "Before any model (random_phase_multisine): the best possible fit of a linear model from torque to position"
+    assert first.startswith(said)
     values = {r.id: r.value for r in found.rows}
     head = "joint.transfer_function"
     assert values[f"{head}.distortion_to_noise.random_phase_multisine"] > 10.0

@@ -33,7 +33,7 @@ STRAP_HZ = 8.0
 """Natural frequency of the limb on its strap."""
 
 MOTION_HZ = 0.4
-"""Frequency with which the wearer goes to and fro."""
+"""Frequency of the wearer's oscillation."""
 
 MOTION_SIZE = 0.35
 """Amplitude of that motion [rad or m]."""

@@ -268,8 +268,7 @@ class RigConstants(RigTable):
         ------
         StudyError
             If a table or a key is missing or unknown, or a value is not of its type or out of its bounds. The message
-            has a line for each problem: the file, the line if `text` is given, the table, the key, what was found and
-            what was expected.
+            has one line for each problem: file, line if `text` is given, table, key, found value and expected value.
         """
         try:
             return cls.model_validate(_as_constants(tables, where))

@@ -51,7 +51,7 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def rig_text(name: str | Path) -> str:
-    """Return the text of a rig's file; a drawn rig's text is that of its model with the drawn values in place."""
+    """Return the text of a rig's file; that of a sampled rig is its model's text with the sampled values."""
     if str(name).endswith(".toml") and Path(name).is_file():
         return text_of_rig(Path(name))
     if name not in rig_names():
@@ -65,7 +65,7 @@ def rig_text(name: str | Path) -> str:
 
 
 def _with_values(text: str, original: Rig, values: Rig, number: str) -> str:
-    """Return the text of the original rig's file with the values of a drawn rig."""
+    """Return the text of the original rig's file with the values of a sampled rig."""
     import re
 
     made, table = [f"# Drawn from the ranges at the end of this file: rig {number} of {DRAWN_RIG_COUNT}."], ""

@@ -34,7 +34,7 @@ def simulate(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
     controller: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Controller that virtual people wear, as export names it; repeatable."),
+        typer.Option(metavar="NAME", help="Controller worn by simulated people, as export names it; repeatable."),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace a study.toml that was changed by hand.")
@@ -60,7 +60,7 @@ def predict(
         list[Path],
         typer.Argument(metavar="DIR...", help="Folders with lab/rig.toml; several models share the robots."),
     ],
-    people: Annotated[int, typer.Option(metavar="N", min=1, help="People to draw for each folder.")] = 12,
+    people: Annotated[int, typer.Option(metavar="N", min=1, help="Number of simulated people for each folder.")] = 12,
     robots: Annotated[int, typer.Option(metavar="N", min=1, help="Robots to draw.")] = 12,
     movements: Annotated[
         int, typer.Option(metavar="N", min=2, help="Movements of a person with each controller.")
@@ -82,7 +82,7 @@ def predict(
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
     json: Json = False,
 ) -> None:
-    """Predict an experiment with drawn people and robots."""
+    """Predict an experiment with simulated people and robots."""
     from pellucid.people.design_columns import cluster
     from pellucid.study.procedures.print_result import print_result
 
@@ -123,7 +123,7 @@ def demo(
     table = plain_table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
     for c in made.coverages:
         table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
-    print_line(console, "\nHow often 95 % intervals hold the truth, known for a virtual joint:")
+    print_line(console, "\nCoverage of 95 % intervals, with the true values of a virtual joint:")
     console.print(table)
     print_items(console, [("note", note) for note in made.notes])
     print_line(console, f"The story, with pictures and every report: {made.page}")
@@ -147,7 +147,7 @@ def reproduce(
 
 def rank(
     pairs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Pairs of a drawn person and a robot, for each robot.")
+        int, typer.Option(metavar="N", min=1, help="Pairs of a simulated person and a robot, for each task.")
     ] = 7,
     seed: Annotated[int, typer.Option(metavar="N", min=1, help="Seed of people, robots and noise.")] = 1,
     law: Annotated[
@@ -161,7 +161,7 @@ def rank(
 ) -> None:
     """Rank every controller, and laws of your own, on one page.
 
-    The page ranks controllers of the elbow, the knee and an arm; your own laws stand beside them.
+    The page ranks controllers of the elbow, the knee and an arm; your own laws are ranked with them.
     """
     from .ranking.foreign_law import why_stopped
     from .ranking.rank import rank as run

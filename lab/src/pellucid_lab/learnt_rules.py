@@ -61,7 +61,7 @@ class RecordedResidual:
 
 @dataclass(frozen=True, eq=False)
 class LearntRules:
-    """Rules learnt from a model's residual, with their errors on recordings that were left out."""
+    """Rules learnt from a model's residual, with their errors on held-out recordings."""
 
     kind: RuleKind
     low: float  # Smallest angle of the rules [rad]

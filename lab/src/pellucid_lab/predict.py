@@ -68,7 +68,7 @@ def predict(
     executor: Executor | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Predicted:
-    """Predict how controllers change people's movements, with intervals over drawn people and robots.
+    """Predict how controllers change people's movements, with intervals over simulated people and robots.
 
     Every robot is identified and then worn by every person of its model. Studies are drawn from these pairs. The
     figures are written to ``lab/prediction.json`` of the first folder. The same seed gives the same figures.
@@ -79,17 +79,17 @@ def predict(
         Folders that `init` made with a rig of people who point. Several folders share the robots evenly, so that the
         intervals include the disagreement between their models of people. The robots are those of the first folder.
     people : int
-        Number of people who are drawn for each model.
+        Number of simulated people for each model.
     robots : int
-        Number of robots that are drawn in all.
+        Total number of simulated robots.
     movements : int
         Number of movements of every person without a robot and under each controller. It is even, because movements go
         there and back.
     participants : int
-        Number of people in a drawn study.
+        Number of people in a simulated study.
     controllers : sequence of str, optional
-        Controllers by their names in `export`; the published three if left out, or `transparent`, `force_sensor` and
-        `support` where a weight is to be carried.
+        Controllers by their names in `export`; by default the published three, or `transparent`, `force_sensor`
+        and `support` if a weight is to be carried.
     load : tuple of float, optional
         Load that is fastened to the robot once it is identified: mass [kg] and distance from the axis [m]. Controllers
         carry it; each is also worn without carrying it.
@@ -97,11 +97,11 @@ def predict(
         Load in the hand, with a robot and without: mass [kg] and distance from the axis [m]. Controllers carry its
         weight; each is also worn without carrying it.
     support : float, optional
-        Share of the forearm's weight that the controller `support` carries, 0 to 1; its own share if left out.
+        Share of the forearm's weight that the controller `support` carries, 0 to 1; by default its own share.
     seed : int
         Seed of every random draw, at least 0.
     executor : concurrent.futures.Executor, optional
-        Executor that runs a job for each robot, for instance a Dask cluster's; this machine's processes if left out.
+        Executor that runs a job for each robot, for instance a Dask cluster's; by default this machine's processes.
     on_progress : callable, optional
         Function that is called with a text and the share of the work that is done, 0 to 1.
 

@@ -46,7 +46,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What a trial left: files as the instruments wrote them, and the truth beside them."""
+    """Result of a trial: files as the instruments wrote them, and the true values."""
 
     trial: Trial
     # By recording, then by stream: "main", "markers", or a stream of study.toml. One recording of the trial's name, or
@@ -74,7 +74,9 @@ class Taken:
         return replace(self, files=files, inside=None)
 
     def entries(self, common: Sequence[Column]) -> list[dict[str, Any]]:
-        """Entries of its recordings in study.toml, beside whose ``[channels]`` of `common` columns each has its own."""
+        """Return the entries of its recordings in study.toml; each adds its own channels to those of the `common`
+        columns.
+        """
         made, known = [], {column.channel for column in common}
         for name, streams in self.files.items():
             entry: dict[str, Any] = {"name": name, "file": file_name(name, MAIN_STREAM)}
@@ -194,7 +196,9 @@ class Rig(ABC):
         return self
 
     def draws(self, trials: Sequence[Trial], seed: int) -> Iterator[dict[str, Any]]:
-        """What `record` takes beside each of `trials`: a generator that depends on `seed` and name alone."""
+        """Yield further arguments of `record` for each of `trials`: a generator that depends on `seed` and name
+        alone.
+        """
         return ({"rng": np.random.default_rng([seed, 0, *trial.name.encode()])} for trial in trials)
 
     def record_all(

@@ -48,7 +48,7 @@ def simulate(
     overwrite: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Simulated:
-    """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it.
+    """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write its study.
 
     The study has study.toml and its recordings. The true parameters are written to ``lab/truth.json``, which no
     procedure reads. The same seed makes the same files.
@@ -60,8 +60,8 @@ def simulate(
     seed : int
         Seed of every random draw, at least 0.
     controllers : sequence of str, optional
-        Controllers that people wear, by their names in `export`, compared with wearing no robot; the published three if
-        left out.
+        Controllers that people wear, by their names in `export`, compared with no robot; by default the published
+        three.
     overwrite : bool
         Whether a study.toml that was changed by hand since the last simulation may be replaced.
     on_progress : callable, optional

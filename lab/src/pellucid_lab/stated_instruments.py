@@ -10,7 +10,7 @@ from pellucid.controllers.study.rig_instruments import rig_instruments
 from pellucid.study.study_file import OneJoint, rig_units
 
 ENCODER_NOISE_FACTOR = 4.0
-"""Standard deviations of an encoder's noise that the error of one reading has beside the quantum [1]."""
+"""Number of standard deviations of an encoder's noise in the error of one reading, in addition to the quantum [1]."""
 
 
 def stated_instruments(rig: Mapping[str, Any]) -> Instruments:

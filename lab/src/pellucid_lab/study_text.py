@@ -1,4 +1,4 @@
-"""A study.toml from what it says: tables in the order of the book, comments beside them."""
+"""Text of a study.toml from its tables, in the order of the manual and with comments."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Send a virtual wearer's EMG, markers and encoder as streams: `python -m pellucid_lab.virtual_streams REGION OPTIONS`.
+"""Send a simulated wearer's EMG, markers and encoder as streams: `python -m pellucid_lab.virtual_streams REGION
+OPTIONS`.
 
-The process follows the engine's records and sends what instruments would have measured: EMG whose amplitude follows the
+The process follows the engine's records and sends readings of simulated instruments: EMG whose amplitude follows the
 excitations, markers at elbow and hand, and the joint's encoder, each at its own rate.
 """
 

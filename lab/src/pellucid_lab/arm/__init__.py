@@ -1,1 +1,1 @@
-"""A virtual arm exoskeleton of four joints and a slider, and who wears it."""
+"""A virtual arm exoskeleton of four joints and a slider, and its wearers."""

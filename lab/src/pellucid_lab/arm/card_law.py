@@ -31,8 +31,10 @@ Point = tuple[float, float, float]
 
 
 class CardLaw:
-    """A law built from a card, stepped with what the arm's sensors say; it meets `worn_trial.ArmLaw`. With `points` of
-    both force sensors in their links [m], what they read is taken to the joints."""
+    """A controller built from a card, stepped with the arm's sensor readings; it implements `worn_trial.ArmLaw`.
+
+    `points` are the positions of both force sensors in their links [m], which convert readings to joint torques.
+    """
 
     def __init__(self, law: TreeLaw, points: tuple[Point, Point] | None = None):
         self.law, self.points = law, points

@@ -94,7 +94,7 @@ class AssemblyTable(RigTable):
 
 
 class MakerTable(RigTable):
-    """``[maker]``: what the drawing states of the bodies, and study.toml with it."""
+    """``[maker]``: errors of the bodies' parameters in the drawing, and therefore in study.toml."""
 
     mass: Annotated[Share, Field(ge=0.01)]  # stated mass over true mass [1]
     centre: Coordinate  # error of each stated centre of mass in every direction [m]

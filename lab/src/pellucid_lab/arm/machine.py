@@ -31,7 +31,7 @@ class ArmMachine(Rig):
 
     @property
     def robot(self) -> Robot:
-        """Return the drawn robot with a motor for each joint."""
+        """Return the robot according to its drawing, with a motor for each joint."""
         return Robot(self.drawing)
 
     @cached_property

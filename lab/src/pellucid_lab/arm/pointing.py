@@ -1,11 +1,10 @@
-"""People who point with an arm of four joints in the virtual robot, or without it, and adapt from movement to movement.
+"""Simulated people who point with an arm of four joints, with or without the virtual robot, and adapt.
 
-A person plans a minimum jerk of all joints to a posture that points at the target, and sends the torques that the arm
-alone needs, and those of the load that is expected of what is worn. Muscles are a servo about the plan (`wearer`).
-Where the hand is not near the target when the plan ends, a correction follows as soon as it is seen. The load that was
-felt changes the expectation before the next movement: for each joint a regression on posture, velocity, its sign and
-acceleration over the latest movements [1]_. Whoever needed a correction is a little slower next time, and quicker
-otherwise.
+A person plans a minimum-jerk movement of all joints to a posture that points at the target. The feedforward torques are
+those of the arm and of the expected load of the robot. Muscles act as a servo about the plan (`wearer`). If the hand is
+not near the target when the plan ends, a correction follows after the visual delay. The measured load updates the
+expectation before the next movement: for each joint a regression on posture, velocity, its sign and acceleration over
+the latest movements [1]_. After a correction the next movement is a little slower, otherwise a little faster.
 
 .. [1] R. Shadmehr, M. A. Smith, J. W. Krakauer, "Error correction, sensory prediction, and adaptation in motor
    control", Annual Review of Neuroscience 33, 2010.

@@ -25,7 +25,7 @@ COMMENTS = {
     "tree": "all joints at once",
     "processing.dead_band": "slower, friction may be anything up to its level",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

@@ -157,13 +157,13 @@ EXACT_FORCE = ForceReading()
 
 
 class FaultyLaw(CardLaw):
-    """A law of a card under its supervisor, with one fault from its onset on.
+    """A card's controller under its supervisor, with one fault from its onset on.
 
     Parameters
     ----------
     law : TreeLaw
     points : tuple of Point, optional
-        Places of the force sensors, where the law uses them.
+        Positions of the force sensors, if the controller uses them.
     fault : str
         Name of a fault of `KINDS`; "" for none.
     joint : int
@@ -173,10 +173,10 @@ class FaultyLaw(CardLaw):
     readings : sequence of DriveReading
         Errors with which each motor's drive measures its own effort; none by default.
     force : ForceReading
-        Errors of the force sensors; none by default. Where the law has a sensor on a link, that of the handle is given
-        to it as it reads, and that of the cuff at joints.
+        Errors of the force sensors; none by default. A controller with a sensor on a link receives the
+        handle's reading unchanged, and the cuff's as joint torques.
     lying : tuple of int
-        Which of both force sensors have a fault of force sensors: 0 the cuff's, 1 the handle's.
+        Indices of the force sensors with a fault: 0 the cuff's, 1 the handle's.
     """
 
     running: _core.SupervisedTreeLaw

@@ -53,7 +53,7 @@ class TreeMargins:
 
 @dataclass(frozen=True)
 class Passivity:
-    """What a robot lacks to be passive at its joints, whoever wears it."""
+    """Shortage of passivity at a robot's joints for any wearer."""
 
     below: float  # Frequency up to which it is passive [Hz]; infinite where everywhere below the search's end
     shortage: float  # Damping that a person must bring at every joint for any passive limb to be safe [N m s/rad]
@@ -94,8 +94,10 @@ def tree_margins(
 def passivity(
     coupling: TreeCoupling, controller: LinearSystem, period: float, *, speed: float = 1.0, highest: float = 50.0
 ) -> Passivity:
-    """How far a robot under a law is from passive at its joints, up to `highest` [Hz], beyond which no person moves it;
-    aliases of the hold are left out. `period` [s]; `speed` [rad/s]."""
+    """Return the shortage of passivity of a controlled robot at its joints, up to the frequency `highest` [Hz].
+
+    No person moves it faster. Aliases of the hold are excluded. `period` [s]; `speed` [rad/s].
+    """
     m = coupling.joints
     free = replace(coupling, cuff_stiffness=np.zeros((m, m)), cuff_damping=np.zeros((m, m)))
     plant = worn_tree(free, speed)

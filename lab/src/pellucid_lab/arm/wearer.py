@@ -90,16 +90,18 @@ SHOULDER_OFFSET_SD_M = 0.012
 """Standard deviation of the shoulder's place from the robot's centre, in each direction [m]."""
 
 HEIGHT_RANGE_M = (1.58, 1.76)
-"""Smallest and largest height of people whom the robot fits [m]."""
+"""Smallest and largest height of people who fit the robot [m]."""
 
 BODY_MASS_INDEX_RANGE = (19.5, 25.5)
-"""Smallest and largest body mass index of drawn people [kg/m^2]. Chosen by judgement; no measurement is recorded."""
+"""Smallest and largest body mass index of simulated people [kg/m^2].
+
+Chosen by judgement; no measurement is recorded."""
 
 STIFFNESS_FACTOR_RANGE = (0.7, 1.5)
-"""Smallest and largest factor of drawn people on `MUSCLES` [1]. Chosen by judgement; no measurement is recorded."""
+"""Smallest and largest factor of simulated people on `MUSCLES` [1]. Chosen by judgement; no measurement is recorded."""
 
 PADDING_FACTOR_RANGE = (0.6, 1.6)
-"""Smallest and largest factor of drawn people on `CUFF_CONSTANTS` [1].
+"""Smallest and largest factor of simulated people on `CUFF_CONSTANTS` [1].
 
 Chosen by judgement; no measurement is recorded."""
 

@@ -1,4 +1,4 @@
-"""A person in the virtual arm under a law: what passes through the cuffs, how far the arm is off, what it costs."""
+"""One trial of a simulated person in the controlled virtual arm: cuff torques, deviation of the arm, computing time."""
 
 from __future__ import annotations
 
@@ -79,12 +79,14 @@ class WornTrial:
 
     @property
     def exchanged(self) -> float:
-        """Work that went to and fro between both, either way counted [J]."""
+        """Return the work exchanged between person and robot, both directions counted positive [J]."""
         return float(np.sum(np.abs(np.sum(self.on_limb * self.limb_velocity, axis=1)[self.counted])) / self.rate)
 
 
 def motion_of(person: Person, rig: ArmRig, *, repetition: int = 1, seed: int = 1) -> HumanMotion:
-    """What a person does: as whoever they stand for was recorded, else generated reaching that a `seed` draws."""
+    """Return a person's motion: recorded if the person stands for a recorded one, otherwise generated reaching of a
+    `seed`.
+    """
     rate = rig.constants.sampling.rate
     if person.recorded is None:
         return generated_motion(seed, rate)
@@ -102,10 +104,11 @@ def run(
     joints: Callable[[np.ndarray], None] | None = None,
     until: Callable[[float], bool] | None = None,
 ) -> WornTrial:
-    """A `person` does a `motion` in a robot under a `law`; `seed` draws sensors' noise, `watched` is told the time.
+    """Simulate a `motion` of a `person` in a robot under a `law`.
 
-    `joints` is told before each step where the robot's joints are, behind their cables, shape (4,) [rad]: a second
-    encoder reads that. `until` of a time [s] says whether the trial may end."""
+    `seed` determines the sensors' noise. `watched` receives the time. Before each step, `joints` receives the positions
+    of the robot's joints behind their cables, shape (4,) [rad], as a second encoder reads them. `until` returns whether
+    the trial may end at a time [s]."""
     rate, n = rig.constants.sampling.rate, len(motion.position)
     rng = np.random.default_rng([seed, 41])
     tree = built_tree(rig.constants, rotors=False)

@@ -34,7 +34,7 @@ from ..shared_tables import MotionLimitsTable, MultisineTable
 
 
 class JointTable(RigTable):
-    """``[joint]``: the moving part, in the order of the core's parameters; a constant that is left out is 0."""
+    """``[joint]``: the moving part, in the order of the core's parameters; an omitted constant is 0."""
 
     inertia: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0  # inertia about the axis with the reflected rotor [kg*m^2]
     gravity_sine: SignedTorque = 0.0  # gravity torque per sine of the angle [N*m]

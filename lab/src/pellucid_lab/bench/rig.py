@@ -40,7 +40,7 @@ COMMENTS = {
     "processing.lowpass": "well above the motion (below 3 Hz); decimation then takes both sides to 20 Hz",
     "processing.dead_band": "around reversals the joint sticks: friction is then anything up to its level",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

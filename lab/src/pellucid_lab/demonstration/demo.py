@@ -55,14 +55,14 @@ ELBOW_STUDY = "elbow"
 """Name and folder of the virtual robot's study."""
 
 PEOPLE_STUDY = "people"
-"""Name and folder of the study of virtual people who wear the robot."""
+"""Name and folder of the study of simulated people who wear the robot."""
 
 WORN_CONTROLLERS = ("clpc", BEST_CONTROLLER, BEST_SENSED_CONTROLLER)
 """Controllers that people wear: the published one of the robot's maker, and the best without and with a force
 sensor."""
 
 PEOPLE_COUNT = 3
-"""Number of virtual people: enough for a demonstration, far too few for a proof."""
+"""Number of simulated people, which is enough for a demonstration but far too few for a proof."""
 
 REPETITION_COUNT = 1
 """Number of repetitions of every movement by each person. A second one adds 30 MB of recordings, and so few people
@@ -81,7 +81,7 @@ DEMO_FILE = "demo.txt"
 """File that marks a folder whose studies a demo may replace."""
 
 DEMO_FILE_TEXT = (
-    "The folders beside this file were made by: pellucid demo. The next demo in this folder replaces them.\n"
+    "The other folders here were made by: pellucid demo. The next demo in this folder replaces them.\n"
 )
 """Text of the file that marks a demo's folder."""
 
@@ -121,14 +121,14 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     # A second process identifies the real machine, counts what intervals hold and draws reports, while this one moves
     # the virtual robot and its people: two cores are busy all the time. Results go by what every command keeps.
     with processes(1) as helper:
-        tell(f"a real machine, {real_name}, is identified beside all that follows", 0.0)
+        tell(f"a real machine, {real_name}, is identified in parallel with all other steps", 0.0)
         machine = helper.submit(identify_machine, folders[real_name], real_name)
         counted = helper.submit(count_coverage, COVERAGE_REPETITIONS)
         elbow, fit = _identified_elbow(folders[ELBOW_STUDY], robot, _progress_part(tell, 0.02, 0.35))
         reports = [helper.submit(write_kept_report, elbow.folder)]
         people, findings = _assessed_people(folders[PEOPLE_STUDY], robot, elbow, _progress_part(tell, 0.35, 0.75))
         reports.append(helper.submit(write_kept_report, people.folder))
-        tell(f"its controller {BEST_SENSED_CONTROLLER} leaves the PC, beside a session that is recorded", 0.75)
+        tell(f"its controller {BEST_SENSED_CONTROLLER} is exported, in parallel with a recorded session", 0.75)
         # The session takes its seconds in real time, most of which a process of its own spends waiting.
         with ThreadPoolExecutor(1) as beside:
             recorded = beside.submit(_replayed_session, elbow, elbow.folder / RUN_FOLDER / ELBOW_STUDY, notes)
@@ -167,12 +167,12 @@ def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
 
 
 def few_people(robot: ElbowRig) -> PointingRig:
-    """Return the rig of virtual people with fewer of them and fewer repetitions, and otherwise unchanged."""
+    """Return the rig of simulated people with fewer people and repetitions, and otherwise unchanged."""
     return elbow_participants(robot).changed({"people.count": PEOPLE_COUNT, "pointing.repetitions": REPETITION_COUNT})
 
 
 def _kept_machine(folder: Path) -> tuple[Study, JointResult]:
-    """Return the real machine's study, and what was kept of its identification; it is found again if nothing was."""
+    """Return the real machine's study and its kept identification, which is repeated if it was not kept."""
     study = open_study(folder)
     kept = next((found for each in asked(study) if (found := JointResult.kept(study, each)) is not None), None)
     return study, identify(study) if kept is None else kept
@@ -214,7 +214,7 @@ def worn_controllers(elbow: Study) -> dict[str, Callable[[Person, float], Contro
 def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:
     """Let people point without the robot and with controllers built from the cards on disk, and assess them."""
     conditions = {CONTROL_CONDITION: None, **worn_controllers(elbow)}
-    tell(f"{PEOPLE_COUNT} virtual people point, without the robot and with it", 0.0)
+    tell(f"{PEOPLE_COUNT} simulated people point without and with the robot", 0.0)
     study = write_study(
         folder,
         few_people(robot).under(conditions),
@@ -243,8 +243,8 @@ def _coverage_row(found: Coverage) -> ResultRow:
         split="simulated",
         data_checksum="",
         note=(
-            f"lowest over the parameters of how often the nominal 95 % interval held the truth, {found.repetitions} "
-            f"seeded repetitions: {each}; textbook intervals {found.textbook:.1f}"
+            f"lowest coverage over the parameters of nominal 95 % intervals, {found.repetitions} seeded repetitions: "
+            f"{each}; textbook intervals {found.textbook:.1f}"
         ),
     )
 

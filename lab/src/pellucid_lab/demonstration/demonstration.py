@@ -31,7 +31,7 @@ class Demonstration:
     fit : SliderFit
         Identified model of the virtual robot.
     people : Study
-        Study of virtual people who wear the robot.
+        Study of simulated people who wear the robot.
     findings : AssessmentResult
         Effects of the controllers on the people.
     controller : Path
@@ -39,7 +39,7 @@ class Demonstration:
     cost : OnCortexM4 or None
         Cost of the exported controller on a Cortex-M4F; None if tools are missing.
     played : tuple of int or None
-        Number of steps of the test vector on this machine, and of wrong ones; None without a compiler.
+        Number of steps of the test vector on this machine, and number of wrong ones; None without a compiler.
     coverages : tuple of Coverage
         Coverage of the intervals, for white and for coloured residuals.
     real : Study
@@ -47,7 +47,7 @@ class Demonstration:
     real_fit : JointResult
         Identified model of the real machine.
     notes : tuple of str
-        Parts that were left out, with the reasons.
+        Omitted parts, with the reasons.
     replayed : ReplayedSession or None
         A few seconds of a live session, computed again; None where this system cannot run one.
     """

@@ -43,8 +43,8 @@ CONFIDENCE_LEVEL = 0.95
 """Confidence level of the intervals on the page."""
 
 INTERVAL_SENTENCE_OF_ELBOW = (
-    "An interval allows for noise, for coloured residuals and for the effects that residuals show the model to lack. "
-    "Where the truth still lies beside it, the model lacks something that the residuals do not show."
+    "An interval accounts for noise, for coloured residuals, and for missing effects that the residuals show. If the "
+    "true value lies outside, the model lacks an effect that the residuals do not show."
 )
 """What the intervals of the elbow's table allow for."""
 
@@ -64,20 +64,22 @@ def write_story(out: Path, made: Demonstration) -> Path:
         figure=answer_figure(made.real_fit),
         tiles=_tiles(made),
         sections=tuple(sections),
-        footer=f"Written by pellucid {version('pellucid')}; every random draw is seeded. Each chapter is a folder "
-        "beside this page, with its recordings, study.toml, model cards, results.json and report.",
+        footer=f"Written by pellucid {version('pellucid')}; every random number has a seed. Each chapter is a folder next "
+        "to this page, with its recordings, study.toml, model cards, results.json and report.",
     )
     return write_page(out, page)
 
 
 def _headline(made: Demonstration) -> str:
-    """Return the answer in a sentence: what the model of a real machine predicts, and what the robot leaves people."""
+    """Return the answer in sentences: prediction error of a real machine's model, and interaction torque of the
+    robot.
+    """
     judged = len(made.real.recordings("validate"))
     torque = _torque_values(made)
     return (
-        f"A real servo's model predicts the torque of {judged} recordings that it has not seen with an error of "
-        f"{_real_error(made)} %{error_range_text(made.real_fit)}. A virtual robot's model, found the same way, makes a "
-        f"controller that leaves {torque[BEST_SENSED_CONTROLLER]} N·m between robot and person."
+        f"The model of a real servo predicts the torque of {judged} held-out recordings with an error of "
+        f"{_real_error(made)} %{error_range_text(made.real_fit)}. A virtual robot was identified with the same "
+        f"methods. With its controller, the torque between robot and person is {torque[BEST_SENSED_CONTROLLER]} N·m."
     )
 
 
@@ -110,8 +112,8 @@ def chapter_sentences(made: Demonstration) -> list[tuple[str, str]]:
     pulled = ", ".join(f"{x.text} under {c}" for c, x in torque.items())
     lasted = ", ".join(f"{slower[c].text} %" for c in torque)
     worn = (
-        f"{len(made.findings.participants)} virtual people pointed without it and with it: the torque between robot "
-        f"and person was, in N·m, {pulled}; against no robot their movements lasted {lasted}."
+        f"{len(made.findings.participants)} simulated people pointed without and with it. The torque between robot and "
+        f"person was, in N·m, {pulled}. Relative to no robot, the duration of their movements changed by {lasted}."
     )
     fitted, judged = (len(made.real.recordings(use)) for use in ("fit", "validate"))
     real = (
@@ -241,11 +243,11 @@ def _people(made: Demonstration) -> Section:
         "people",
         "People wear it, and point",
         (
-            f"{n} virtual people pointed up and down over five distances, without the robot ({findings.control}) and "
-            f"under each controller: {findings.movements} movements, and {left} left out. They choose their pace, "
-            "plan, feel the load and learn it, and move through muscles with noise and delays. They were set by how "
-            "people move without a robot and then frozen: what the robot does to them is a prediction.",
-            f"{n} people show how a study goes and prove nothing: a signed-rank test of one controller against "
+            f"{n} simulated people pointed up and down over five distances, without the robot ({findings.control}) and "
+            f"with each controller: {findings.movements} movements, {left} more excluded. They choose their pace, "
+            "plan, learn the load, and have muscles with noise and delays. Their parameters are fitted to human "
+            "movement without a robot and then frozen, so that the robot's effect on them is a prediction.",
+            f"{n} people illustrate a study but prove nothing: a signed-rank test of one controller against "
             f"{findings.control} cannot give less than p = {least}, whatever it does. The whole experiment has six "
             "people and 400 movements of each: `pellucid init my-people --rig elbow-participants`.",
             "Where a robot sticks and lets go, people hunt about the target, and a movement's duration counts that; "

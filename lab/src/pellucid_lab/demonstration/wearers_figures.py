@@ -1,4 +1,4 @@
-"""Arms of virtual people that move as they moved on average, without the robot and under each controller."""
+"""Animated arms of simulated people in their mean movement, without the robot and with each controller."""
 
 from __future__ import annotations
 

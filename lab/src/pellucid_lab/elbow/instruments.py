@@ -47,8 +47,10 @@ def read_all(
 def play(
     rig: ElbowMachine, loop: str, batch: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Trials of one reference moved by the core: command [A], what the encoder says and the link's true position
-    [rad], each shape (m, n)."""
+    """Simulate trials of one reference in the core.
+
+    Returns command [A], encoder reading [rad] and true position of the link [rad], each shape (m, n).
+    """
     period = 1.0 / rig.constants.sampling.rate
     reference = np.ascontiguousarray(batch[0].reference, float)
     motor, gains = rig.constants.motor, getattr(rig.constants.loop, loop)

@@ -104,7 +104,7 @@ class ElbowMachine(Rig):
     def friction(self, velocity: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Return the friction of the machine [N*m] at steady velocities [rad/s] under a load [N*m].
 
-        Velocities and loads have shapes that broadcast. The variation of friction along the travel is left out.
+        Velocities and loads have shapes that broadcast. The variation of friction along the travel is neglected.
         """
         transmission, bearing = self.constants.transmission, self.constants.bearing
         v, y = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(load, float))

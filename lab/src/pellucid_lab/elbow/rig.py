@@ -31,8 +31,8 @@ WEIGHING_STEP_KG = 0.005
 
 
 COMMENTS = {
-    "": "A virtual elbow exoskeleton, recorded like a real one. Nothing below tells its physics apart"
-    "\nfrom a machine's.",
+    "": "A virtual elbow exoskeleton, recorded like a real one. Its study has the form of a"
+    "\nmachine's.",
     "rig.moving_mass": "an upper limit: what the forearm with its carriage may weigh",
     "rig.slider": "a carriage on the forearm; clamped at one place during each recording",
     "rig.slider.mass": "taken off and weighed",
@@ -42,7 +42,7 @@ COMMENTS = {
     "processing.lowpass": "both passes together: -3 dB at 4.5 Hz, as the moving mean of 100 samples had",
     "processing.dead_band": "slower, friction may be anything up to its level",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

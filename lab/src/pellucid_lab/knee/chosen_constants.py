@@ -1,7 +1,7 @@
-"""Constants of the knee orthosis's laws that were chosen on drawn wearers, and the reproduction's residual compensator.
+"""Constants of the knee orthosis's controllers, chosen on simulated wearers, and the residual compensator.
 
-The constants are in ``chosen.toml``, as `papers.knee.tuning` chose them on drawn wearers; there is no other free
-constant. No export has them: what leaves the house is `controllers.worn.design_worn_law`.
+The constants are in ``chosen.toml``, as `papers.knee.tuning` chose them on simulated wearers; there is no other free
+constant. No export uses them: exports contain `controllers.worn.design_worn_law`.
 """
 
 from __future__ import annotations

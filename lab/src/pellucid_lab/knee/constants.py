@@ -142,7 +142,7 @@ class StrapTable(RigTable):
 
 
 class SubjectStrapTable(RigTable):
-    """``[subjects.NAME.strap]``: one wearer's strap; what it leaves out is as in ``[strap]``."""
+    """``[subjects.NAME.strap]``: one wearer's strap; omitted keys are as in ``[strap]``."""
 
     stiffness: OptionalStiffness  # stiffness of the cuff; 0 couples nothing [N*m/rad]
     damping: Viscosity  # damping of the cuff [N*m*s/rad]
@@ -158,7 +158,7 @@ class SubjectStrapTable(RigTable):
 
 
 class PlateTable(RigTable):
-    """``[plate]``: a rigid plate in place of the straps."""
+    """``[plate]``: a rigid plate that replaces the straps."""
 
     stiffness: Stiffness  # stiffness between plate and shank [N*m/rad]
     damping: Viscosity  # damping between plate and shank [N*m*s/rad]
@@ -285,7 +285,7 @@ class EmgGainTable(RigTable):
 
 
 class SubjectTable(RigTable):
-    """``[subjects.NAME]``: a person who wears the orthosis."""
+    """``[subjects.NAME]``: a wearer of the orthosis."""
 
     sex: Text  # "female" or "male"
     age: Annotated[int, Field(ge=1, le=150)]  # age [years]

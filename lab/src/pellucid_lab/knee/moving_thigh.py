@@ -1,6 +1,6 @@
 """A walking wearer: the thigh is a base that moves and turns, and the ground pushes at the foot.
 
-The shank, and the orthosis's part beside it, hang from a knee with the accelerations a_x (forward) and a_y (upward), on
+Shank and lower part of the orthosis are attached to a knee with the accelerations a_x (forward) and a_y (upward), on
 a thigh that leans forward by theta. With the flexion q of the knee, the shank leans back by q - theta, and
 
     I q'' = torque + I theta'' + m l (a_x cos(q - theta) - (g + a_y) sin(q - theta)).
@@ -127,7 +127,7 @@ def walking_thigh(
 ) -> MovingThigh:
     """Return a stretch of walking at a `rate` [Hz] for a `duration` [s], which begins at rest.
 
-    `pace` is the speed at which a recording is played [1]; `running` asks for the recording at 8.1 km/h in place of the
+    `pace` is the speed at which a recording is played [1]; `running` selects the recording at 8.1 km/h instead of the
     one at 3.6 km/h.
     """
     try:

@@ -135,7 +135,7 @@ def torque_steps(rig: KneeMachine, torques: tuple[float, ...] = TORQUE_STEPS_NM)
 
 
 def bench_trials(rig: KneeMachine) -> list[KneeTrial]:
-    """Return the trials of the orthosis alone: holds against gravity, and long and brief sines."""
+    """Return the trials of the orthosis alone: static holds under gravity, and long and brief sines."""
     angles = tuple(np.radians([*HOLD_ANGLES_DEG, *HOLD_ANGLES_DEG[-2::-1]]).tolist())
     made = [KneeTrial("gravity", "gravity_holds", reference=holds(rig, angles))]
     for f in SINE_FREQUENCIES_HZ:

@@ -36,7 +36,7 @@ COMMENTS = {
     "streams.emg.channels": "raw, started by the orthosis's trigger",
     "streams.imu.channels": "on its own clock",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class KneeRig(KneeMachine):
         *,
         mounting: Mounting | None = None,
     ) -> Taken:
-        """Do one trial, under a controller in place of its own mode if given; `Taken.inside` is `KneeReadings`."""
+        """Record one trial; a `controller` replaces the trial's own mode. `Taken.inside` is `KneeReadings`."""
         read = run_trial(self, trial, rng=rng, controller=controller, mounting=mounting)
         columns = self.streams()
         values = (read.time, read.position, read.motor_position, read.torque, read.command)

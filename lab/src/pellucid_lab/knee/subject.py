@@ -1,4 +1,4 @@
-"""A person who wears the virtual orthosis, as the rig's file describes the person."""
+"""A wearer of the virtual orthosis, as described in the rig's file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EXTENSOR_MUSCLE = "rectus_femoris"
 
 @dataclass(frozen=True)
 class KneeSubject:
-    """A person who wears the orthosis: an entry of ``[subjects]`` in the rig's file, SI."""
+    """A wearer of the orthosis: an entry of ``[subjects]`` in the rig's file, SI."""
 
     name: str
     sex: str

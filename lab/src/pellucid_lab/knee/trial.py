@@ -1,4 +1,4 @@
-"""One trial on the virtual knee orthosis: whoever wears it, whatever controls it, and what the instruments wrote."""
+"""One trial on the virtual knee orthosis: wearer, controller and readings of the instruments."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class KneeTruth:
 
 @dataclass(frozen=True)
 class KneeReadings:
-    """What the instruments read of one trial, and the truth beside it."""
+    """Instrument readings of one trial, and the true values."""
 
     trial: KneeTrial
     time: np.ndarray  # (n,) [s]

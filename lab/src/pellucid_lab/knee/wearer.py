@@ -1,8 +1,9 @@
-"""Somebody in the virtual orthosis: what they want, what their nerves send, and what their muscles pull.
+"""Simulated wearer of the virtual orthosis: intended motion, excitations and muscle torques.
 
-Plans go out ahead of time, corrections a reflex late; both become excitations of two muscles that work against each
-other, and the excitations become torque after an electromechanical delay. Nobody's torque is exactly in proportion to
-their excitation: strength changes with angle and speed, the relation bends, tires, and shares load with muscles unseen.
+Feedforward commands lead, and corrections have the delay of a reflex. Both become excitations of two antagonistic
+muscles, and the excitations become torque after an electromechanical delay. Torque is not exactly proportional to
+excitation: strength changes with angle and speed, the relation is nonlinear and fatigues, and other muscles share the
+load.
 """
 
 from __future__ import annotations
@@ -50,13 +51,16 @@ def swinging(
     frequency: tuple[float, float] | None = None,
     amplitude: tuple[float, float] | None = None,
 ) -> Wearer:
-    """One who swings the shank freely, at a pace [Hz] and an amplitude [rad] that wander between ends, the rig's if
-    left out; equal ends are a steady swing."""
+    """Return a wearer who swings the shank freely.
+
+    Frequency [Hz] and amplitude [rad] vary randomly between their limits, by default the rig's. Equal limits give a
+    steady swing.
+    """
     return Wearer(subject, "swinging", frequency=frequency, amplitude=amplitude)
 
 
 def following(subject: KneeSubject, path: np.ndarray) -> Wearer:
-    """One who takes the shank freely through a path of their own, shape (n,) [rad], a sample a period."""
+    """Return a wearer who moves the shank along a `path`, shape (n,) [rad], one sample for each period."""
     return Wearer(subject, "swinging", path=path)
 
 

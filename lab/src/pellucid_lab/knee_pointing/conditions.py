@@ -1,7 +1,7 @@
-"""Conditions of the pointing experiment at the knee: what the orthosis does while it is worn.
+"""Conditions of the pointing experiment at the knee: the orthosis's controllers.
 
-The residual compensator is built from recordings of the person who wears it, as a lab would identify them, and stands
-behind the supervisor that `export` gives it, with the instruments that the orthosis's rig states.
+The residual compensator is built from recordings of its wearer, as a lab would identify them. It runs behind the
+supervisor of `export`, with the instruments that the orthosis's rig states.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ LEG_CONDITIONS: Mapping[str, LegCondition] = {
 
 
 def leg_conditions(names: Sequence[str] | None) -> dict[str, LegCondition]:
-    """Return the conditions of these names, all of them if left out."""
+    """Return the conditions of these names, by default all of them."""
     chosen_names = list(names or LEG_CONDITIONS)
     unknown = [name for name in chosen_names if name not in LEG_CONDITIONS]
     if unknown or len(set(chosen_names)) < len(chosen_names):

@@ -166,7 +166,7 @@ class PointingLeg(Acting):
 
 
 def _calmer(rig: KneeMachine, settings: KneePointingConstants) -> KneeMachine:
-    """Return the rig with the reflexes and the noise of somebody who points, in place of a swinging leg's."""
+    """Return the rig with reflexes and noise of a pointing leg instead of a swinging one."""
     share, constants = settings.impedance, rig.constants
     values = {f"wearer.{key}": share.reflex_share * constants.wearer[key] for key in ("stiffness", "damping")}
     values["muscles.variability"] = share.noise_share * constants.muscles.variability

@@ -27,7 +27,7 @@ SHANK_MARKERS = ("knee", "ankle")
 """Names of the markers on the shank."""
 
 FIRST_PERSON = 6000
-"""Number of the first drawn wearer of seed 1. No constant of a law was chosen on these wearers."""
+"""Number of the first simulated wearer of seed 1. No constant of a controller was chosen on these wearers."""
 
 PEOPLE_PER_SEED = 1000
 """Difference between the numbers of the first wearers of two successive seeds."""
@@ -38,7 +38,7 @@ COMMENTS = {
     "optical": "motion capture, on its own clock",
     "assessment.margins": "stated before anybody was recorded",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

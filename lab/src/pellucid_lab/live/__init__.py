@@ -1,4 +1,4 @@
-"""Virtual rigs for a live session: a robot and somebody who wears it, as an engine moves them in real time."""
+"""Virtual rigs for a live session: a robot and its wearer, simulated in real time by an engine."""
 
 from .elbow import virtual_elbow
 from .knee import virtual_knee

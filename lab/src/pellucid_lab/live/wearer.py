@@ -1,4 +1,4 @@
-"""How the virtual wearer of a live session decides each movement: as in the simulated sessions of the pointing rig."""
+"""Movement decisions of a live session's simulated wearer, as in the simulated sessions of the pointing rig."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ReachingPlan:
 
 
 class SwingPlan:
-    """Draws durations and reactions of a shank's movements; what the orthosis takes is left to the reflexes."""
+    """Samples durations and reaction times of a shank's movements; reflexes react to the orthosis."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 27])

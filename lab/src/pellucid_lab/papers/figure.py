@@ -1,4 +1,4 @@
-"""A figure: a published number beside ours, with a verdict; and the files that hold them all."""
+"""Reproduced figure: a published number and ours, with a verdict; and the files with all figures."""
 
 from __future__ import annotations
 

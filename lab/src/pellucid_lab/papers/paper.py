@@ -26,16 +26,16 @@ Progress = Callable[[str, float], None]
 
 
 class Paper(ABC):
-    """A published study. An object is one reproduction: `figures` computes it, and keeps what its page draws.
+    """A published study. An object is one reproduction: `figures` computes it and keeps the data of its page.
 
     A subclass must define `figures` alone. If it has settings (seeds, people, processes), it is a dataclass.
 
     Attributes
     ----------
     title, kicker : str
-        The page's title, and the line above it. An empty title stands for the paper's own.
+        The page's title, and the line above it. An empty title means the paper's own.
     over : str
-        Head of the column of ranges, which names what a range is over.
+        Heading of the column of ranges.
     printed_of, ours_of : str
         Subjects of the printed figures, and of those computed here.
     remarks : bool
@@ -46,7 +46,7 @@ class Paper(ABC):
     main : tuple of str
         Prefixes of the ids that the terminal prints at the end.
     answer_figure : str
-        Name of the figure that stands beside the headline, which speaks of it; without one the first figure does.
+        Name of the figure that is shown with the headline; by default the first one.
 
     Examples
     --------

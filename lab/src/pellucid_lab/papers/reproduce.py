@@ -1,4 +1,4 @@
-"""A published paper's figures beside ours: one folder with results.json, reproduction.json and a page."""
+"""Comparison of a published paper's figures with ours: one folder with results.json, reproduction.json and a page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sections that a reproduction's page ends with: what print contradicts, and every figure beside print."""
+"""Last sections of a reproduction's page: contradictions in print, and every figure with its printed value."""
 
 from __future__ import annotations
 

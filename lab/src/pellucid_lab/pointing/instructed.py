@@ -153,14 +153,14 @@ def estimate_person(
     ----------
     population : Population
     measured : mapping
-        The person's measures by instruction. The weight of an instruction without measures follows from the prior.
+        The person's measures by instruction. The prior determines the weight of an instruction without measures.
     instructions : sequence of int
         Instructions whose weights are estimated, ascending.
     prior : Prior
     corrections : mapping, optional
-        Simulated minus emulated logarithms of the measures by instruction, shape (5,); zero if left out.
+        Simulated minus emulated logarithms of the measures by instruction, shape (5,); by default zero.
     starts : sequence of ndarray, optional
-        Starting points of the search, shape (k + 5,) each; four points about the prior's mean if left out.
+        Starting points of the search, shape (k + 5,) each; by default four points about the prior's mean.
     """
     corrections = corrections or {}
     rows = [

@@ -7,7 +7,7 @@ r"""The duration that a person prefers for a movement: the one of largest utilit
 Here :math:`\alpha` is the reward of arriving [J], :math:`\gamma` the discount rate [1/s], :math:`e_0` the power at rest
 [W], :math:`\eta` the efficiency of positive work [1] and :math:`c_r` the price of torque rate. The torque :math:`\tau =
 J\ddot q + b\dot q + C\tanh(\dot q/w)` is that of the arm and of the load which the person expects on it. Gravity is
-left out, because it is the same at every pace.
+neglected, because it is the same at every pace.
 
 The reward discounted by time is that of Shadmehr, Huang and Ahmed [1]_. The effort :math:`E` is work and torque rate.
 An effort quadratic in torque grows with duration under a constant resistance, so that resistance would shorten

@@ -50,12 +50,13 @@ class OneWay:
 
 
 def one_way_movements(time: np.ndarray, place: np.ndarray, rule: OneWayRule | None = None) -> list[OneWay]:
-    """The movements in a record of a pointer's `place`, shape (n,) [m], at times (n,) [s] that may be uneven; equal
-    times after the first are left out.
+    """Return the movements in a record of a pointer's `place`, shape (n,) [m], at times (n,) [s].
 
-    A movement's onset is the last time before its peak speed at which the speed is below `threshold` of it; its end the
-    beginning of the last rest before the pointer goes back, or leaves. What is nowhere at rest, takes longer than
-    `longest`, or has a gap inside is none. Records of less than two samples have none.
+    Times may be uneven; repeated times are excluded.
+
+    A movement's onset is the last time before its peak speed at which the speed is below `threshold` of it; its end is
+    the beginning of the last rest before the pointer returns or leaves. Candidates without rest, longer than `longest`
+    or with a gap are rejected. Records of less than two samples have no movements.
     """
     rule = rule or OneWayRule()
     known = np.isfinite(time) & np.isfinite(place)

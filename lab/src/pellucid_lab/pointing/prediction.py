@@ -39,13 +39,13 @@ INDICES = tuple(PREDICTED_INDICES_BY_NAME)
 """Names of the predicted indices, in the order of every array."""
 
 STUDY_INTERVAL_SHARE = 0.8
-"""Share of the drawn studies that an interval contains."""
+"""Share of the simulated studies that an interval contains."""
 
 DRAWN_STUDY_COUNT = 4000
-"""Number of studies that are drawn from the pairs; drawing them takes no simulation."""
+"""Number of studies sampled from the pairs, without further simulation."""
 
 FRICTION_SCALE_RANGE = (0.17, 1.0)
-"""Smallest and largest factor on the friction of the rig's robot; a drawn robot's is log-uniform between them.
+"""Smallest and largest factor on the friction of the rig's robot; that of a sampled robot is log-uniform between them.
 
 The smallest gives the 0.028 to 0.047 N*m that the ABLE paper [1]_ prints for its elbow, the largest the rig's own 0.22
 N*m.
@@ -86,7 +86,7 @@ class CarriedWeight:
         return settings
 
     def without(self, controller: str) -> dict[str, float]:
-        """Return what the rival of a controller is built with, which carries none of this."""
+        """Return the settings of a controller's reference variant, which carries no weight."""
         return {"share": 0.0} if ELBOW_CONTROLLERS[controller].assists else {}
 
     def __str__(self) -> str:
@@ -117,7 +117,7 @@ def condition_words(condition: str) -> str:
 
 @dataclass(frozen=True)
 class DrawnRobot:
-    """A drawn robot with the people who wear it."""
+    """A sampled robot with its wearers."""
 
     rig: PointingRig  # people, and the drawn robot
     model: int  # index of the rig whose people wear the robot
@@ -170,7 +170,7 @@ class DrawnStudies:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The indices of every pair of a drawn person and a drawn robot."""
+    """The indices of every pair of a simulated person and a simulated robot."""
 
     laws: tuple[str, ...]
     models: tuple[str, ...]  # names of the rigs
@@ -290,21 +290,21 @@ def predict_effects(
     movements : int
         Number of movements of a person in each condition; even, because movements go there and back.
     controllers : mapping, optional
-        Names of controllers by the name of their condition; `PUBLISHED_CONTROLLERS` if left out.
+        Names of controllers by the name of their condition; by default `PUBLISHED_CONTROLLERS`.
     exponents : sequence
-        Exponents k of equation 8, shared evenly by the robots: two numbers, or None where five people on the robot
-        choose them.
+        Exponents k of equation 8, shared evenly by the robots: two numbers, or None if five people on the
+        robot choose them.
     friction : tuple of float
         Smallest and largest factor on the friction of the robot [1].
     carried : CarriedWeight
-        Load on the robot, load in the hand, and share of the limb's weight that controllers carry. With any of them,
-        every controller that carries it is also worn without, under its name with `NOT_CARRYING`.
+        Load on the robot, load in the hand, and share of the limb's weight that controllers carry. If any is not zero,
+        every controller that carries it is also worn without carrying, under its name with `NOT_CARRYING`.
     seed : int
         Seed of every random draw.
     workers : int, optional
-        Number of processes; as many as processors if left out.
+        Number of processes; by default one for each processor.
     executor : concurrent.futures.Executor, optional
-        Executor that runs the jobs in place of these processes.
+        Executor that runs the jobs instead of these processes.
     on_progress : callable, optional
         Function that is called with a text and the share of the work that is done, 0 to 1.
 
@@ -369,9 +369,9 @@ def _robot_outcome(
     seed: tuple[int, ...],
     carried: CarriedWeight = NOTHING_CARRIED,
 ) -> RobotOutcome:
-    """Identify a robot, and return the indices of everybody who wears it under every law.
+    """Identify a robot, and return the indices of all its wearers with every controller.
 
-    A load is put on the robot after it was identified.
+    A load is added to the robot after its identification.
     """
     begun, rig = time.process_time(), drawn.rig
     cards = identify_cards(rig.robot, seed=seed[-1])

@@ -31,7 +31,7 @@ COMMENTS = {
     "streams.emg.channels": "raw, as the converter counts",
     "optical": "motion capture, on its own clock",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

@@ -163,21 +163,21 @@ def screen_factors(
     ----------
     rig : PointingRig
     trajectories : int
-        Number of trajectories; each takes one run more than there are factors.
+        Number of trajectories; the runs of each are the number of factors plus one.
     people : int
         Number of people in each run.
     movements : int
         Number of movements of a person in each condition; even.
     controllers : mapping, optional
-        Names of controllers by the name of their condition; `PUBLISHED_CONTROLLERS` if left out.
+        Names of controllers by the name of their condition; by default `PUBLISHED_CONTROLLERS`.
     factors : sequence of Factor, optional
-        Factors; those of `list_factors` if left out.
+        Factors, by default those of `list_factors`.
     seed : int
         Seed of every random draw.
     workers : int, optional
-        Number of processes; as many as processors if left out.
+        Number of processes; by default one for each processor.
     executor : concurrent.futures.Executor, optional
-        Executor that runs the jobs in place of these processes.
+        Executor that runs the jobs instead of these processes.
     on_progress : callable, optional
         Function that is called with a text and the share of the work that is done, 0 to 1.
 

@@ -145,7 +145,7 @@ def simulate_session(
     rng : numpy.random.Generator
     lifts : ndarray, optional
         Amplitudes of the upward movements, shape (n,) [rad], each followed by the same movement downwards;
-        `draw_session_lifts` if left out.
+        by default from `draw_session_lifts`.
 
     Returns
     -------

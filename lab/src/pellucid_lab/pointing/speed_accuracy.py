@@ -2,10 +2,10 @@ r"""The speed-accuracy trade-off of pointing: one weight, the price of a remaini
 
 A primary movement of duration :math:`T` over an amplitude :math:`A` ends with an error whose standard deviation is that
 proportional to its mean speed [1]_, :math:`\sigma = kA/T`. A person who sees an error :math:`e` may leave it or correct
-it. A correction takes the visual delay and a movement, :math:`C = t_v + t_c`. Three errors remain after it: what the
-eye cannot resolve, :math:`r`; a share :math:`s` of the error; and the noise of the correction itself. Together they are
-:math:`r'^2 = r^2 + (s^2 + k^2/t_c^2)\,e^2`. With a reward of 1 for arriving, the price :math:`w` of a squared error and
-the discount rate :math:`\gamma`, dead zone and duration follow from the same utility [2]_:
+it. A correction takes the visual delay and a movement, :math:`C = t_v + t_c`. Three errors remain after it: the
+resolution of the eye, :math:`r`; a share :math:`s` of the error; and the noise of the correction itself. Together they
+are :math:`r'^2 = r^2 + (s^2 + k^2/t_c^2)\,e^2`. With a reward of 1 for arriving, the price :math:`w` of a squared error
+and the discount rate :math:`\gamma`, dead zone and duration follow from the same utility [2]_:
 
 .. math::
    z^2 &= r^2 + \left(\frac1w - r^2\right)\frac{\gamma C}{1 + \gamma (T + C)} \\

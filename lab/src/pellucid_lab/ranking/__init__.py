@@ -1,1 +1,1 @@
-"""Rank controllers on one page: all reviewed strategies, at elbow, knee and arm, over drawn people and robots."""
+"""Rank controllers on one page: all reviewed strategies at elbow, knee and arm over simulated people and robots."""

@@ -1,4 +1,4 @@
-"""Simulate every controller of an arm of four joints with a drawn person who reaches: torque, energy, faults."""
+"""Simulate every controller of an arm of four joints with a simulated person who reaches: torque, energy, faults."""
 
 from __future__ import annotations
 

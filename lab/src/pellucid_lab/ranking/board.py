@@ -41,7 +41,7 @@ class BoardEntry:
 def add_to_board(
     out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int, laws: Sequence[ForeignLaw]
 ) -> tuple[BoardEntry, ...]:
-    """Add a run to the board of a folder, in place of the same run before, and return all entries."""
+    """Add a run to the board of a folder, replacing an earlier equal run, and return all entries."""
     path = out / BOARD_FILE
     entries = [BoardEntry(**json.loads(row.note)) for row in read_rows(path)] if path.exists() else []
     for law in laws:

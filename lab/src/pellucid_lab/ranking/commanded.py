@@ -23,7 +23,7 @@ def commanded_law(limits: Limits, period: float) -> ControlLaw:
 
 
 class CommandedLaw:
-    """A supervised `commanded_law` whose effort is told in each period.
+    """A supervised `commanded_law` that receives its effort in each period.
 
     Parameters
     ----------

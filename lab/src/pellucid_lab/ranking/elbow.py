@@ -1,4 +1,6 @@
-"""Simulate every elbow controller with a drawn robot and a drawn person who points: torque, energy, indices, faults."""
+"""Simulate every elbow controller with a sampled robot and a simulated person who points: torque, energy, indices,
+faults.
+"""
 
 from __future__ import annotations
 

@@ -26,12 +26,12 @@ class CommandedElbowLaw(SupervisedLaw):
 
     @property
     def uses(self) -> tuple[str, ...]:
-        """Sensors that the law reads beside the encoder, whose faults are tried."""
+        """Return the sensors other than the encoder that the law reads and whose faults are tested."""
         return ("interaction",)
 
 
 def elbow_law_of(process: ForeignProcess, worn: WornRobot, *, start_up: bool) -> CommandedElbowLaw:
-    """Return a foreign law on one robot and wearer, watched as every other law there.
+    """Return a foreign law on one robot and wearer, supervised as every other law there.
 
     It is reset whenever time begins anew.
     """

@@ -1,9 +1,9 @@
-"""Anybody's control law in the ranking: a C file, a shared library or a Python class, in a process of its own.
+"""A user's control law in the ranking: a C file, a shared library or a Python class, in its own process.
 
-The law gets what every law of the knee orthosis gets (time, the joint's position, the spring's torque) and answers the
-torque that the spring is to have. What it answers passes the supervisor that every ranked controller has there
-(`watched_knee`). A law that does not answer in time, ends, takes too much memory or answers no number is stopped: the
-torque ramps to 0, and the ranking lists why.
+The law receives the inputs of every law of the knee orthosis (time, the joint's position, the spring's torque) and
+returns the desired torque of the spring. Its output passes the supervisor of every ranked controller (`watched_knee`).
+A law is stopped if it exceeds its time or memory, ends, or returns a value that is not a number. Its torque then ramps
+to 0, and the ranking lists the reason.
 """
 
 from __future__ import annotations

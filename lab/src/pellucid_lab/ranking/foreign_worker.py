@@ -29,7 +29,7 @@ C_FUNCTIONS = {"knee": "law_step", "elbow": "elbow_step", "arm": "arm_step"}
 """Function of a library for each robot."""
 
 RESET_REQUEST = -1.0
-"""What is asked in place of a robot's number to reset the law."""
+"""Request that replaces a robot's number to reset the law."""
 
 REQUEST_FORMAT = struct.Struct(f"<{2 + 2 * MAX_JOINTS}d")
 """What is asked once a period: a robot's number or `RESET_REQUEST`, time [s], positions [rad], torques [N m].

@@ -106,11 +106,11 @@ def _argument(compared: IndexComparison) -> Sequence[str]:
     return (
         "The ranking orders by the RMS of the interaction torque. It is what the robot does to the person, it is 0 "
         "without a robot, so that it needs no second recording, and it has a unit. "
-        f"Of these {count} indices it is number {places['agreement']} by agreement with indices of other kinds, and "
-        f"number {places['concordance']} by how far people and robots agree on the order.",
-        "Its weakness: a person who slows down, or who lets the robot lead, meets less torque. It says nothing about "
-        "what people do, and a sensor has to be between person and robot. It is therefore shown beside duration, peak "
-        "velocity and EMG. Whether a robot is transparent is for the certificate to say, which tests what people do.",
+        f"Among these {count} indices it ranks number {places['agreement']} in agreement with indices of other kinds, "
+        f"and number {places['concordance']} in concordance of the order over people and robots.",
+        "Its weakness: a person who slows down, or who lets the robot lead, feels less torque. It does not measure "
+        "people's movement, and it requires a sensor between person and robot. Duration, peak velocity and EMG are "
+        "therefore shown too. The certificate, which tests people's movement, decides whether a robot is transparent.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Simulate every controller of the knee orthosis with a drawn wearer who swings the shank and who walks."""
+"""Simulate every controller of the knee orthosis with a simulated wearer who swings the shank and walks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TRIAL_DURATION_S = 12.0
 """Duration of the swings and of the walk [s]; the first `swings.SETTLING_TIME_S` of them are not scored."""
 
 FIRST_WEARER = 400
-"""Number of the first drawn wearer of seed 1. No constant was chosen on these wearers."""
+"""Number of the first simulated wearer of seed 1. No constant was chosen on these wearers."""
 
 WEARERS_PER_SEED = 1000
 """Difference between the numbers of the first wearers of two successive seeds."""

@@ -1,7 +1,7 @@
-"""The certificate of one controller: do drawn people move with it as they do without a robot?
+"""Certificate of one controller: comparison of simulated people's movement with it and without a robot.
 
-What `pellucid assess` says of a study's participants is said here of the drawn people of a ranking, each with a robot
-of their own. Nobody stated the margins for a study; they are those of the virtual rigs.
+The test is that of `pellucid assess`, for the simulated people of a ranking, each with their own robot. No study
+states the margins; they are those of the virtual rigs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Page of `predict`: how controllers change movement in drawn studies, answered first for the leading index."""
+"""Page of `predict`: effects of controllers on movement in simulated studies, the leading index first."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
 def write_prediction_page(folder: Path, found: Predicted) -> Path:
     """Write the page of a prediction into a study's `folder` and return its path."""
     leading, *others = PREDICTED_INDICES
-    share = f"{100.0 * found.confidence:.0f} % of drawn studies"
+    share = f"{100.0 * found.confidence:.0f} % of simulated studies"
     table = next(one for one in found.tables if isinstance(one, FigureTable))
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
     page = Page(
@@ -40,12 +40,12 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
             ),
             Section(
                 "method",
-                "What was drawn",
+                "Simulated studies",
                 (
                     f"{found.headline.replace(' x ', ' × ').rstrip('.')}.",
-                    "Every drawn robot is identified, makes controllers of its identification, and is worn by every "
-                    "drawn person. Studies are drawn from these pairs as a lab would run them. All of it is simulated: "
-                    "a prediction is no measurement of people.",
+                    "Every sampled robot is identified, its controllers are built from the identification, and every "
+                    "simulated person wears it. Studies are sampled from these pairs as a lab would run them. All "
+                    "results are simulated; a prediction is not a measurement of people.",
                     *_carried_paragraph(found),
                 ),
             ),
@@ -60,8 +60,8 @@ def _carried_paragraph(found: Predicted) -> tuple[str, ...]:
     if found.carried == NOTHING_CARRIED:
         return ()
     return (
-        f"Carried: {found.carried}. Each controller was also worn without carrying it, as its rival (not carrying). "
-        "A load in the hand is held without a robot, too, so that changes are those that the robot makes.",
+        f"Carried: {found.carried}. Each controller was also worn without carrying it, for comparison (not carrying). "
+        "People hold a load in the hand without a robot, too, so that changes are effects of the robot.",
     )
 
 
@@ -77,9 +77,9 @@ def prediction_answer(found: Predicted) -> Answer:
         numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), _row_id(found, index, law)))
     told = any(part.verdict == "yes" for part in parts)
     return Answer(
-        f"Do these controllers change how people move ({index.words}), against no robot?",
+        f"Do these controllers change people's movement ({index.words}) relative to no robot?",
         "yes" if told else "cannot say",
-        _headline(found, index, f"{100.0 * found.confidence:.0f} % of drawn studies"),
+        _headline(found, index, f"{100.0 * found.confidence:.0f} % of simulated studies"),
         "" if told else "every interval contains 0",
         tuple(parts),
         tuple(numbers),
@@ -109,7 +109,7 @@ def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
             estimates.append(Estimate(condition_words(law), middle, low, high, text=text, id=row))
     return draw(
         forest, estimates, f"predicted-{index.name.replace('_', '-')}", f"{index.words}: change from no robot (%)",
-        caption=f"Median change from no robot ({index.words}), and the interval that holds {share}. Simulated.",
+        caption=f"Median change from no robot ({index.words}), and the interval of {share}. Simulated.",
     )  # fmt: skip
 
 

@@ -43,7 +43,7 @@ SWAY_TESTED_COUNT = 2
 long as everything else."""
 
 JOB_WEIGHTS: Mapping[Callable, float] = {knee_pair: 1.0, elbow_pair: 1.0, arm_pair: 1.0}
-"""Expected time of a pair of each robot over that of a knee without the test for sway, by which progress is told."""
+"""Expected time of a pair of each robot relative to a knee without the test for sway, for reports of progress."""
 
 SWAY_WEIGHT = 2.0
 """Time of a knee with the test for sway over that of one without."""
@@ -61,7 +61,9 @@ class ControllerRanking:
 
     @property
     def answer(self) -> Answer:
-        """Whether a controller leaves less torque than every simple rival, as the page shows it."""
+        """Return whether a controller leaves less torque than every simple reference controller, as the page shows
+        it.
+        """
         from .ranking_page import ranking_answer
 
         return ranking_answer(self.tasks, self.pairs)
@@ -83,16 +85,16 @@ def rank(
     out : path-like
         Folder, which is created if it does not exist.
     pairs : int
-        Number of pairs of a drawn person and a drawn robot, for each robot.
+        Number of pairs of a simulated person and robot, for each task.
     seed : int, optional
-        Seed of people, robots and noise, from 1. None draws one after the laws were read, so that nobody can have tuned
-        a law on these people; it is told on the page.
+        Seed of people, robots and noise, from 1. None chooses one after the laws were read, so that no
+        law can be tuned on these people; the page shows it.
     laws : sequence of path-like
         Files with laws of your own: a Python class ``Law`` with ``reset()``, with ``step(time, position, torque)`` for
         the knee orthosis, ``elbow_step`` of the same for the elbow robot and ``arm_step`` of lists for the arm of four
         joints, or with some of them; or a C file or shared library with ``law_reset``, ``law_step``, ``elbow_step`` and
-        ``arm_step``. Each runs in a process of its own with limited time and memory; it is a stranger's code
-        nevertheless, and no sandbox holds it.
+        ``arm_step``. Each runs in its own process with limited time and memory, but without a sandbox: do not run code
+        that you do not trust.
     workers : int, optional
         Number of processes; by default one per processor.
     on_progress : callable, optional
@@ -211,7 +213,7 @@ FIGURE_UNITS: Mapping[str, str] = {
     "given": "W", "taken": "W", "duration": "percent", "peak_velocity": "percent", "deviation": "rad", "emg": "percent",
     "fault_energy": "J", "cost": "s", "instructions": "1", "gain": "dB", "delay": "s", "holds": "1",
 }  # fmt: skip
-"""Unit of each attribute of `ControllerTrial` that is written beside the torque."""
+"""Unit of each attribute of `ControllerTrial` that is written in addition to the torque."""
 
 PAIR_SUMMARIES: Mapping[str, Callable] = {"fault_energy": max, "gain": min, "delay": min, "holds": min}
 """Function that summarises an attribute of `ControllerTrial` over pairs, if the worst value is written and not the

@@ -60,21 +60,27 @@ def write_ranking(
 
 
 def ranking_answer(tasks: Sequence[TaskRanking], pairs: int) -> Answer:
-    """Return whether a controller leaves less torque than every simple rival in each task."""
+    """Return whether a controller leaves less torque than every simple reference controller in each task."""
     parts = []
     for task in tasks:
         first = option_name(task.controllers[0])
         if task.controllers[0] in SIMPLE_RIVALS[task.task]:
-            parts.append(AnswerPart(task.task, "no", f"{first}, a simple rival, leaves least"))
+            parts.append(AnswerPart(task.task, "no", f"{first}, a simple reference controller, leaves least torque"))
         elif task.test is not None and _is_told_from_rivals(task):
-            parts.append(AnswerPart(task.task, "yes", f"{first} leaves less, by a test"))
+            parts.append(AnswerPart(task.task, "yes", f"{first} leaves significantly less torque"))
         else:
-            parts.append(AnswerPart(task.task, "cannot say", f"no test tells {first} from each rival"))
-    steps = [Step("Try the first on your own study; how", line="pellucid export --help")]
+            parts.append(
+                AnswerPart(
+                    task.task, "cannot say", f"{first} does not differ significantly from each reference controller"
+                )
+            )
+    steps = [Step("Try the first controller on your own study; for instructions", line="pellucid export --help")]
     if pairs < MIN_TOLD_PAIRS:
-        steps.append(Step("Few pairs separate few controllers", line=f"pellucid rank --pairs {MIN_TOLD_PAIRS}"))
+        steps.append(
+            Step("Use more pairs to separate more controllers", line=f"pellucid rank --pairs {MIN_TOLD_PAIRS}")
+        )
     return answer_of_parts(
-        "Does any controller leave less torque than every simple rival, by a test?",
+        "Does any controller leave significantly less torque than every simple reference controller?",
         _headline(tasks, pairs),
         parts,
         [_number(task) for task in tasks],
@@ -91,21 +97,23 @@ def _number(task: TaskRanking) -> AnswerNumber:
 
 
 def _is_told_from_rivals(task: TaskRanking) -> bool:
-    """Return whether the first controller is told from each of the simplest rivals."""
+    """Return whether the first controller differs significantly from each reference controller."""
     first, rivals = task.controllers[0], SIMPLE_RIVALS[task.task]
     return first not in rivals and not any(task.like_first[task.controllers.index(rival)] for rival in rivals)
 
 
 def _headline(tasks: Sequence[TaskRanking], pairs: int) -> str:
-    """Return the first controller of each task with its torque over that without power, and what 80 % of pairs have."""
+    """Return the first controller of each task with its torque relative to that without power, and the range of 80 %
+    of pairs.
+    """
     parts = []
     for task in tasks:
         low, middle, high = task.spread(_shares(task))
         between = f" ({low[0]:.2f} to {high[0]:.2f} in 80 % of pairs)" if task.has_interval else ""
         parts.append(f"{task.task}: {option_name(task.controllers[0])} leaves {middle[0]:.2f}{between}")
     who = (
-        "one drawn person in one drawn robot, which says nothing of others" if pairs == 1
-        else f"{pairs} drawn people in drawn robots"
+        "one simulated person in one robot, which does not generalise" if pairs == 1
+        else f"{pairs} simulated people in sampled robots"
     )  # fmt: skip
     return (
         f"Torque between robot and person as a share of that without power, {who}: {'; '.join(parts)}. No constant was "
@@ -171,8 +179,8 @@ def _task_section(task: TaskRanking) -> Section:
     )
     drawing = draw(
         ranked_torque, lines, f"ranked_{anchor}",
-        caption=f"{task.task.capitalize()}: a dot for each pair of a person and a robot, a bar their median; the "
-        "simplest rivals without a hue. Logarithmic.",
+        caption=f"{task.task.capitalize()}: a dot for each pair of a person and a robot, a bar for their median; "
+        "reference controllers in grey. Logarithmic axis.",
     )  # fmt: skip
     ranked, more = _tables(task)
     return Section(
@@ -307,7 +315,7 @@ ELBOW_COLUMNS = (
     COST_COLUMN,
     ("gates shut", _faults),
 )
-"""Heads and cells of all columns beside the torque, for the elbow."""
+"""Heads and cells of all columns other than the torque, for the elbow."""
 
 ELBOW_CAPTION = (
     "Duration, peak velocity and EMG over acceleration: change from no robot. Worst fault: the most energy that any "
@@ -326,7 +334,7 @@ KNEE_COLUMNS = (
     COST_COLUMN,
     ("gates shut", _faults),
 )
-"""Heads and cells of all columns beside the torque, for the knee."""
+"""Heads and cells of all columns other than the torque, for the knee."""
 
 KNEE_CAPTION = (
     "Margins: smallest over pairs, of the linear loop with the strap 30 % off. No sway: without a linear form, whether "
@@ -343,7 +351,7 @@ ARM_COLUMNS = (
     COST_COLUMN,
     ("gates shut", _faults),
 )
-"""Heads and cells of all columns beside the torque, for the arm."""
+"""Heads and cells of all columns other than the torque, for the arm."""
 
 ARM_CAPTION = (
     "Torque: over the joints of the person. Off the motion: how far the joints are from where the person means them to "

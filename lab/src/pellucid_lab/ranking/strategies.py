@@ -104,7 +104,7 @@ SIMPLE_RIVALS: dict[str, tuple[str, ...]] = {
     WALKING_TASK: ("no_control", "zero_impedance"),
     REACHING_TASK: ("unpowered", "fc"),
 }
-"""Simplest rivals of each task. Every controller's torque is also given relative to theirs."""
+"""Reference controllers of each task. Every controller's torque is also given relative to theirs."""
 
 
 def strategies_of_task(task: str) -> dict[str, Strategy]:

@@ -17,7 +17,7 @@ SIGNIFICANCE_LEVEL = 0.05
 
 
 MIN_INTERVAL_PAIRS = 5
-"""Fewest pairs for which a range of 80 % of them is told; of fewer it would be the least and the largest."""
+"""Fewest pairs for which a range of 80 % of them is reported; with fewer it would be the full range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class TaskRanking:
         return len(self.torque) >= MIN_INTERVAL_PAIRS
 
     def over(self, rival: str) -> np.ndarray:
-        """Return the torque of every controller divided by a rival's, shape (pairs, controllers) [1]."""
+        """Return the torque of every controller divided by a reference controller's, shape (pairs, controllers) [1]."""
         return self.torque / self.torque[:, [self.controllers.index(rival)]]
 
     def spread(self, values: np.ndarray) -> np.ndarray:

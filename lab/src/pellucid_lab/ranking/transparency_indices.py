@@ -59,7 +59,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class TransparencyIndex:
-    """One index: what it is, who uses it, and its value of a session with a robot and of one without."""
+    """One index: its definition, its source, and its value for a session with a robot and for one without."""
 
     name: str
     kind: str  # kinematic, smoothness, interaction, energy, EMG or statistical

@@ -1,4 +1,4 @@
-"""Every single fault under every law, on drawn robots and wearers: whether it is found, when, and its effect.
+"""Every single fault under every law on simulated robots and wearers: detection, time to detection, and effect.
 
 The effect is measured until the output is safe: excess work on the limb, peak torque of the strap, impulse of the
 drive.
@@ -199,7 +199,7 @@ def with_stated_reading(worn: WornRobot, index: int) -> WornRobot:
 
 
 def _one_robot_table(index: int, hours: float, seed: int, inexact: bool) -> FaultTable:
-    """Return the table of one drawn robot."""
+    """Return the table of one simulated robot."""
     worn = draw_worn_robot(index, seed)
     return try_robot(with_stated_reading(worn, index) if inexact else worn, index, hours)
 
@@ -212,7 +212,7 @@ def fault_table(
     *,
     inexact: bool = False,
 ) -> FaultTable:
-    """Return the table of `robots` drawn robots, with `hours` of healthy use of all robots and laws together.
+    """Return the table of `robots` simulated robots, with `hours` of healthy use of all robots and laws together.
 
     Drives measure their effort exactly; if `inexact`, each has one of `stated_readings`.
     """

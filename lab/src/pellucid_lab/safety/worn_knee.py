@@ -1,8 +1,8 @@
-"""Every single fault under the law of a worn knee orthosis, on drawn wearers.
+"""Every single fault under the law of a worn knee orthosis, on simulated wearers.
 
 The law commands the torque of a series spring, and the same spring measures it. Wearers exert torques as large as those
-of faults, and the spring deviates from its command by as much. So the supervisor watches raw data, command and memory,
-and uses no model of the wearer.
+of faults, and the spring deviates from its command by as much. Therefore the supervisor checks raw data, command and
+memory, and uses no model of the wearer.
 """
 
 from __future__ import annotations
@@ -270,7 +270,7 @@ def with_stated_reading(worn: WornKnee, index: int) -> WornKnee:
 
 
 def _one_wearer_table(seed: int, hours: float, inexact: bool) -> FaultTable:
-    """Return the table of one drawn wearer."""
+    """Return the table of one simulated wearer."""
     worn = draw_worn_knee(seed)
     return try_wearer(with_stated_reading(worn, seed) if inexact else worn, hours)
 
@@ -283,7 +283,7 @@ def knee_table(
     *,
     inexact: bool = False,
 ) -> FaultTable:
-    """Return the table of `wearers` drawn wearers of the seeds from `first` on, with `hours` of healthy swinging.
+    """Return the table of `wearers` simulated wearers with the seeds from `first` on, with `hours` of healthy swinging.
 
     Springs are measured exactly; if `inexact`, each has one of `stated_readings`.
     """

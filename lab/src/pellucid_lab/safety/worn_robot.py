@@ -1,4 +1,4 @@
-"""A drawn robot with a drawn wearer under a supervised law: minutes or hours of reaching, healthy or with one fault."""
+"""A simulated robot and wearer under a supervised law: minutes or hours of reaching, healthy or with one fault."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ Chosen by judgement; no measurement is recorded."""
 COMMON_EXPONENTS = (-0.5, -0.5)
 """Exponents k of equation 8 of Verdel et al. (Robotica 39, 2021), upwards and downwards.
 
-Five virtual people chose these values on most of the robots on which thresholds were chosen."""
+Five simulated people chose these values on most of the robots on which thresholds were chosen."""
 
 NOISE_PERIOD_COUNT = 5000
 """Number of control periods of noise that are drawn before the noise repeats."""

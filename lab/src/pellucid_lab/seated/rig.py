@@ -29,7 +29,7 @@ COMMENTS = {
     "streams.emg.channels": "raw, started by the exoskeleton's trigger",
     "loaded_swing": "the motor swings alone, and with relaxed legs in it",
 }
-"""Comments of study.toml beside a table or a key."""
+"""Comments of study.toml on tables and keys."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""What somebody in the virtual shank exoskeleton wants, and what their nerves send to make the leg do it.
+"""Simulated wearer of the virtual shank exoskeleton: intended motion and muscle excitations.
 
-A plan counts with the leg's weight, inertia and tissue and some of the machine's friction, and goes out as much earlier
-as muscles are late; what the plan misses, a spring and a damper of the mind correct, a reflex later. Moving muscles are
-known to be weaker while they shorten. Torque is shared among synergists by fixed weights that wander, and bent by what
-activation makes of excitation.
+The feedforward command includes the leg's weight, inertia and tissue and part of the machine's friction, and leads by
+the delay of the muscles. Feedback like that of a spring and a damper corrects the remaining error after the delay of a
+reflex. The command accounts for the loss of force in shortening muscles. Synergists share torque by weights that vary
+slowly, and activation is a nonlinear function of excitation.
 """
 
 from __future__ import annotations
@@ -96,8 +96,11 @@ class Nerves:
         return (1.0 + subject.belief) * body + rig.constants.wearer.friction_belief * friction - tissue
 
     def step(self, k: int, position: float, velocity: float) -> list[float]:
-        """One period: what is felt of the shank goes in, [rad], [rad/s]; the activations of this period come out, one
-        a muscle."""
+        """Return the activations of one period, one for each muscle, from the sensed position and velocity of the
+        shank.
+
+        `position` [rad], `velocity` [rad/s].
+        """
         self._positions.append(position)
         self._velocities.append(velocity)
         if self._path is None:

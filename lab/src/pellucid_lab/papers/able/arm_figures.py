@@ -1,4 +1,6 @@
-"""Figure of the cost of directional parameter sets as joints are added, beside one body with load friction."""
+"""Figure of the cost of directional parameter sets over the number of joints, compared with one body with load
+friction.
+"""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def compared_rows(rig: ElbowRig, comparisons: Sequence[ModelComparison], paper: 
 def _rows_of_rig(
     head: str, rig: str, mine: Sequence[ModelComparison], printed: Mapping[str, float]
 ) -> Iterator[Reproduced]:
-    """Yield Table I for one rig over its seeds (`mine`), beside the paper's `printed` figures."""
+    """Yield Table I for one rig over its seeds (`mine`), with the paper's `printed` figures."""
 
     def row(what: str, quantity: str, unit: str, values: Sequence[float], beside: float | None = None, note: str = ""):
         return figure(head, what, f"{quantity}, rig {rig}", unit, values, beside, note)

@@ -230,12 +230,13 @@ def _body(rig: ElbowRig, fit: SliderFit) -> Section:
         "body",
         "One coherent body",
         (
-            "The dissociated model keeps gravity, inertia and friction twice. What it puts into two gravities is load "
-            "friction: lifting costs (1 + α) times the weight, lowering gives back (1 − β) times. As long as the load "
+            "The dissociated model has two values each of gravity, inertia and friction. The difference of its two "
+            "gravities is load friction: lifting costs (1 + α) times the weight, lowering gives back (1 − β) times. As "
+            "long as the load "
             "never changes its sign, the two descriptions predict the same current, and a model with load friction "
-            "cannot win on prediction: its rival's further numbers even take up part of what neither knows, such as a "
-            "load's share that grows towards rest. It wins on what the numbers mean: its gravity and inertia are those "
-            "of the body, so they may be compensated.",
+            "cannot predict better. The further parameters of the dissociated model even absorb part of effects that "
+            "both models lack, such as a load share that grows towards rest. The advantage is the meaning of the "
+            "parameters: gravity and inertia are those of the body, so they may be compensated.",
         ),
         (),
         tuple(drawings),

@@ -36,7 +36,7 @@ PEOPLE_SEED = 77
 """Seed of the people who try each robot."""
 
 TUNING_ROBOTS_SEED = 7
-"""Seed of the robots on which the laws' constants were chosen, beside the committed one."""
+"""Seed of the robots on which the laws' constants were chosen, in addition to the committed one."""
 
 REFERENCE_LAW = "fc"
 """Law to whose interaction torque all others are compared: the paper's full compensation."""
@@ -51,7 +51,7 @@ COMPARED_CONTROLLERS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 """Controllers by their name in ids: a name of `ELBOW_CONTROLLERS`, and its settings."""
 
 UNPOWERED_ROBOT = "unpowered"
-"""Name in ids of the robot without power, which is compared beside them."""
+"""Name in ids of the robot without power, which is compared too."""
 
 FC_WITH_OTHER_INERTIA = ("fc_table2_inertia", "fc_no_inertia")
 """FC with another J in equation 8 than the identified one: that of Table II, which is negative, and J = 0."""
@@ -163,7 +163,7 @@ DITHER_NOTE = "; their friction slips at once, as reversals measured: over 0.5 m
 
 def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduced, ...]:
     """Return the outcome of `compare_controllers` as rows of the reproduction."""
-    note = f"{len(found[REFERENCE_LAW])} drawn robots, and people, that no law was chosen on"
+    note = f"{len(found[REFERENCE_LAW])} simulated robots and people on which no law was chosen"
     over, rows = "Interaction torque (RMS) over that of FC", []
     for tail, law in BEST_ROWS.items():
         dither_note = DITHER_NOTE if law == BEST_CONTROLLER else ""

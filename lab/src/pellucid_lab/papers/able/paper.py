@@ -1,4 +1,6 @@
-"""The ABLE paper reproduced: its identification on virtual elbows, its laws with virtual people, what print allows."""
+"""Reproduction of the ABLE paper: identification on virtual elbows, control laws with simulated people, printed
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -196,7 +198,9 @@ class AblePaper(Paper):
     def closing(self, figures: Figures) -> tuple[Section, ...]:
         """Return the last sections, with a sentence on Table II's file and a table of the methods."""
         recomputed, every = super().closing(figures)
-        table2_text = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
+        table2_text = (
+            "Table II is in this page's folder as table2-as-published.json; its numbers contradict each other."
+        )
         methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in SLIDER_METHODS.items()))
         return replace(recomputed, paragraphs=(table2_text,)), replace(every, tables=(methods, *every.tables))
 

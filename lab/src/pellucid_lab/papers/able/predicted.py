@@ -1,7 +1,7 @@
-"""Predict the paper's experiment: drawn studies on drawn robots, effects with intervals beside the printed ones.
+"""Predict the paper's experiment: simulated studies and robots, effects with intervals and the printed effects.
 
-Nine effects are scored, under three laws: the changes of duration and of peak velocity, and the rank sum of EMG/Acc.
-Of EMG/Acc the paper prints no size; its tests determine the rank sums.
+Nine effects are scored: changes of duration and peak velocity, and the rank sum of EMG/Acc, each under three laws.
+The paper prints no size of EMG/Acc, but its tests determine the rank sums.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ class PredictionSize:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect as predicted, beside the paper's.
+    """One predicted effect, and the paper's.
 
     Values are changes from control [%]; those of `EMG_RANK_SUM` are rank sums [1].
     """
 
     index: str
     law: str
-    low: float  # Lower end of the middle 80 % of drawn studies
-    middle: float  # Median of drawn studies
-    high: float  # Upper end of the middle 80 % of drawn studies
+    low: float  # Lower end of the middle 80 % of simulated studies
+    middle: float  # Median of simulated studies
+    high: float  # Upper end of the middle 80 % of simulated studies
     printed: float  # The paper's value
 
     @property
@@ -149,7 +149,7 @@ def predict_paper(
 
 @dataclass(frozen=True, eq=False)
 class ScoredPrediction:
-    """A prediction beside the paper."""
+    """A prediction compared with the paper."""
 
     prediction: Prediction
     studies: DrawnStudies
@@ -267,7 +267,7 @@ def _order_matches(effects: Sequence[Effect]) -> list[bool]:
 
 
 def rank_sums(studies: DrawnStudies) -> np.ndarray:
-    """Return each law's rank sum of EMG/Acc, over the people of each drawn study, shape (n, laws)."""
+    """Return each law's rank sum of EMG/Acc, over the people of each simulated study, shape (n, laws)."""
     i = INDICES.index("emg_per_acc")
     return tied_ranks(studies.worn[:, :, :, i] / studies.control[:, None, :, i], axis=1).sum(axis=2)
 
@@ -298,7 +298,7 @@ def predicted_rows(made: ScoredPrediction, screened: Sensitivity | None) -> list
     for e in made.effects:
         unit = "1" if e.index == EMG_RANK_SUM else "%"
         what = f"{EFFECT_WORDS[e.index]} under {e.law}" + (", change from control" if unit == "%" else "")
-        note = f"median and middle {100.0 * STUDY_INTERVAL_SHARE:.0f} % of drawn studies; {drawn}"
+        note = f"median and middle {100.0 * STUDY_INTERVAL_SHARE:.0f} % of simulated studies; {drawn}"
         name = f"{e.index}.{e.law.lower()}"
         rows.append(_row(name, what, unit, e.middle, e.printed, note, between=(e.low, e.high)))
     for index in ("duration_median", "emg_per_acc", "antagonists", "unsettled"):

@@ -1,4 +1,4 @@
-"""Figures of the predicted experiment: what drawn studies find beside the paper, and what decides."""
+"""Figures of the predicted experiment: simulated studies compared with the paper, and the deciding factors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DENSITY_POINTS = 240
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Distribution of one effect over drawn studies."""
+    """Distribution of one effect over simulated studies."""
 
     name: str  # Name of the law
     drawn: np.ndarray  # (n,) Ratio to control, or rank sum, of each study [1]
@@ -72,7 +72,7 @@ def spread_figure(panels: Mapping[str, Sequence[Spread]], ranks: str, caption: s
 
 
 def _density(axis, row: Spread, place: int, span: tuple[float, float], log: bool) -> None:
-    """Draw the density of the drawn studies as a hill on the row's line."""
+    """Draw the density of the simulated studies as a hill on the row's line."""
     drawn = row.drawn[np.isfinite(row.drawn)]
     if not log:
         values, counts = np.unique(drawn, return_counts=True)

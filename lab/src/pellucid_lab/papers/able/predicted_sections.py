@@ -41,16 +41,17 @@ def _predicted(made: ScoredPrediction, rows: Mapping[str, Reproduced], screened:
     orders = round(count * made.order)
     ends = [one.friction for one in p.worn]
     paragraphs = (
-        f"{len(p.worn)} robots were drawn, with friction of {min(ends):.2f} to {max(ends):.2f} times the rig's, from "
-        f"what the paper prints to the rig's own; each was identified, and worn under its laws by {p.people} drawn "
+        f"{len(p.worn)} robots were sampled, with friction of {min(ends):.2f} to {max(ends):.2f} times the rig's, from "
+        f"the paper's value to the rig's. Each was identified, and worn with its controllers by {p.people} simulated "
         f"people ({', '.join(p.models)}; {p.repetitions} movements in each condition). On half of the robots five "
-        "other people chose k of equation 8, on the others it is the paper's. Of these pairs studies of six people on "
-        f"one robot were drawn: {share} of them lie in each interval.",
+        "other people chose k of equation 8; on the others k is the paper's. Studies of six people on one robot were "
+        f"sampled from these pairs; {share} of them lie in each interval.",
         f"{inside} of {count} effects lie inside their intervals, {orders} of {count} orders of two laws are as "
-        f"predicted. An interval that holds everything predicts nothing: its score, the width and ten times what the "
-        f"paper's value lies outside, is {made.interval_score():.0f} % in the mean of duration and peak velocity; that "
-        f"of saying that no law changes anything is {made.interval_score(no_change=True):.0f} %. Of EMG/Acc the paper "
-        "prints no size, only tests; they leave one set of rank sums, 6, 12 and 18.",
+        "predicted. A very wide interval predicts nothing, so the interval score penalises width: it is the width "
+        "plus ten times the distance of the paper's value from the interval. Its mean over duration and peak velocity "
+        f"is {made.interval_score():.0f} %; for the prediction of no change it is "
+        f"{made.interval_score(no_change=True):.0f} %. The paper prints only tests of EMG/Acc and no size; they allow "
+        "one set of rank sums, 6, 12 and 18.",
     )
     scored = [
         Row(
@@ -70,7 +71,7 @@ def _predicted(made: ScoredPrediction, rows: Mapping[str, Reproduced], screened:
             scored.append(Row((f"{EFFECT_WORDS[index]} (%)", law, "–", _number(row.ours), between, width, "")))
     effects = number_table(
         ("Effect", "Law", "Paper", "Predicted", f"{share} of studies", "Width", ""), scored, words=2,
-        caption="Changes from control, medians over drawn studies; rank sums are over six people and three laws",
+        caption="Changes from control, medians over simulated studies; rank sums are over six people and three laws",
     )  # fmt: skip
     found = number_table(
         ("Finding of the paper", "Pairs (%)", "Studies (%)"),
@@ -89,7 +90,7 @@ def _predicted(made: ScoredPrediction, rows: Mapping[str, Reproduced], screened:
         drawings=(
             draw(
                 spread_figure, _panels(made), EFFECT_WORDS[EMG_RANK_SUM],
-                "What drawn studies find (hills), their middle 80 % and median, and what the paper found.",
+                "Results of simulated studies (hills), their middle 80 % and median, and the paper's result.",
             ),
         ),
         notes=() if screened else (
@@ -138,13 +139,13 @@ def _deciding(screened: Sensitivity) -> Section:
         folded.append((f"{title}, in numbers", number_table(("Factor", *screened.laws), table)))
     return Section(
         "deciding",
-        "What decides?",
+        "Deciding factors",
         (
-            "Each factor was moved over its range from random points of a grid, all others held (Morris's method, "
-            f"{screened.runs} points): people's constants where 80 % of people lie, or from half to double where the "
-            "rig's file has one value, the robot's friction from what the paper prints to the rig's, k from "
-            f"{MINUS_SIGN}2 to 1. What moved the median duration most, of 100 ln(times control): "
-            f"{'; '.join(law_texts)}. Chance is the seed of all noise; what does not exceed it shows nothing.",
+            f"Morris's method ({screened.runs} points) varies each factor over its range from random points of a grid, "
+            "with all others fixed. People's constants vary over the middle 80 % of people, or from half to double if "
+            "the rig's file has one value. The robot's friction varies from the paper's value to the rig's, and k "
+            f"from {MINUS_SIGN}2 to 1. Largest effects on the median duration, in 100 ln(ratio to control): "
+            f"{'; '.join(law_texts)}. Chance is the seed of all noise; smaller effects are not significant.",
         ),
         drawings=(
             draw(

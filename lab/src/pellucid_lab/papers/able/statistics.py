@@ -35,7 +35,7 @@ PRINT_ERRORS = {
 
 
 def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
-    """Return every printed statistic of section 5's tests, beside that from the rank sums."""
+    """Return every printed statistic of section 5's tests, and that from the rank sums."""
     n = int(paper["participants"])
     rows = []
     for index, sums in RANK_SUMS.items():

@@ -1,7 +1,7 @@
-r"""The published comparison of control laws, repeated with virtual people: predictions beside what was printed.
+r"""The published comparison of control laws, repeated with simulated people: predictions and printed results.
 
-The people were set by how they move without a robot, and frozen before one was strapped on; the laws are built from
-what an identification of the robot found. Nothing here was chosen by what the paper reports of its robot.
+The people's parameters come from movement without a robot, and were frozen before the simulation with one. The control
+laws are built from an identification of the robot. No choice depends on the paper's results with its robot.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
 
 @dataclass(frozen=True)
 class Transparency:
-    """The comparison of the paper's laws, with virtual people."""
+    """The comparison of the paper's laws, with simulated people."""
 
     exponents: tuple[float, float]  # k of equation 8, upwards and downwards
     torques: dict[float, tuple[float, float]]  # Interaction torque by k, by which five other people chose k [N*m]

@@ -41,7 +41,7 @@ _row = partial(figure, "transparency")
 
 
 def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
-    """Return all rows of the virtual comparison, beside the printed numbers."""
+    """Return all rows of the virtual comparison, with the printed numbers."""
     rows = _changes(made, paper)
     for name, table, index, unit in (
         ("table3", "duration", "duration", "s"),

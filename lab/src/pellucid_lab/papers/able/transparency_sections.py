@@ -1,4 +1,4 @@
-"""The second half of the reproduction's page: how transparent the laws are to virtual people."""
+"""Second half of the reproduction's page: transparency of the control laws to simulated people."""
 
 from __future__ import annotations
 
@@ -81,10 +81,10 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
         "laws",
         "Do the laws change how people move?",
         (
-            f"Six virtual people reach for five amplitudes up and down, without a robot, under the paper's three laws "
-            f"and under the toolkit's best two, {studies} times with other people. They were set by how they move "
-            "without a robot; each law is built from an identification of the robot. What they do in it is therefore a "
-            "prediction.",
+            "Six simulated people reach over five amplitudes up and down: without a robot, with the paper's three "
+            f"laws and with the toolkit's best two. The study is repeated {studies} times with other people. Their "
+            "parameters come from movement without a robot, and each law is built from an identification of the robot. "
+            "Their movement in the robot is therefore a prediction.",
             "The published rule ends a movement after the last sample above 5 % of its largest speed, and so counts "
             "every correction at the target. Where a robot drives or sticks, people correct again and again, and some "
             "never come to rest before the next target is shown after 20 s: "
@@ -237,11 +237,11 @@ def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
         table.append(Row((law_words, *over, _signed(given, 3), still), law in OWN_LAWS))
     return Section(
         "alllaws",
-        "Every law, on robots it was not chosen on",
+        "All laws, on held-out robots",
         (
-            f"{rows['transparency.given.fc'].note.capitalize()}; each robot is identified for itself. The dithered law "
-            "keeps the robot from sticking by dither of its motor: what that does hangs on how far a real "
-            "transmission yields before it slips.",
+            f"{rows['transparency.given.fc'].note.capitalize()}; each robot is identified separately. The dithered law "
+            "prevents stiction by dither of the motor. Its effect depends on the presliding displacement of a real "
+            "transmission.",
         ),
         (
             Table(

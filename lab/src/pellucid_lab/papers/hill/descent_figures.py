@@ -1,4 +1,4 @@
-"""Figures of optimisers: parameters over iterations, and errors of many estimators beside each other."""
+"""Figures of optimisers: parameters over iterations, and a comparison of the errors of many estimators."""
 
 from __future__ import annotations
 

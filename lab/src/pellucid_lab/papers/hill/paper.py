@@ -1,4 +1,4 @@
-"""The paper's three steps on the virtual shank exoskeleton: Tables 2 to 5 and Figs. 5 to 11, beside what it prints."""
+"""The paper's three steps on the virtual shank exoskeleton: Tables 2 to 5 and Figs. 5 to 11, with printed values."""
 
 from __future__ import annotations
 

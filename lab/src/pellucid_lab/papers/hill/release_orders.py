@@ -31,10 +31,10 @@ def released_in_turn(*groups: tuple[str, ...]) -> Stages:
 
 
 ALL_AT_ONCE = "all_at_once"
-"""Name of the rival: every parameter moves in every step, as in the paper."""
+"""Name of the reference method: every step fits every parameter, as in the paper."""
 
 STRENGTH_ALONE = "strength_alone"
-"""Name of the simplest rival: nothing but the muscles' strengths is ever released."""
+"""Name of the simplest reference method: only the muscles' strengths are fitted."""
 
 HELD_AFTER_RELEASE = "quick_first_then_held"
 """Name of the order in which a parameter is held again after its stage."""

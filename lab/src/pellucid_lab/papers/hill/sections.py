@@ -1,4 +1,4 @@
-"""Sections of the reproduction's page: each step of the paper on the virtual shank exoskeleton, beside print."""
+"""Sections of the reproduction's page: each step of the paper on the virtual shank exoskeleton, with printed values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DRAWN_BOUNDS_S = (8.0, 20.0)
 """First and last time of a swing that are drawn."""
 
 DRAWN_SUBJECTS = ("S2", "S4")
-"""Virtual subjects in place of those whose torque the paper draws (its Fig. 9): the fastest and the slowest."""
+"""Virtual subjects that correspond to those in the paper's Fig. 9: the fastest and the slowest."""
 
 
 class HillReproduction(Protocol):
@@ -76,9 +76,9 @@ def _people(made: HillReproduction) -> Section:
         "people",
         "Subjects",
         (
-            "Eight virtual people with the paper's mean age, height and weight and their standard deviations. Their "
-            "muscles have elastic tendons, passive force and activation that is quick to rise and slow to fall; every "
-            "constant and moment arm is 5 to 15 % off the anatomical model's that is calibrated. EMG is raw.",
+            "Eight simulated people have the paper's means and standard deviations of age, height and weight. Their "
+            "muscles have elastic tendons, passive force and activation that rises fast and falls slowly. Every "
+            "constant and moment arm deviates by 5 to 15 % from the anatomical model that is calibrated. EMG is raw.",
         ),
         (number_table(("", "Age", "Height (cm)", "Weight (kg)", "Swings (Hz)"), rows, wide=False),),
     )
@@ -157,9 +157,9 @@ def _legs(made: HillReproduction) -> Section:
         "legs",
         "Table 2: the leg's inertia and weight",
         (
-            "In angular brackets, what the paper prints. Over the paper's swing inertia takes little torque beside "
-            "gravity's and runs against it, so that p' − p has wide intervals. The corrected equation over a "
-            "swing designed beforehand finds it to a few percent.",
+            "Angular brackets contain printed values. In the paper's swing, the torque of inertia is small compared "
+            "with that of gravity and opposite to it, so that p' − p has wide intervals. The corrected equation and a "
+            "swing designed for it identify p' − p within a few percent.",
             "q' − q is the relaxed leg's whole restoring torque: its weight, and its muscles' passive force, which no "
             "swing of this range tells from weight. On these subjects it is "
             f"{min(more):.0f} to {max(more):.0f} % more than weight alone; the printed values exceed what shanks "
@@ -315,11 +315,11 @@ def _methods(made: HillReproduction) -> Section:
         "methods",
         "Table 5 and Fig. 10: other methods",
         (
-            "All are fitted on the same swing and scored on the same other one. The reference is itself computed from "
-            "motion, so that whoever sees acceleration can find it without any EMG: against the true torque, ridge "
-            f"regression of motion alone comes to {alone:.2f} N·m, with EMG to {both:.2f} N·m. Where the robot "
-            "measures motion, balance is the better estimator of the present torque; EMG tells what comes, and what "
-            "muscles do where no balance can be measured.",
+            "All methods are fitted on the same swing and evaluated on the same other one. The reference is computed "
+            "from motion, so that a method with acceleration as input can reproduce it without EMG. Relative to the "
+            f"true torque, the error of ridge regression is {alone:.2f} N·m from motion alone and {both:.2f} N·m with "
+            "EMG. If the robot measures motion, the torque balance is the better estimator of the present torque. EMG "
+            "predicts future torque, and estimates muscle torque where no balance can be measured.",
         ),
         drawings=(
             draw(compared, rows, "methods", text="RMSE against the true torque, both cut off at 0 (N·m)",

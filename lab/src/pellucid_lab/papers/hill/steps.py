@@ -117,7 +117,7 @@ def find_leg(empty: IdentifiedBody, taken: SubjectSession) -> IdentifiedLeg:
 
 
 def _restoring_slope(subject: SeatedSubject, position: np.ndarray) -> float:
-    """Return the slope of the true restoring torque over g sin(position), fitted with a constant beside it [kg m]."""
+    """Return the slope of the true restoring torque over g sin(position), fitted together with a constant [kg m]."""
     torque = GRAVITY * subject.moment * np.sin(position - subject.ahead) - tissue_torque(subject, position)
     columns = np.column_stack([GRAVITY * np.sin(position), np.ones_like(position)])
     return float(np.linalg.lstsq(columns, torque, rcond=None)[0][0])

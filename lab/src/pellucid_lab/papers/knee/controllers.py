@@ -1,7 +1,7 @@
-"""Every controller that is compared on the virtual orthosis, built from a wearer's card and from chosen constants.
+"""Controllers compared on the virtual orthosis, built from a wearer's card and from chosen constants.
 
-The constants are in ``pellucid_lab/knee/chosen.toml``, as `tuning` chose them on drawn wearers; there is no other free
-constant.
+The constants are in ``pellucid_lab/knee/chosen.toml``, as `tuning` chose them on simulated wearers; there is no other
+free constant.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Figures of an orthosis and who wears it: torques of holds, straps with their intervals, controllers compared."""
+"""Figures of an orthosis and its wearer: torques of holds, straps with their intervals, compared controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thesis's Tables 3.1 to 3.5 and Figs. 3.1 to 3.7 on the virtual orthosis, beside what it prints."""
+"""The thesis's Tables 3.1 to 3.5 and Figs. 3.1 to 3.7 on the virtual orthosis, with printed values."""
 
 from __future__ import annotations
 
@@ -160,12 +160,12 @@ class KneePaper(Paper):
         )
 
     def headline(self, figures: Figures) -> str:
-        """Return the share of the mismatch that the strap explains, beside that of the thesis's form."""
+        """Return the share of the mismatch that the strap explains, and that of the thesis's form."""
         fit, form = figures["knee.coupled.fit"], figures["knee.coupled.fit.published_form"]
         best = figures.ours("knee.coupled.fit.published_form.true_torque.fitted")
         return (
-            f"The strap between orthosis and leg, found from one body's balance, explains {fit.ours:.1f} % of the "
-            f"angle between them in swings it was not fitted to. The thesis's equation, from which the strap cancels, "
+            f"The strap between orthosis and leg, identified from one body's balance, explains {fit.ours:.1f} % of the "
+            "angle between them in held-out swings. The thesis's equation, from which the strap cancels, "
             f"explains {form.ours:.0f} %, and {best:.0f} % of its own data when it is given the muscles' true "
             f"torque; printed are {form.published:g} %. All on a virtual orthosis of the thesis's kind, whose three "
             f"wearers have its subjects' weights and heights."

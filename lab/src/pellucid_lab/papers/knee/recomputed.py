@@ -138,7 +138,7 @@ def _accuracies(paper: PrintedPaper) -> list[Reproduced]:
         )  # fmt: skip
         rows.append(
             _row(f"accuracy.{name}", f"Accuracy of {quantity}, relative to the theoretical", "%", float(of_theory),
-                 printed, "B8: what the text says")
+                 printed, "B8: stated in the text")
         )  # fmt: skip
     return rows
 
@@ -158,7 +158,7 @@ def _shanks(paper: PrintedPaper) -> list[Reproduced]:
                  taped.gravity(GRAVITY_M_S2), printed["gravity"]),
             _row(f"subject_{number}.inertia", f"Its inertia, subject {number}", "kg*m^2", taped.inertia,
                  printed["inertia"],
-                 "B9" if number > 1 else "B9: prints what 0.44 m would give, or 0.476 in place of 0.416", rounded),
+                 "B9" if number > 1 else "B9: the printed value follows from 0.44 m, or has 0.476 for 0.416", rounded),
             _row(f"subject_{number}.mgl_sh.to_ankle", f"Gravity torque by Winter's own length, subject {number}",
                  "N*m", ankle.gravity(GRAVITY_M_S2), note="B10: knee to ankle, 0.246 of the height"),
             _row(f"subject_{number}.inertia.to_ankle", f"Inertia by Winter's own length, subject {number}", "kg*m^2",

@@ -1,4 +1,4 @@
-"""The thesis's further work: the residual impedance of a worn orthosis compensated, beside alternatives.
+"""The thesis's further work: compensation of a worn orthosis's residual impedance, and alternatives.
 
 A wearer is recorded and identified. Every controller is built from the cards and from constants chosen on other
 wearers, and all of them make the same swings. The truth serves to compute errors alone.
@@ -30,10 +30,10 @@ from .controllers import CONTROLLER_WORDS, BuiltController, controllers
 from .swings import holds_margins, rms_mismatch_and_torque, swing, without_control, without_power
 
 TUNING_WEARER_SEEDS = tuple(range(101, 107))
-"""Seeds of the drawn wearers on whom constants were chosen."""
+"""Seeds of the simulated wearers on whom constants were chosen."""
 
 TEST_WEARER_SEEDS = tuple(range(201, 207))
-"""Seeds of the drawn wearers on whom controllers are compared."""
+"""Seeds of the simulated wearers on whom controllers are compared."""
 
 SWING_SEEDS = (31, 32, 33)
 """Seeds of the swings in which controllers are compared."""
@@ -45,7 +45,7 @@ REPRODUCED_WEARERS = ("S1", "S2", "S3", f"D{TEST_WEARER_SEEDS[0]}")
 """Wearers whom a reproduction compares. They are few to save time; `main` of `residual_rows` compares all."""
 
 RECORDING_SEED = 5
-"""Seed of the recordings from which the rig's own subjects are identified; a drawn wearer has the seed of the name."""
+"""Seed of the recordings from which the rig's own subjects are identified; a simulated one has that of its name."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def compare(
 
 
 def identify_by_name(rig: KneeRig, name: str) -> IdentifiedWearer:
-    """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``."""
+    """Record and identify one of the rig's own subjects, or a simulated wearer ``D<seed>``."""
     if name in rig.subjects:
         return identify_wearer_of(rig, name, RECORDING_SEED)
     if not (name.startswith("D") and name[1:].isdigit()):

@@ -26,15 +26,15 @@ MAX_GAIN_MARGIN_DB = 40.0
 """Gain margins are searched up to this value; a row with it stands for more."""
 
 MAX_DELAY_MARGIN_S = 0.1
-"""Delay margins are searched up to this value; a row with it stands for more."""
+"""Largest delay margin that is searched; a row with it means this value or more."""
 
 DRAWN_GROUP = "drawn"
-"""Group of the drawn wearers, whom nobody had seen before the comparison."""
+"""Group of the held-out simulated wearers."""
 
 RIG_GROUP = "rig"
-"""Group of the rig's own wearers, who were known while controllers were made."""
+"""Group of the rig's own wearers, who were known during the design of the controllers."""
 
-GROUP_WORDS: Mapping[str, str] = {DRAWN_GROUP: "drawn wearers, never seen before", RIG_GROUP: "the rig's own"}
+GROUP_WORDS: Mapping[str, str] = {DRAWN_GROUP: "held-out wearers", RIG_GROUP: "the rig's own"}
 """Words for the two groups of wearers."""
 
 GROUP_COLOUR_ROLES = {GROUP_WORDS[DRAWN_GROUP]: "fitted", GROUP_WORDS[RIG_GROUP]: "measured"}
@@ -135,7 +135,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         for kind in kinds
     ]
     heads = (
-        "", "Share of torque, drawn wearers", "The same, the rig's own", "Torque (N·m)", "Mismatch (deg)",
+        "", "Share of torque, held-out wearers", "Share of torque, the rig's own", "Torque (N·m)", "Mismatch (deg)",
         "Gain margin (dB)", "Delay margin (ms)", "No sway (%)",
     )  # fmt: skip
     best = rows.get("knee.residual.torque_ratio.residual")
@@ -151,10 +151,10 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         for kind in kinds
     ]
     text = (
-        "The thesis ends with a compensator that uses the identified strap and EMG still to be made. Here it is, built "
-        "from each wearer's own recordings. Every controller's constants were chosen on further drawn wearers by one "
-        "criterion, the least strap torque within 6 dB and 20 ms; the rig's own three wearers were known while "
-        "controllers were made, the drawn ones compared here were not."
+        "The thesis proposes as future work a compensator that uses the identified strap and EMG. This page implements "
+        "it from each wearer's own recordings. The constants of every controller were chosen on other simulated "
+        "wearers by one criterion: the least strap torque with margins of 6 dB and 20 ms. The rig's own three wearers "
+        "were known during the design; the held-out wearers were not."
     )
     if best is not None:
         text += f" The compensator leaves {100 * best.ours:.0f} % of the strap's torque in zero-impedance mode."

@@ -23,7 +23,7 @@ _row = partial(figure, "knee")
 
 
 def _interval(name: str, quantity: str, parameter: Parameter, published: Printed | None, note: str) -> Reproduced:
-    """Return a parameter with its 95 % interval, beside the number of another device."""
+    """Return a parameter with its 95 % interval, and the published value of another device."""
     value = None if published is None else published.value
     return _row(name, quantity, parameter.unit, parameter.value, value, note, between=parameter.interval())
 
@@ -117,7 +117,7 @@ def torques_rows(
         head, what = ("emg", "0, 5, 10 N·m") if own else ("emg.both_ways", "0 to 10 N·m either way")
         rows += [
             _row(f"{head}.rmse.{estimator}", f"Torque error of {named}, {what}, mean of the subjects", "N*m",
-                 float(np.mean([m.score.rmse for m in mine])), value, f"each repetition left out; {how}"),
+                 float(np.mean([m.score.rmse for m in mine])), value, f"each repetition held out; {how}"),
             _row(f"{head}.true_rmse.{estimator}", "The same against the knee's true torque", "N*m",
                  float(np.mean([steps[m.subject, protocol].true_error(m.predicted) for m in mine]))),
             *(_row(f"{head}.rmse.{estimator}.{m.subject}", f"Torque error of {named}, {what}, {m.subject}", "N*m",
@@ -156,11 +156,11 @@ def coupling_rows(
              mean(lambda w: mean_fit(w.best_published, "published", "fitted")),
              paper["mean_fit"], "so that no error of EMG is in it"),
         *(
-            _row(f"coupled.coverage.{letter}", f"Share of intervals that hold the strap's {words}", "1",
+            _row(f"coupled.coverage.{letter}", f"Share of intervals that cover the strap's {words}", "1",
                  float(np.mean([d.holds[words] for d in drawn])), note=f"{len(drawn)} subjects and seeds, 95 %")
             for letter, words in (("k", "stiffness"), ("b", "damping"))
         ),
-        _row("coupled.coverage.inertia", "Share of intervals that hold an inertia of zero", "1",
+        _row("coupled.coverage.inertia", "Share of intervals that cover an inertia of zero", "1",
              float(np.mean([d.holds["inertia"] for d in drawn])), note=f"{len(drawn)} subjects and seeds, 95 %"),
     ]  # fmt: skip
     for axes, words in IMU_AXES_WORDS.items():

@@ -1,4 +1,6 @@
-"""Sections of the reproduction's page: each table and figure of the thesis on the virtual orthosis, beside print."""
+"""Sections of the reproduction's page: each table and figure of the thesis on the virtual orthosis, with printed
+values.
+"""
 
 from __future__ import annotations
 
@@ -45,10 +47,10 @@ ESTIMATOR_WORDS = {"boost": "boosting", "bagging": "bagging", "tree": "one tree"
 """Names of the estimators on the page."""
 
 DRAWN_SPAN_S = 12.0
-"""Figures draw this long a stretch of a swing."""
+"""Duration of the part of a swing that figures show."""
 
-PRINTED_NOTE = "In angular brackets, what the thesis prints."
-"""Captions of tables with the thesis's numbers contain this sentence."""
+PRINTED_NOTE = "Angular brackets contain the thesis's values."
+"""Sentence in captions of tables with the thesis's numbers."""
 
 
 class KneeReproduction(Protocol):
@@ -296,7 +298,7 @@ def _torque_errors(made: KneeReproduction) -> tuple[Drawing, ...]:
     return (
         draw(
             calibration_figures.error_by_estimator, errors, "torque-errors", heads=list(made.wearers), chosen={},
-            bare="motion", caption="Torque error on repetitions that were left out, by subject.",
+            bare="motion", caption="Torque error on held-out repetitions, by subject.",
         ),
     )  # fmt: skip
 
@@ -316,8 +318,8 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
     panel = Traces(f"{chosen.subject}, 15°", f"RMSE {chosen.score.rmse:.2f} N·m", trial.time, lines, "Torque (N·m)")
     return draw(
         over_time, [panel], "fig-3-4", roles=LINE_COLOUR_ROLES, height=3.4,
-        caption="Fig. 3.4: the knee's true torque, what the map makes of EMG and angle in a repetition it has not "
-        "seen, and the orthosis's torque that the subject counteracts: the thesis's steps, then the other way.",
+        caption="Fig. 3.4: the knee's true torque, the map's estimate from EMG and angle in a held-out repetition, and "
+        "the orthosis's torque that the subject counteracts. First the thesis's steps, then the opposite direction.",
     )  # fmt: skip
 
 
@@ -404,9 +406,9 @@ def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> S
     k, b, inertia = (100.0 * rows[f"knee.coupled.coverage.{n}"].ours for n in ("k", "b", "inertia"))
     return Section(
         "coverage",
-        "Do the intervals hold the truth?",
+        "Do the intervals cover the true values?",
         (
-            f"Over {len(made.drawn)} subjects and seeds, 95 % intervals hold the strap's stiffness in {k:.0f} %, its "
+            f"Over {len(made.drawn)} subjects and seeds, 95 % intervals cover the strap's stiffness in {k:.0f} %, its "
             f"damping in {b:.0f} %, and an inertia of zero in {inertia:.0f} %.",
         ),
         (),

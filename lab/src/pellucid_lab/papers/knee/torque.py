@@ -1,4 +1,4 @@
-"""Torque of the knee from EMG on the virtual orthosis: Table 3.4's estimators, each repetition left out in turn."""
+"""Torque of the knee from EMG on the virtual orthosis: Table 3.4's estimators, cross-validated over repetitions."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
-"""Choose the constants of ``chosen.toml`` on drawn wearers, none of whom is compared afterwards.
+"""Choose the constants of ``chosen.toml`` on simulated wearers, none of whom is compared afterwards.
 
-The criterion is the same for every controller: the smallest strap torque, as a share of zero-impedance mode's on the
-same swing, mean over the tuning wearers. On each of them a controller must also bear twice its command and 20 ms more
-delay: by its linear loop with the strap 30 % off if it has one, otherwise in the simulation. Laws that carry the body
-by model alone do not hold these margins with any useful share of friction (a fifth of it swayed two of six wearers);
-with them a released leg must come to rest. Constants are searched one at a time, in the order of `SEARCHED_VALUES`.
+The criterion is the same for every controller: the smallest strap torque relative to zero-impedance mode on the same
+swing, mean over the tuning wearers. On each of them a controller must also be stable with twice its command and 20 ms
+more delay. A linear loop with a strap error of 30 % shows this if the controller has one, otherwise the simulation.
+Controllers that compensate the body by a model alone do not keep these margins with any useful share of friction (a
+fifth of it made two of six wearers sway). With them a released leg must come to rest. Constants are searched one at a
+time, in the order of `SEARCHED_VALUES`.
 
 Run as ``python -m pellucid_lab.papers.knee.tuning``; it writes the file anew.
 """
@@ -277,8 +278,8 @@ def write_toml(constants: ChosenConstants, seeds: Sequence[int]) -> str:
     """Return the text of ``chosen.toml``, as `parse_chosen` reads it."""
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",
-        f"# `python -m pellucid_lab.papers.knee.tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
-        "# compared is among them. Change the search, not this file.",
+        f"# `python -m pellucid_lab.papers.knee.tuning` from simulated wearers {seeds[0]} to {seeds[-1]};",
+        "# no compared wearer is among them. Change the search, not this file.",
     ]
     for table, values in constants.tables().items():
         lines += ["", f"[{table}]"]

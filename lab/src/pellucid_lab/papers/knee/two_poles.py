@@ -1,7 +1,7 @@
 r"""A joint as a transfer function with two poles and no zeros, 1 / (I s² + b s + k), and what its numbers imply.
 
-A pendulum is no such joint. Swung with an amplitude A its gravity torque m g l sin q looks, to whoever fits a line
-through it, like a spring:
+A pendulum is not such a joint. In a swing of amplitude A, a linear fit to its gravity torque m g l sin q gives a
+spring:
 
 .. math::
     k(A) = m g l\,\frac{2 J_1(A)}{A} \quad\text{(a sine of amplitude A)}, \qquad

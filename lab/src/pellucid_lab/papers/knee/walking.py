@@ -191,7 +191,7 @@ def walking_rows(rows: Sequence[WalkedRow]) -> list[Reproduced]:
         plain = walked(rows, "zero_impedance", condition)
         where = condition if condition == SITTING_CONDITION else f"{condition} km/h"
         motion = "thigh at rest" if condition == SITTING_CONDITION else f"strides {source}"
-        note = f"RMS; {len(plain)} drawn wearers; {motion}"
+        note = f"RMS; {len(plain)} simulated wearers; {motion}"
         words = f"Interaction torque, zero impedance, {where}"
         made.append(_row(f"{condition}.zero_impedance", words, "N*m", [row.torque for row in plain], None, note))
         for law, words in LAW_WORDS.items():
