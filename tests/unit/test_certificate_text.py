@@ -5,6 +5,10 @@ import pytest
 
 import pellucid as pl
 from pellucid._errors import PellucidError
+from pellucid.people.certificate import learning_doubt
+from pellucid.people.equivalence import equivalence
+from pellucid.people.margin import Margin
+from pellucid.people.movement_noise import MovementNoise
 
 ORDERED = {"control": "free", "design": "AB/BA", "period": "period", "margins": {"duration": "10 %"}}
 
@@ -111,3 +115,37 @@ def test_movements_that_carry_half_of_people_far_beyond_do_not_condemn_a_robot()
         }
         said.append(pl.assess(table, control="free", margins={"duration": 0.10}).certificates["worn"].verdict)
     assert said.count("not transparent") <= 2
+
+
+def test_a_margin_shows_what_the_carry_over_leaves_of_it():
+    found = pl.certify(crossover(), analysis=ORDERED)
+    own = found.end_points["duration"]
+    left = 100.0 * np.expm1(own.margin.high - own.allowance)
+    assert f"-9.1 to +10.0 % (-7.9 to +{left:.1f} after carry-over)" in repr(found).replace("-8.0", "-7.9")
+
+
+def test_chance_of_learning_does_not_withdraw_a_claim_about_people_far_beyond():
+    rng = np.random.default_rng(2)
+    own = np.where(np.arange(60) % 4 == 0, 0.34, 0.0) + 0.02 * rng.standard_normal(60)
+    test = equivalence(own, Margin.of_ratio(0.10), noise=MovementNoise(0.02**2, 100.0))
+    assert test.verdict == "beyond"
+    doubt = learning_doubt(0.02 + 0.05 * rng.standard_normal(60), own + 0.02 * rng.standard_normal(60), test)
+    assert doubt.without.verdict == "beyond"
+
+
+@pytest.mark.parametrize(
+    ("margin", "said"),
+    [("150 %", "expected at most 100 %"), ((0.1, -0.1), "0.1 to -0.1, expected a low end below a high one")],
+)
+def test_impossible_margins_are_named_as_they_were_stated(margin, said):
+    with pytest.raises(PellucidError, match=said):
+        pl.assess(crossover(), analysis={**ORDERED, "margins": {"duration": margin}})
+
+
+def test_infinite_values_and_words_are_refused():
+    table = crossover()
+    table["duration"][3] = np.inf
+    with pytest.raises(PellucidError, match=r"row 3 \(P0, worn\): found inf"):
+        pl.assess(table, analysis=ORDERED)
+    with pytest.raises(PellucidError, match="no two arrays of numbers"):
+        pl.certify({"duration": (["a", "b"], ["c", "d"])}, {"duration": 0.1})

@@ -455,6 +455,8 @@ def _stated_in_words(name: str, stated: str, index: Index | None, where: str, *,
     size = parse_quantity(stated, "1" if share or index is None else index.unit, where)
     if not size > 0.0:
         raise StudyError(f'{where}: found "{stated}", expected a size above 0')
+    if share and size > MAX_SHARE:
+        raise StudyError(f'{where}: found "{stated}", expected at most {100.0 * MAX_SHARE:g} %, such as "10 %"')
     if index is None:
         return EndPoint(name, "rad", stated, Margin.of_ratio(size), True)
     if share and index.percent_of is PercentOf.NOTHING_AT_ALL:
@@ -491,6 +493,10 @@ def margin_of(name: str, margin: float | tuple[float, float], relative: bool = T
         made = Margin.of_ratio(float(margin)) if relative else Margin.either_way(float(margin))
         return Margin(-inf, made.high) if index is not None and index.worse is Worse.IF_MORE else made
     low, high = (float(end) for end in margin)
+    if not low < high or (relative and not low > -1.0):
+        raise PellucidError(
+            f"certify, {name}: found the margin {low:g} to {high:g}, expected a low end below a high one"
+        )
     return Margin(float(np.log1p(low)), float(np.log1p(high))) if relative else Margin(low, high)
 
 

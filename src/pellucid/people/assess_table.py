@@ -538,6 +538,13 @@ def _changes(
         raise PellucidError(f"assess, {index}: found means of 0 or less, expected positive ones for its margin")
     seen = end.differences(own, base)
     used = rows.values[index]
+    wrong = np.flatnonzero(np.isinf(used))
+    if len(wrong):
+        i = int(wrong[0])
+        raise PellucidError(
+            f"assess, column {index}, row {i} ({rows.who[i]}, {rows.what[i]}): found {used[i]:g}, expected a finite "
+            "value, or NaN for a movement without one"
+        )
     below = np.flatnonzero(used < 0.0)
     if end.ratio and len(below):
         i = int(below[0])

@@ -39,9 +39,9 @@ from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand
 from .certificate_text import (
     change_text,
     interval_text,
+    margin_text,
     p_text,
     people_text,
-    signed_text,
     tipping_text,
     undecided_reason,
 )
@@ -199,15 +199,13 @@ class Certificate:
 
     def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         head = ("index", "change", f"{100.0 * (1.0 - 2.0 * self.alpha):g} % interval", "margin", "p within", "people",
-                "carry-over that overturns it", "said")  # fmt: skip
+                "tipping point", "result")  # fmt: skip
         rows = []
         for name, test in self.end_points.items():
             point = self.point(name)
-            margin = " to ".join("none" if np.isinf(end) else signed_text(point, end)
-                                 for end in (test.margin.low, test.margin.high))  # fmt: skip
             rows.append((
                 name, change_text(point, test), f"{interval_text(point, test)} {point.unit}".rstrip(),
-                f"{margin} {point.unit}".rstrip(), p_text(test.p_within), people_text(test.share_test(self.rule)),
+                margin_text(point, test), p_text(test.p_within), people_text(test.share_test(self.rule)),
                 tipping_text(self.tipping_point(name), test), self.said_of(name),
             ))  # fmt: skip
         return head, rows
@@ -345,6 +343,11 @@ class PeoplesChanges:
     alike: bool = True  # whether movements are compared with alike ones
     noise: MovementNoise | None = None  # noise of `seen` by single movements, if there are enough to tell it
 
+    @property
+    def is_known(self) -> bool:
+        """Whether every change is known, and none by bounds alone."""
+        return self.bounds is None or bool((self.bounds[0] == self.bounds[1]).all())
+
 
 def decide(
     analysis: Analysis,
@@ -471,7 +474,9 @@ def period_doubt(differences: np.ndarray, test: Equivalence) -> Doubt | None:
     return None if seen.fit.is_plain else Doubt(PERIOD_DOUBT, float("nan"), seen, always=True)
 
 
-def _tested_as(test: Equivalence, differences: np.ndarray, upper: np.ndarray | None = None) -> Equivalence:
+def _tested_as(
+    test: Equivalence, differences: np.ndarray, upper: np.ndarray | None = None, noise: MovementNoise | None = None
+) -> Equivalence:
     """Return the test of other `differences` (n,) with the settings of `test`."""
     same = len(differences) == test.pairs
     return equivalence(
@@ -482,6 +487,7 @@ def _tested_as(test: Equivalence, differences: np.ndarray, upper: np.ndarray | N
         method=cast("Method", test.method),
         sessions=test.sessions if same else None,
         largest_carry_over=test.largest_carry_over,
+        noise=noise,
     )
 
 
@@ -508,7 +514,9 @@ def learning_doubt(drift: np.ndarray, at_end: np.ndarray, test: Equivalence) -> 
     `drift`, (n,), is each person's change from the first to the last third; `at_end`, (n,), the differences with the
     last third in the place of all; `test` that of the end point.
     """
-    return Doubt(LEARNING_DOUBT, signed_rank(drift).p_value, _tested_as(test, at_end))
+    # A third of the movements has three times the noise of all.
+    noise = None if test.noise is None else replace(test.noise, variance=3.0 * test.noise.variance)
+    return Doubt(LEARNING_DOUBT, signed_rank(drift).p_value, _tested_as(test, at_end, noise=noise))
 
 
 def too_many_lost(lost: LostCounts, max_share: float) -> dict[str, tuple[int, int]]:

@@ -48,6 +48,32 @@ def interval_text(point: EndPoint, test: Equivalence) -> str:
     return f"{signed_text(point, low)} to {signed_text(point, high)}"
 
 
+def margin_text(point: EndPoint, test: Equivalence) -> str:
+    """Return the margin with its unit, and how much of it the largest carry-over leaves for the interval."""
+    return f"{_margin_ends(point, test, 0.0)} {point.unit}".rstrip() + carry_over_note(point, test)
+
+
+def carry_over_note(point: EndPoint, test: Equivalence) -> str:
+    """Return in brackets what the largest carry-over leaves of the margin; "" if it takes nothing."""
+    return f" ({_margin_ends(point, test, test.allowance)} after carry-over)" if test.allowance else ""
+
+
+def _margin_ends(point: EndPoint, test: Equivalence, allowed: float) -> str:
+    pair = (test.margin.low + allowed, test.margin.high - allowed)
+    return " to ".join("none" if np.isinf(end) else signed_text(point, end) for end in pair)
+
+
+def share_text(percent: float) -> str:
+    """Return a bound of a share [%] that is never rounded to none or to all.
+
+    >>> share_text(0.4), share_text(83.2), share_text(99.98)
+    ('< 1 %', '83 %', '> 99 %')
+    """
+    if 0.0 < percent < 1.0:
+        return "< 1 %"
+    return "> 99 %" if 99.0 < percent < 100.0 else f"{percent:.0f} %"
+
+
 def p_text(p: float) -> str:
     """Return a p value as tables have it."""
     return "< 0.001" if p < 0.001 else f"{p:.2g}"
@@ -58,8 +84,8 @@ def people_text(shares: ShareTest) -> str:
     counted = f"{shares.within} of {shares.people} within"
     if shares.answer == TOO_FEW:
         return f"{counted}: too few"
-    far = f"at most {100.0 * shares.most_far:.0f} % beyond {shares.rule.far_margins:g} margins"
-    return f"{counted}: at least {100.0 * shares.least_within:.0f} %; {far}"
+    far = f"at most {share_text(100.0 * shares.most_far)} beyond {shares.rule.far_margins:g} margins"
+    return f"{counted}: at least {share_text(100.0 * shares.least_within)}; {far}"
 
 
 def tipping_text(tipping_point: float | None, test: Equivalence) -> str:
@@ -89,7 +115,8 @@ def undecided_reason(point: EndPoint, test: Equivalence, rule: ShareRule = DEFAU
         )
     shares = test.share_test(rule)
     if shares.far:
-        reasons.append(f"{shares.far} of {n} people lie beyond {rule.far_margins:g} margins")
+        lie = "lies" if shares.far == 1 else "lie"
+        reasons.append(f"{shares.far} of {n} people {lie} beyond {rule.far_margins:g} margins")
     if shares.answer == TOO_FEW:
         reasons.append(f"too few people: {n} took part, and nothing is said to lie within from fewer than {MIN_PEOPLE}")
     elif shares.answer == NOT_SHOWN and not reasons:

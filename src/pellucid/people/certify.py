@@ -132,7 +132,12 @@ def certify(
                 f"certify: found values of {', '.join(values) or 'nothing'}, expected those of {name} too"
             )
     for name, end in stated.end_points().items():
-        free, worn = (np.asarray(x, float) for x in values[name])
+        try:
+            free, worn = (np.asarray(x, float) for x in values[name])
+        except (TypeError, ValueError):
+            raise PellucidError(
+                f"certify, {name}: found no two arrays of numbers, expected values without and with the robot"
+            ) from None
         if free.shape != worn.shape or free.ndim != 1:
             raise PellucidError(f"certify, {name}: found shapes {free.shape} and {worn.shape}, expected both (n,)")
         if not (np.isfinite(free).all() and np.isfinite(worn).all()):

@@ -64,8 +64,8 @@ def write_story(out: Path, made: Demonstration) -> Path:
         figure=answer_figure(made.real_fit),
         tiles=_tiles(made),
         sections=tuple(sections),
-        footer=f"Written by pellucid {version('pellucid')}; every random number has a seed. Each chapter is a folder next "
-        "to this page, with its recordings, study.toml, model cards, results.json and report.",
+        footer=f"Written by pellucid {version('pellucid')}; every random number has a seed. Each chapter is a folder "
+        "next to this page, with its recordings, study.toml, model cards, results.json and report.",
     )
     return write_page(out, page)
 

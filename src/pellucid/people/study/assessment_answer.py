@@ -14,7 +14,7 @@ from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
 from ..share_of_people import MIN_PEOPLE
-from .certified_rows import certificate_sentences
+from .certified_rows import certificate_sentences, loss_remedy
 from .primary_change import PrimaryChange, primary_change
 from .statements import headline, lowered
 
@@ -75,17 +75,23 @@ def _recording_step(each: Certified) -> Step:
         )
     if now < MIN_PEOPLE:
         return Step(
-            f"Record {MIN_PEOPLE - now} more people, {MIN_PEOPLE} in all: from fewer nothing is claimed to lie within "
-            "a margin; then assess again"
+            f"Record {_more_people(MIN_PEOPLE - now)}, {MIN_PEOPLE} in all: from fewer nothing is claimed to lie "
+            "within a margin; then assess again"
         )
+    if remedy := loss_remedy(each):
+        return Step(remedy.rstrip("."))
     if any(test.bounded for test in each.certificate.end_points.values()):
         return Step(f"Record the movements of {condition} until they settle, of the same {now} people or more")
     if each.needed is not None and each.needed > now:
         return Step(
-            f"Record {each.needed - now} more people with {condition}, about {each.needed} in all: so many show it in "
-            "9 of 10 studies if nothing changes; then assess again"
+            f"Record {_more_people(each.needed - now)} with {condition}, about {each.needed} in all: so many show it "
+            "in 9 of 10 studies if nothing changes; then assess again"
         )
     return Step(f"Record {more_precise}; more people than these {now} alone are unlikely to decide it")
+
+
+def _more_people(count: int) -> str:
+    return "1 more person" if count == 1 else f"{count} more people"
 
 
 def _change_answer(found: AssessmentResult) -> Answer:

@@ -23,6 +23,7 @@ from ...study.procedures.result import FigureTable
 from ...study.procedures.study_page import provenance, study_page
 from ...study.study import Study, checksum
 from ..analysis import ANALYSIS_FILE
+from ..certificate import FAIL, Certificate
 from ..certificate_text import people_text
 from ..indices import SHOWN_INDICES, index_names, leading_index
 from ..share_of_people import HIDDEN_SHARE, MIN_PEOPLE, MODEL_PEOPLE
@@ -266,7 +267,7 @@ def reviewer_page(study: Study, spec: AssessmentTable, found: AssessmentResult) 
     return study_page(
         f"{found.study}: certificate",
         found.answer,
-        [Tile(condition, verdict, "", p_statement(each.certificate.p_value))
+        [Tile(condition, verdict, "", _p_of_verdict(each.certificate))
          for each, (condition, verdict) in zip(found.certified, verdicts, strict=True)],
         [_result(found), _protocol(study, spec, found), _margins(spec, found), _assumptions(found),
          _other_analyses(found), _exclusions(spec, found),
@@ -279,6 +280,13 @@ def _plain_table(heads: tuple[str, ...], rows: list[tuple], caption: str, words:
     made = tuple(Row(tuple(typeset_cell(cell) for cell in row)) for row in rows)
     # A table of words alone is as narrow as the screen, where one that fills the page would go on behind its edge.
     return Table(heads, made, frozenset(range(words, len(heads))), caption, words < len(heads))
+
+
+def _p_of_verdict(own: Certificate) -> str:
+    """Return the p value of the claim that was made: "beyond" of the clearest end point, or else "within" of all."""
+    if own.verdict == FAIL:
+        return f"beyond: {p_statement(min([*own.beyond.values(), *own.far.values()]))}"
+    return f"within: {p_statement(own.p_value)}"
 
 
 def _result(found: AssessmentResult) -> Section:

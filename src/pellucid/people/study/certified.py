@@ -324,10 +324,13 @@ def _unknown(
             f"{order.unknown}: the effects of period and carry-over cannot be separated from those of conditions."
         )
     for name, own in changes.items():
-        if order.period and adjustment(len(people), own.sessions, known=own.bounds is None).is_plain:
+        if order.period and adjustment(len(people), own.sessions, known=own.is_known).is_plain:
             unknown.append(
                 f"With {len(people)} participants the effect of the period is not estimated."
                 if len(people) < MIN_ORDERED_PEOPLE
+                else f"The effect of the period is not estimated for {wanted[name].index.short}: some movements were "
+                "cut off, so that changes are known by bounds alone."
+                if not own.is_known
                 else f"{pair[1]} came equally long after {pair[0]} for everybody: the effect of the period "
                 "cannot be separated from that of the condition."
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,11 +24,13 @@ from ..certificate import (
     too_many_lost,
 )
 from ..certificate_text import (
+    carry_over_note,
     change_text,
     interval_text,
     p_text,
     people_text,
     share_reason,
+    share_text,
     signed_text,
     tipping_text,
 )
@@ -75,13 +77,14 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
     for each in found.certified:
         for name, point in each.end_points.items():
             own = each.certificate.end_points[name]
+            margin = f"{point.stated}{carry_over_note(point, own)}"
             rows.append(
-                (each.condition, point.index.short, change_text(point, own), interval_text(point, own), point.stated,
+                (each.condition, point.index.short, change_text(point, own), interval_text(point, own), margin,
                  p_text(own.p_within), people_text(own.share_test(each.certificate.rule)),
                  tipping_text(each.certificate.tipping_point(name), own), each.certificate.said_of(name))
             )  # fmt: skip
     heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People",
-             "Carry-over that overturns it", "Said")  # fmt: skip
+             "Tipping point of carry-over", "Result")  # fmt: skip
     return FigureTable(
         f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
     )
@@ -194,8 +197,11 @@ def _sentence(each: Certified) -> str:
     words = {n: point.index.short for n, point in each.end_points.items()}
     words |= {name: name for name in each.certificate.curves}
     if verdict == PASS:
+        whole = "The end point lies within its margin" if len(words) == 1 else (
+            f"All {len(words)} end points lie within their margins"
+        )
         return (
-            f"{each.condition}: {each.certificate.statement}. All {len(words)} end points lie within their margins"
+            f"{each.condition}: {each.certificate.statement}. {whole}"
             f"{_nearest_text(each)}. "
             f"{_what_was_tested(each)} {_people_sentence(each)}"
         )
@@ -212,6 +218,9 @@ def _sentence(each: Certified) -> str:
 def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[str]) -> str:
     """Return the reason of "cannot say" that a reader can act on first."""
     own = each.certificate
+    lost = [(words[n], [d for d in own.contradicted(n) if d.what in LOSS_DOUBTS]) for n in words]
+    if any(doubts for _, doubts in lost):
+        return _doubts_text([(name, WITHIN_MARGIN, doubts) for name, doubts in lost if doubts], each)
     lacking = {n: own.share_test(n) for n in each.end_points if own.lacks_people(n)}
     if any(shares is not None and shares.answer == TOO_FEW for shares in lacking.values()):
         hidden = 100.0 * (1.0 - HIDDEN_SHARE) ** each.participants
@@ -225,29 +234,20 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         return f"The estimate lies within its margin, but not enough people are shown to. {shown}."
     doubted = [(words[n], own.tested(n), own.contradicted(n)) for n in words]
     doubted = [(name, tested, why) for name, tested, why in doubted if why]
-    kinds = {d.what for *_, why in doubted for d in why}
-    counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
-    if LOST_PEOPLE_DOUBT in kinds:
-        counts += f" {_lost_people_counts(each)}"
     if doubted and len(doubted) == len(undecided):
-        doubts_text = "; ".join(
-            f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} "
-            "it is not shown to be"
-            for name, tested, why in doubted
-        )
-        return f"{doubts_text}.{counts} {_remedy(kinds)}"
+        return _doubts_text(doubted, each)
     tests = own.end_points
     alone = [words[n] for n in tests if tests[n].verdict == BEYOND_MARGIN]
     if alone:
         return (
             f"Tested alone, {', '.join(alone)} would be beyond the margin; as the largest of {len(words)} changes in "
-            f"{each.participants} people that may be chance.{counts}"
+            f"{each.participants} people that may be chance."
         )
     cut = [words[n] for n in tests if tests[n].bounded]
     if cut:
         return (
             f"Undecided: {', '.join(undecided)}. How long movements lasted was not seen to its end "
-            f"({', '.join(cut)}): record until they settle.{counts}"
+            f"({', '.join(cut)}): record until they settle."
         )
     more = (
         f"With about {each.needed} instead of {each.participants} people a study would show it with 90 % power, if the "
@@ -258,7 +258,26 @@ def _why_undecided(each: Certified, words: Mapping[str, str], undecided: list[st
         else f"With people who differ as these do, no study of up to {CERTIFICATE_SIZES[-1]} would: measure more "
         "finely, or more movements."
     )
-    return f"Undecided: {', '.join(undecided)}.{counts} {more}"
+    return f"Undecided: {', '.join(undecided)}. {more}"
+
+
+def _doubts_text(doubted: Sequence[tuple[str, str, Sequence[Doubt]]], each: Certified) -> str:
+    """Say why end points are doubted, with the counts of losses and what to do."""
+    kinds = {d.what for *_, why in doubted for d in why}
+    counts = f" {_lost_counts(each)}" if LOST_MOVEMENTS_DOUBT in kinds else ""
+    if LOST_PEOPLE_DOUBT in kinds:
+        counts += f" {_lost_people_counts(each)}"
+    text = "; ".join(
+        f"{name} is {tested} its margin; {' or '.join(DOUBT_DESCRIPTIONS[d.what] for d in why)} it is not shown to be"
+        for name, tested, why in doubted
+    )
+    return f"{text}.{counts} {_remedy(kinds)}"
+
+
+def loss_remedy(each: Certified) -> str:
+    """Return what to do about losses that keep a certificate from a claim; "" if none does."""
+    own = each.certificate
+    return _remedy({d.what for n in each.end_points for d in own.contradicted(n) if d.what in LOSS_DOUBTS})
 
 
 def _post_hoc(each: Certified) -> list[str]:
@@ -309,10 +328,13 @@ def _people_sentence(each: Certified) -> str:
     far, rule = max(own.most_far for own in tests), least.rule
     return (
         f"{least.within} of {least.people} people lie within{least.noise_note}: at least "
-        f"{100.0 * least.least_within:.0f} % of people do, and at most {100.0 * far:.1f} % lie beyond "
+        f"{share_text(100.0 * least.least_within)} of people do, and at most {share_text(100.0 * far)} lie beyond "
         f"{rule.far_margins:g} margins, each with {100.0 * (1.0 - rule.alpha):g} % confidence."
     )
 
+
+LOSS_DOUBTS = (LEFT_OUT_DOUBT, LOST_MOVEMENTS_DOUBT, UNEVEN_LOSSES_DOUBT, LOST_PEOPLE_DOUBT)
+"""Doubts about movements or people that gave no value."""
 
 DOUBT_REMEDIES = {
     PERIOD_DOUBT: "Have as many people begin with the robot as without it.",

@@ -149,7 +149,7 @@ def _plan_answer(
         for words, count, *_ in rows
         if isinstance(count, int)
     ]
-    step = Step("Record these people, then evaluate them", "assess")
+    step = Step("Record these people, add their recordings to study.toml, then run `pellucid assess` on the study")
     return Answer(question, verdict, said, reason, numbers=tuple(numbers), assumed=assumed, next=(step,))
 
 
