@@ -1,1 +1,1 @@
-"""What Pellucid takes beside what a user would otherwise use, in one run: ``python -m research.benchmarks``."""
+"""Time that Pellucid takes, and time of the usual alternatives, in one run: ``python -m research.benchmarks``."""

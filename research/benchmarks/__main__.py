@@ -1,9 +1,9 @@
-"""Run the benchmarks named, or every one; print a table and each ratio beside its goal, write benchmarks.json.
+"""Run the named benchmarks, or every one; print a table with each ratio and its goal, and write benchmarks.json.
 
 With every benchmark, at full size, the page docs/speed.md is written too, in the current folder's docs.
 
-A benchmark is a file of this folder named after what it times, with `run()`, which returns rows of name, value, unit
-and note.
+A benchmark is a file of this folder with a function `run()`, which returns rows of name, value, unit and note. The file
+has the name of the timed code.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""The ratios that benchmarks are judged by, and the page docs/speed.md, which is written from their rows.
+"""Ratios that benchmarks must meet, and the page docs/speed.md, which is written from their rows.
 
-A goal is the ratio of what Pellucid takes to what a user would otherwise run, measured by turns in one run, so that a
-slow moment of the machine meets both. Where a goal is not held, the profile of the command says why.
+A goal bounds the ratio of Pellucid's time to that of the usual alternative. Both are measured by turns in one run, so
+that a slow moment of the machine affects both. If a goal is not met, the profile of the command gives the reason.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ GOALS = (
         "identify 7.2e6 over pandas",
         2.2,
         "`identify` of 7.2 million samples over pandas and least squares",
-        profile="Filters at the full rate and families that are not linear pass over all rows several times; the rival "
-        "passes over them once.",
+        profile="Filters at the full rate and nonlinear families read all rows several times; the reference "
+        "method reads them once.",
     ),
     Goal(
         "simulate over in memory",
         1.7,
         "`simulate` of six people who point, 2,400 movements, over the same in memory",
-        profile="Of what is beyond memory half is raw EMG at 2 kHz, which the rival does not make; a third is to write "
-        "585 MB of text safely; the rest is loaded code.",
+        profile="Half of the additional time is raw EMG at 2 kHz, which the reference method does not simulate. A third "
+        "is safe writing of 585 MB of text; the rest is loading of code.",
     ),
     Goal(
         "assess over reading",
@@ -92,8 +92,8 @@ GOALS = (
         1.2,
         "SciPy's least squares over our fit of friction",
         at_least=True,
-        profile="Our time includes the covariance and effects that the model neglects, a third of it; the rival "
-        "returns numbers without intervals.",
+        profile="Pellucid's time includes the covariance and tests of neglected effects (a third of the time); the "
+        "reference method returns values without intervals.",
     ),
     Goal(
         "fit_joint second over lstsq",
@@ -126,7 +126,7 @@ def held_text(goal: Goal, ratios: Mapping[str, float]) -> str:
 
 
 def goal_table(rows: Sequence[Mapping]) -> str:
-    """Return the lines that the terminal shows: each ratio beside its goal."""
+    """Return lines for the terminal with each ratio and its goal."""
     ratios = {row["name"]: row["value"] for row in rows}
     width = max(len(goal.name) for goal in GOALS)
     lines = [

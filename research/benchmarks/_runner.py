@@ -1,7 +1,7 @@
 """Run the benchmarks or proofs of a folder one after another; one that fails does not stop the others.
 
-A benchmark or proof is a file whose name begins with a letter; a file whose name begins with an underscore is what
-several of them share. A file that needs a data set which is not on this machine is left out by name.
+A benchmark or proof is a file whose name begins with a letter; a file whose name begins with an underscore is shared
+code. A file that requires a missing data set is skipped, and its name is printed.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ def read_arguments(
 
 
 def limit_to_one_thread() -> None:
-    """Let linear algebra use one thread, in Pellucid, in what it is compared with, and in commands that are started.
+    """Limit linear algebra to one thread, in Pellucid, in reference methods and in started commands.
 
-    Pellucid's functions use one thread each. A rival with one thread per core would be measured on more of the machine
-    than Pellucid, and slower wherever another program uses a core.
+    Pellucid's functions use one thread each. A reference method with one thread per core would use more of the
+    machine than Pellucid, and would be slower when another program uses a core.
     """
     from pellucid._processes import THREAD_VARIABLES
 

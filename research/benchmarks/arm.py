@@ -1,7 +1,7 @@
-"""Four joints in control: a step of their law in nanoseconds, in instructions of a Cortex-M4F, and the arm simulated.
+"""Control of four joints: a step of the law in nanoseconds and in instructions of a Cortex-M4F, and the simulated arm.
 
 The law is the transparent one with its observer of momentum, under every gate. `step_rows`, `export_rows` and
-`over_pinocchio` are for whoever wants one of them alone.
+`over_pinocchio` run one part each.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What `pellucid calibrate` costs on five seconds of walking, knee and ankle by every method, in a fresh process.
+"""Cost of `pellucid calibrate` on five seconds of walking, knee and ankle by every method, in a fresh process.
 
-Beside it stands what is published of CEINMS, the calibration of one knee's muscles alone, on another machine; and
-beside the part of it that scikit-learn could do, its ridge regressions, the plain GridSearchCV over the same
-candidates, folds and rows. Both of these are fresh processes too, in turn; figures are medians.
+References are the published time of CEINMS for the muscles of one knee on another machine, and scikit-learn for the
+ridge regressions: a plain GridSearchCV over the same candidates, folds and rows. Fresh processes of both run in turn;
+figures are medians.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ print(made.fit(told["x"], told["y"]).best_params_, -made.best_score_)
 
 
 def run() -> list[dict]:
-    """One row for the whole command by the clock and by processors, and the ridge regressions beside scikit-learn's."""
+    """Return rows of wall and processor time of the whole command, and of the ridge regressions and scikit-learn's."""
     with tempfile.TemporaryDirectory() as folder:
         study = walking_study(Path(folder) / "walking")
         trial = next(t for t in moment_trials(study, "knee") if not t.heldout)

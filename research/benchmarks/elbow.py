@@ -1,7 +1,7 @@
-"""The joint with a carriage: how long its identification takes beside SciPy, and how fast the virtual elbow plays.
+"""Joint with a carriage: time of its identification compared with SciPy, and speed of the virtual elbow.
 
 The fit of friction by load is compared with what a user would write: the same model in vectorised NumPy, the same
-filtered rows, SciPy's least squares with forward differences. What is compared runs interleaved; figures are medians.
+filtered rows, SciPy's least squares with forward differences. Compared runs are interleaved; figures are medians.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Fitting Hill muscles: one residual-and-Jacobian pass, a whole fit, and one step on the robot.
 
-50,000 samples, three muscles, five numbers that all share: shape, fibre length, its shift, largest speed, strength.
-Beside the core stand the same model in vectorised NumPy with SciPy's finite differences and, where they are installed,
-JAX (``jacfwd``, float64) and CasADi. Every array is muscle-major. The others are given the neural activation, which
-those five do not change; the core makes it from the envelope each time. What is compared runs interleaved; figures are
+50,000 samples, three muscles, five shared parameters: shape, fibre length, its shift, largest speed, strength.
+References are the same model in vectorised NumPy with SciPy's finite differences and, if installed, JAX (``jacfwd``,
+float64) and CasADi. Every array is muscle-major. The references receive the neural activation, which the five
+parameters do not change; the core computes it from the envelope each time. Compared runs are interleaved; figures are
 medians.
 """
 

@@ -1,9 +1,9 @@
-"""How long an identification takes: Pellucid beside the same method in plain NumPy and SciPy, on the EMPS recording.
+"""Time of an identification: Pellucid and the same method in plain NumPy and SciPy, on the EMPS recording.
 
-Two methods, each against what a user would write: filtered least squares with NumPy, and the fit of the simulated
-closed loop with SciPy's least squares and finite differences, around a plant compiled by Numba. Without Numba the
-second rival is left out. Without the recording (``PELLUCID_DATA``) a virtual joint's stands in. What is compared runs
-interleaved; figures are medians.
+Two methods are compared with code that a user would write: filtered least squares with NumPy, and the fit of the
+simulated closed loop with SciPy's least squares and finite differences, around a plant compiled by Numba. Without Numba
+the second reference is skipped. Without the recording (``PELLUCID_DATA``) that of a virtual joint replaces it. Compared
+runs are interleaved; figures are medians.
 """
 
 from __future__ import annotations

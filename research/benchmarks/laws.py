@@ -1,7 +1,7 @@
-"""One control step of the elbow's laws: the core beside the same law in Python, as a lab would write it.
+"""One control step of the elbow's laws: the core and the same law in Python, as a lab would write it.
 
-Both drive the same virtual robot on a person's arm first, and have to ask for the same torque. Then single steps are
-timed, each by itself, the two sides by turns; of the steps of all turns the median and the 99.9th percentile are told.
+Both drive the same virtual robot on a person's arm first, and must command the same torque. Then single steps are
+timed, both implementations by turns. The rows report the median and the 99.9th percentile over all steps.
 """
 
 from __future__ import annotations

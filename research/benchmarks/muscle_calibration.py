@@ -1,7 +1,7 @@
-"""How long it takes to calibrate a knee's muscles on five seconds: Pellucid beside SciPy with finite differences.
+"""Time to calibrate a knee's muscles on five seconds: Pellucid and SciPy with finite differences.
 
-Ten muscles and 55 parameters at 100 Hz, as of walking; the truth is drawn about the anatomical model. Both minimise the
-same cost from the same start; SciPy is even given the core's torque and differentiates it by differences. Arrays are
+Ten muscles and 55 parameters at 100 Hz, as of walking; true values are sampled about the anatomical model. Both
+minimise the same cost from the same start; SciPy uses the core's torque with finite differences. Arrays are
 muscle-major. Runs are interleaved; figures are medians.
 """
 

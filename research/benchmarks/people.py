@@ -1,9 +1,9 @@
-"""A whole study with virtual people: those who hold as well as reach, by either model, beside those who were frozen
-before, by turns.
+"""A whole study with simulated people: those who hold as well as reach, by either model, and the earlier frozen ones,
+by turns.
 
 The 2,400 movements of the published experiment, four conditions of 100 movements each for six people, on one robot and
-under the same laws. CPU time, since other work on the machine is none of theirs; of the free arm apart, where all make
-about the same motion.
+under the same laws. Rows give CPU time, which excludes other work on the machine. The free arm has its own rows,
+because all models make about the same motion with it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ._size import sized
 COMMON_EXPONENTS = (-0.5, -0.5)
 """Exponents k of equation 8 of Verdel et al. (Robotica 39, 2021), upwards and downwards.
 
-Five virtual people chose these values on most robots."""
+Five simulated people chose these values on most robots."""
 
 PEOPLE_COUNT = sized(6, smallest=1)
 """Number of people of each rig, the first of those whom the rig draws."""

@@ -1,8 +1,8 @@
-"""How fast the plant runs: the core beside the same plant in Numba, and beside MuJoCo called from Python.
+"""Speed of the plant: the core, the same plant in Numba, and MuJoCo called from Python.
 
 One joint with gravity, smooth Coulomb and viscous friction under a cascade loop at 1 kHz, 10 substeps a period, on one
 core. Then a motor and a link behind a compliant transmission with backlash, 4 substeps, with all terms of its friction.
-What is compared runs interleaved in one process; figures are medians, with the spread of the repeats in the note.
+Compared runs are interleaved in one process; figures are medians, with the spread of the repeats in the note.
 """
 
 from __future__ import annotations

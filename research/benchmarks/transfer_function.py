@@ -1,7 +1,7 @@
-"""How long a continuous-time transfer function takes: Pellucid beside a plain SciPy output-error fit.
+"""Time to identify a continuous-time transfer function: Pellucid and a plain SciPy output-error fit.
 
 Both start from the same transfer function and fit the same two poles and the same initial state to the same record. The
-plain one simulates with ``scipy.signal.lsim`` and differentiates by differences, as one would write it. Runs are
+plain one simulates with ``scipy.signal.lsim`` and finite differences, as a user would write it. Runs are
 interleaved; figures are medians.
 """
 

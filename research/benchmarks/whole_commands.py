@@ -1,11 +1,11 @@
-"""What whole commands cost beside what a user would otherwise run: processor seconds of fresh processes, by turns.
+"""Cost of whole commands and of the usual alternatives: processor seconds of fresh processes, by turns.
 
-- `version` beside an empty program; `report` of a study in which nothing changed beside the same.
-- `identify` of one long recording of a virtual joint beside pandas, which reads the same file, and a least squares fit
-  in NumPy and SciPy.
-- `simulate` of six people who point beside the same movements in memory, without a file; `assess` of them beside
+- `version` and, in an unchanged study, `report`, each compared with an empty program.
+- `identify` of one long recording of a virtual joint, compared with pandas, which reads the same file, and a
+  least-squares fit in NumPy and SciPy.
+- `simulate` of six people who point, compared with the same movements in memory; `assess` of them, compared with
   PyArrow, which reads the same files.
-- `fit_joint` called a second time beside a filter and NumPy's least squares on the same arrays.
+- second call of `fit_joint`, compared with a filter and NumPy's least squares on the same arrays.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The ABLE paper's experiment predicted by people who were set without a robot, beside what its six people did.
+"""Prediction of the ABLE paper's experiment by people with parameters from movement without a robot.
 
-As the chapter of `pellucid reproduce able`: robots from the friction that the paper prints to the elbow's own, every
-model of people by half, few movements and so newcomers'. Beside coverage stand widths, and the score of both together.
+The prediction is that of `pellucid reproduce able`. Robots have friction from the paper's value to the elbow's own,
+each model of people has half of them, and people make few movements, as beginners. Rows report coverage, widths, and
+the score of both. The paper's six people are the reference.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Does one result give one answer everywhere? Results are generated, and what each shows of its answer is compared.
+"""Consistency of answers: each generated result must give one answer in all its outputs.
 
-Joints are simulated by an equation of motion of their own, with effects that the fitted models lack, and written as
-files. Pointing studies draw what people do. What is compared: terminal, notebook, results.json, JSON, rows, findings,
-intervals and, of some, the page.
+Joints are simulated by a separate equation of motion, with effects that the fitted models lack, and written as files.
+Movements in pointing studies are random. Compared outputs are terminal, notebook, results.json, JSON, rows, findings,
+intervals and, for some, the page.
 """
 
 from __future__ import annotations
@@ -151,13 +151,13 @@ def contradictions(result: Result) -> Iterator[str]:
 def _answer_alone(answer: Answer) -> Iterator[str]:
     """Yield what an answer says against itself."""
     if answer.verdict == "yes" and answer.reason:
-        yield "a yes has a reason against it"
+        yield "the answer yes has a reason against it"
     if answer.verdict != "yes" and not answer.reason:
-        yield f"no reason is told for {answer.verdict}"
+        yield f"the answer {answer.verdict} has no reason"
     if not answer.next:
-        yield "no next step is told"
+        yield "there is no next step"
     if any(each.is_scale for each in answer.assumed) and answer.is_answered:
-        yield "a default scales every number, and the answer is told all the same"
+        yield "a default scales every number, but the question is answered"
     if answer.basis is not None and not 0 <= answer.basis.used <= answer.basis.recorded:
         yield f"{answer.basis.used} of {answer.basis.recorded} were used"
     bounds = re.search(r"within ([\d.]+) %\?$", answer.question)
@@ -185,7 +185,9 @@ def _against_rows(result: Result, answer: Answer) -> Iterator[str]:
 
 
 def _against_findings(result: Result, answer: Answer) -> Iterator[str]:
-    """Yield an answer of yes beside a finding that says that the figures are wrong."""
+    """Yield contradictions between the answer and the findings, such as yes with a finding that the figures are
+    wrong.
+    """
     if result.flaw and answer.is_answered:
         yield f"{answer.verdict}, and a finding says: {result.flaw[:80]}"
     if answer.verdict == "no" and any(v.finding == "prediction" and v.kind == "good" for v in result.verdicts):

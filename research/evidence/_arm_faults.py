@@ -1,10 +1,10 @@
-"""Single faults and healthy lives of whole arms that somebody wears under a supervised law of several joints.
+"""Single faults and healthy use of worn arms under a supervised law of several joints.
 
-Arms and wearers are drawn as those of `lab/arm`: cables, load friction, axes that are off, cuffs of padded skin, none
-of which the law is told. Each arm is identified from its own recordings. Instruments are as real ones are: drives and
-force sensors with a gain that is 5 % off, an offset of 1 % of the limit of effort, a lag of 0.3 to 2 ms, noise and a
-quantum; a second encoder at each joint. Thresholds were chosen on arms of `TUNING_SEEDS`; `SEED` was drawn for the
-proof alone.
+Arms and wearers are sampled as those of `lab/arm`: cables, load friction, misaligned axes, cuffs on soft tissue. The
+law knows none of these effects. Each arm is identified from its own recordings. Instruments have realistic errors.
+Drives and force sensors have a gain error of 5 %, an offset of 1 % of the effort limit, a lag of 0.3 to 2 ms, noise and
+a quantum. Each joint has a second encoder. Thresholds were chosen on arms of `TUNING_SEEDS`; `SEED` serves only this
+test.
 """
 
 from __future__ import annotations
@@ -90,11 +90,11 @@ DRIVE_FAULTS = ("drive_reversed", "drive_triple", "drive_stuck", "drive_dead", "
 """Faults of a drive or of its measurement, by the core's names."""
 
 LYING = ((0,), (1,), (0, 1))
-"""Which force sensors have a fault: that of the cuff round the upper arm, that of the handle, both."""
+"""Force sensors with a fault: that of the upper arm's cuff, that of the handle, both."""
 
 OWN_LIMITS = ("velocity", "range")
-"""Faults of limits that a drawn wearer runs into, who is faster or reaches further than the card allows: no false
-alarms, but counted beside them."""
+"""Faults of limits that a wearer exceeds by moving faster or farther than the card allows. They are not false alarms
+and are counted separately."""
 
 FORCE_LAW = "force_sensors"
 """Name of the law that reads force sensors."""

@@ -1,8 +1,9 @@
-"""People who point with four joints, and adapt, in drawn robots under laws built from cards: duration, EMG/Acc, torque.
+"""People who point with four joints, and adapt, in simulated robots with laws built from cards: duration, EMG/Acc,
+torque.
 
-Each robot is identified from its own recordings. Robots and people are drawn with seeds on which nothing was chosen;
-the same targets are pointed at without a robot. The plant has what no card has: elastic cables, cuffs, a shoulder that
-is off the robot's centre, reflexes, a carriage. Excitations are those of the joints' muscles: arms have no electrodes.
+Each robot is identified from its own recordings. Robots and people have held-out seeds; the same people
+point at the same targets without a robot. The plant has effects that no card has: elastic cables, cuffs, a shoulder off
+the robot's centre, reflexes, a carriage. Excitations are those of the joints' muscles: arms have no electrodes.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 ROBOT_SEED, PERSON_SEED = 20261130, 20261131
-"""Seeds of the drawn robots, and of the people who wear them."""
+"""Seeds of the robots, and of their wearers."""
 
 ROBOT_COUNT = sized(2, smallest=1)
 """Number of robots."""
@@ -34,15 +35,15 @@ TARGET_COUNT = sized(28, smallest=4)
 """Number of targets."""
 
 ADAPTING_COUNT = sized(8, smallest=0)
-"""Number of first movements that are not judged, for people adapt in them."""
+"""Number of first movements that are excluded because people adapt in them."""
 
 ASKED_SPEED_SHARE = 0.75
 """Share of the robot's largest joint velocities that people were asked to keep to, with and without it [1].
 
-A law's gate stops at 1.5 times these velocities; people at their own pace of this model pass it."""
+A law's supervisor stops at 1.5 times these velocities, which people of this model exceed at their own pace."""
 
 MIN_JUDGED_COUNT = sized(8, smallest=2)
-"""Smallest number of movements that are judged, where a block ended early."""
+"""Smallest number of evaluated movements, if a block ended early."""
 
 BOOTSTRAP_DRAWS = 2000
 """Number of resampled sets of pairs for an interval."""
@@ -61,17 +62,20 @@ def arm_pointing_rows() -> Iterator[ResultRow]:
     for law in LAWS:
         done = [pair for pair in pairs if f"{law}.duration" in pair]
         stopped, gated = (sum(pair[f"{law}.{what}"] for pair in pairs) for what in ("stopped", "gate"))
-        words = f"of {len(pairs)} pairs ended by the law's gate ({gated:.0f}) or by an arm thrown off its plan"
+        words = f"of {len(pairs)} pairs stopped by the law's supervisor ({gated:.0f}) or by an arm that left its plan"
         yield _row(f"{law}.stopped", stopped, "1", words)
         movements = sum(pair[f"{law}.made"] for pair in pairs)
-        words = f"movements made, of {len(pairs) * TARGET_COUNT}; {len(done)} pairs made enough to be judged"
+        words = f"movements made, of {len(pairs) * TARGET_COUNT}; {len(done)} pairs made enough for evaluation"
         yield _row(f"{law}.movements", movements, "1", words)
         if not done:
             continue
         for what, (unit, words) in MEASURES.items():
             yield _mean(f"{law}.{what}", [pair[f"{law}.{what}"] for pair in done], unit, words)
         for kind in KINDS:
-            words = f"EMG/Acc of moving joints, {kind.replace('_', ', ')}, against no robot; judged pairs {len(done)}"
+            words = (
+                f"EMG/Acc of moving joints, {kind.replace('_', ', ')}, relative to no robot; {len(done)} evaluated "
+                "pairs"
+            )
             yield _mean(f"{law}.emg_per_acc.{kind}", [pair[f"{law}.{kind}"] for pair in done], "1", words)
             words = f"the same with both sides of every joint, {kind.replace('_', ', ')}"
             yield _mean(f"{law}.emg_per_acc_both.{kind}", [pair[f"{law}.{kind}.both"] for pair in done], "1", words)
@@ -86,9 +90,9 @@ def arm_pointing_rows() -> Iterator[ResultRow]:
 MEASURES = {
     "duration": ("%", "change of the movements' duration from no robot"),
     "peak_velocity": ("%", "change of the hand's peak velocity from no robot"),
-    "corrections": ("1", "corrections of a movement more than without a robot"),
+    "corrections": ("1", "additional corrections per movement relative to no robot"),
     "torque": ("N*m", "RMS torque of the robot on the wearer's joints"),
-    "torque_learnt": ("1", "the same in the judged movements over that in the first"),
+    "torque_learnt": ("1", "the same in the evaluated movements over that in the first ones"),
 }
 """What is measured of every law: unit and words."""
 

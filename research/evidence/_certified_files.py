@@ -1,8 +1,8 @@
-"""Studies made of files and assessed by the command line: does it decide as the drawn changes ask for?
+"""Studies written as files and assessed by the command line: correctness of the decision for known changes.
 
-People point to targets in two conditions; in one of them their peak velocity changes by a drawn factor of their own.
-Each study is written as CSV files with its study.toml and handed to ``pellucid assess`` as a user would; what it says
-is read from results.json. Movements have minimum jerk, so that nothing but the drawn factor changes.
+People point to targets in two conditions; in one of them each person's peak velocity changes by a random factor.
+Each study is written as CSV files with its study.toml and handed to ``pellucid assess`` as a user would; its result is
+read from results.json. Movements have minimum jerk, so that only the random factor changes.
 """
 
 import json

@@ -104,7 +104,7 @@ def rows() -> Iterator[tuple[str, float, str, str]]:
     for name, some in (("false_transparent", changed), ("power", alike)):
         own = [tables[i] for i in some if i in tables]
         value = 100.0 * float(np.mean(own)) if own else 0.0
-        yield f"challenge.rival.t.{name}", value, "%", f"the rival: t tests of people's means, {len(own)} tables"
+        yield f"challenge.rival.t.{name}", value, "%", f"reference method: t tests of people's means, {len(own)} tables"
     for kind in ("table", "recordings"):
         own = [i for i in alike if truths[i].kind == kind]
         value = 100.0 * float(np.mean([said[i] == PASS for i in own])) if own else 0.0

@@ -124,7 +124,7 @@ def play_start(robot: DrawnRobot, index: int, start: int, seed: int = SEED) -> S
 
 
 def checked_robots() -> Iterator[tuple[DrawnRobot, DriveCheck]]:
-    """Yield every drawn robot with what its commissioning found."""
+    """Yield every simulated robot with the result of its commissioning."""
     for index in range(ROBOT_COUNT):
         robot = draw_robot(index)
         starts = [play_start(robot, index, start) for start in range(START_COUNT)]
@@ -132,7 +132,7 @@ def checked_robots() -> Iterator[tuple[DrawnRobot, DriveCheck]]:
 
 
 def commissioned_rows() -> Iterator[ResultRow]:
-    """Yield what commissioning found of all drawn robots."""
+    """Yield the results of commissioning all simulated robots."""
     made = list(checked_robots())
     wrong = sum(found.sign * robot.gain < 0.0 for robot, found in made)
     told = [(robot, found) for robot, found in made if math.isfinite(found.gain)]

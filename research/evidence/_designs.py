@@ -1,9 +1,9 @@
-"""Virtual studies of ordered sessions and of people who differ: false "transparent", and power.
+"""Simulated studies of ordered sessions and of people who differ: false "transparent", and power.
 
 - Periods: AB/BA in balance, the second session differs by up to two margins, the mean of changes is at the margin.
 - Unbalanced orders: 12 of 14 people have control first, with the same periods.
-- Carry-over: what a session with the robot leaves for the next hides the change as far as the declared largest one can.
-- Shares: people differ by a standard deviation of one margin about no change, so that a third of them lie beyond it.
+- Carry-over: the effect of a session with the robot on the next one hides the change, by the largest declared amount.
+- Shares: people's changes have mean 0 and a standard deviation of one margin, so that a third of them lie beyond it.
 - Power: normal people without change, of 12 to 400; steps of two people; with and without a period's effect.
 
 Each study is decided by `are_transparent`, whose parts are those of `certificate`.

@@ -1,9 +1,9 @@
-"""Virtual studies in which something else than the condition acts: what the certificate says of them, and the rivals.
+"""Simulated studies with another cause than the condition: results of the certificate and of reference methods.
 
-- Movements themselves, some of them missing, by the mixed model.
+- Movements, some of them missing, analysed by the mixed model.
 - A period's effect that hides a change at the margin, because more people began with control than with the robot.
 - A change that grows during the session, so that its mean lies within the margin and its end does not.
-- Slow movements that give no value, and movements that are cut off before they settle.
+- Slow movements without a value, and movements that are cut off before they settle.
 - Curves that touch their margin at one time.
 """
 
@@ -92,9 +92,13 @@ def of_learning(studies: int, mean: float, end: float) -> tuple[float, float]:
 
 
 def of_failures(studies: int, cap: float | None) -> tuple[float, float]:
-    """Share that says "transparent" of medians of 12 movements whose true change is the margin, and by the rivals: what
-    is not seen is left out, or taken for all of it. The slowest fifth of the robot's movements gives no value, or all
-    are cut off at `cap` times control's median [1]."""
+    """Return the share of "transparent" by the certificate and by the reference method, with a true change at the
+    margin.
+
+    Values are medians of 12 movements. The slowest fifth of the robot's movements has no value, or all are cut off at
+    `cap` times control's median [1]. The reference method ignores missing movements, or uses observed parts as whole
+    ones.
+    """
     rng = np.random.default_rng([SEED, 5, cap is None])
     who = [f"P{i}" for i in range(PEOPLE_COUNT)]
 
@@ -167,15 +171,19 @@ def rows(found: list) -> Iterator[tuple[str, float, str]]:
     yield "mixed_model.no_answer", max(each[1] for each in (model, more, none, powered)), "did not come to rest"
     yield "power.mixed_model", powered[0], "12 people, changes a third of the margin"
     yield "false_transparent.period", period[0], f"15 of 20 began with control, a period hides 0.4 of the margin, {at}"
-    yield "false_transparent.period.not_reckoned_with", period[1], "the rival: the mean alone, the same studies"
+    yield "false_transparent.period.not_reckoned_with", period[1], "reference method: the mean alone, the same studies"
     yield "power.order_stated", balanced[0], "20 people, orders in balance, changes a third of the margin"
     yield "power.order_not_stated", balanced[1], "the same studies without their order"
     yield "false_transparent.learning", growing[0], "the last third 1.3 margins from control, the mean 0.6, 20 people"
-    yield "false_transparent.learning.not_looked_for", growing[1], "the rival: the mean alone, the same studies"
+    yield "false_transparent.learning.not_looked_for", growing[1], "reference method: the mean alone, the same studies"
     yield "power.learning_looked_for", steady[0], "no trend, changes a third of the margin"
     yield "power.learning_not_looked_for", steady[1], "the same studies"
     yield "false_transparent.failed_targets", failed[0], f"the slowest fifth gave no movement, {at}"
-    yield "false_transparent.failed_targets.left_out", failed[1], "the rival: what gave no movement is left out"
+    yield (
+        "false_transparent.failed_targets.left_out",
+        failed[1],
+        "reference method: targets without a movement are excluded",
+    )
     yield "false_transparent.cut_off", cut[0], f"movements cut off at 1.08 of control's median, {at}"
-    yield "false_transparent.cut_off.taken_as_seen", cut[1], "the rival: what was seen of them is taken for all"
+    yield "false_transparent.cut_off.taken_as_seen", cut[1], "reference method: observed parts count as whole movements"
     yield "false_transparent.curve", curves, "6 people, the curve touches its margin at one time"

@@ -34,7 +34,7 @@ Generator = Callable[[np.random.Generator, float, float], tuple[np.ndarray, np.n
 
 
 def onset_rows() -> Iterator[ResultRow]:
-    """Yield the share of intervals that hold the onset and the mean error, by generator, rise and amplitude."""
+    """Yield the coverage of the onset's intervals and the mean error, by generator, rise and amplitude."""
     shares = []
     for name, make in (("amplitude", rising_amplitude), ("motor_units", recruited_motor_units)):
         for rise in RISES_S:
@@ -45,14 +45,14 @@ def onset_rows() -> Iterator[ResultRow]:
                 note = f"{RECORDINGS_PER_CELL} recordings, seed {SEED}"
                 yield ResultRow(f"{cell}.coverage", held, "%", "evidence", "heldout", None, note)
                 yield ResultRow(f"{cell}.error", 1e3 * errors, "ms", "evidence", "heldout", None, "mean absolute error")
-                rival = "of the threshold's crossing, the simplest rival"
+                rival = "error of the threshold crossing (reference method)"
                 yield ResultRow(f"{cell}.threshold_error", 1e3 * crossings, "ms", "evidence", "heldout", None, rival)
-    note = "lowest share of 95 % intervals that hold the onset, of all cells"
+    note = "lowest coverage of the onset by 95 % intervals over all cells"
     yield ResultRow("emg.onset.coverage.lowest", min(shares), "%", "evidence", "heldout", None, note)
 
 
 def _judge(make: Generator, rise: float, ratio: float) -> tuple[float, float, float]:
-    """Return the share of intervals that hold the onset [%], and mean absolute errors of onset and threshold [s]."""
+    """Return the coverage of the onset's intervals [%], and mean absolute errors of onset and threshold [s]."""
     rng = np.random.default_rng([SEED, round(1e3 * rise), round(ratio)])
     held, errors, crossings = [], [], []
     for _ in range(RECORDINGS_PER_CELL):

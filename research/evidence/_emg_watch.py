@@ -1,9 +1,9 @@
-"""Evidence for the watch of a running estimator, and for what raw EMG passes on its way to an envelope.
+"""Evidence for the check of a running estimator, and for the processing of raw EMG to an envelope.
 
-Recordings are public ones of a person who walks and runs. Channels are spoilt by gains outside the seconds that were
-fitted, and the estimators run sample by sample as a robot runs them. The torque that a change costs is that of the same
-estimator without a watch, so that what had to be named does not hang on the watch. The thresholds of the watch were
-written down before these spoilings were drawn, from the torque that may be lost.
+Recordings are public ones of a person who walks and runs. Channels are changed by gains outside the fitted seconds,
+and the estimators run sample by sample, as on a robot. The torque error of a change is that of the same estimator
+without a check, so that the required detections do not depend on the check. Thresholds of the check follow from the
+acceptable torque error and were fixed before these changes were sampled.
 """
 
 from __future__ import annotations

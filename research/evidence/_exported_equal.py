@@ -1,8 +1,8 @@
-"""Whether the supervisor that an export writes is the one that the virtual lab measures, number by number.
+"""Comparison of an exported supervisor with that of the virtual lab, number by number.
 
-Each law of a drawn robot, and each of a drawn knee, is exported from a study whose table ``[rig]`` is the one that the
-virtual rig writes, with the lab's limits, the robot's commissioned answer and the lab's identified cards. The numbers
-are read back from ``pellucid_constants.h``.
+Each law of a simulated robot and of a simulated knee is exported. The study's table ``[rig]`` is that of the virtual
+rig, with the lab's limits, the robot's commissioning response and the lab's identified cards. The numbers are read from
+``pellucid_constants.h``.
 """
 
 from __future__ import annotations
@@ -127,12 +127,12 @@ def elbow_study(worn: WornRobot, folder: Path) -> Study:
 
 
 def compare_knee_laws(knee_seed: int = TUNING_KNEE_SEED) -> list[tuple[str, str, float, float]]:
-    """Compare every number of the residual compensator that is worn somewhere with the one that is exported.
+    """Compare every number of each worn residual compensator with the exported one.
 
     Returns
     -------
     differing : list of tuple
-        Who wears it ("lab", "ranking" or "pointing"), name of the number, theirs and the exported one [SI].
+        Place of use ("lab", "ranking" or "pointing"), name of the number, its value there and the exported one [SI].
     """
     worn = _drawn_knee(knee_seed)
     with TemporaryDirectory() as folder:

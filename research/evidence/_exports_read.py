@@ -242,7 +242,7 @@ def muscle_comparisons() -> Iterator[tuple[str, float]]:
 
 
 def rows() -> Iterator[ResultRow]:
-    """Of exports that another program reads: how many there are, and of how many its efforts are not ours."""
+    """Yield the number of exports that another program reads, and the number with other efforts than ours."""
     with tempfile.TemporaryDirectory() as scratch:
         found = dict(comparisons(Path(scratch)))
     found |= dict(muscle_comparisons())

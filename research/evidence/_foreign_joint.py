@@ -1,9 +1,9 @@
-"""A joint that nothing of Pellucid simulates: a plain integrator, with friction written for it alone.
+"""Joint simulated without Pellucid: a plain integrator with its own friction model.
 
 The plant is one rigid body on an axis under gravity, integrated by Runge and Kutta's fourth-order method between the
 samples of a controller at 500 Hz. Friction is tanh-regularised dry friction and viscous friction, or a LuGre bristle
-[1]_; a payload may hang on it. Encoder and torque sensor have noise. Pellucid's own friction terms, plants and filters
-take no part.
+[1]_; a payload may be attached. Encoder and torque sensor have noise. Pellucid's friction terms, plants and filters are
+not used.
 
 .. [1] C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of systems with friction",
    IEEE Trans. Automatic Control 40, 1995.
@@ -54,7 +54,7 @@ dead_band = "0.05 rad/s"
 
 @dataclass(frozen=True)
 class ForeignJoint:
-    """Constants of a drawn joint, SI."""
+    """Constants of a simulated joint, SI."""
 
     inertia: float
     gravity: float

@@ -70,7 +70,7 @@ def follow(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return time, (n,), with angle and mean torque, (n, 2), of a joint under a PD loop with stiff gains.
 
-    `beside` is the torque that acts against the drive's at an angle [N*m].
+    The function `beside` returns the torque against the drive's at an angle [N*m].
     """
     n = round(seconds * RATE_HZ)
     omega = 2.0 * np.pi * 6.0

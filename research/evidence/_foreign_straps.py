@@ -1,14 +1,14 @@
-"""Straps between a limb and an orthosis that nothing of Pellucid simulates.
+"""Straps between a limb and an orthosis, simulated without Pellucid.
 
 A limb is moved by its wearer, and a strap pulls an orthosis along. Both bodies are integrated by the midpoint rule at
 4 kHz. Six kinds of strap have equations of their own:
 
 - plain: a spring and a damper;
 - hardening: a spring whose force is a hyperbolic sine of the stretch;
-- slack: two cuffs with a gap between them, which push only;
-- maxwell: beside the spring, a spring in series with a dashpot;
-- friction: beside the spring, cloth that rubs, as a Dahl bristle [1]_;
-- tissue: in series with the spring, a layer that is compressed: the less of it is left, the stiffer it is.
+- slack: two cuffs with a gap between them, which only push;
+- maxwell: parallel to the spring, a spring in series with a dashpot;
+- friction: parallel to the spring, rubbing cloth, as a Dahl bristle [1]_;
+- tissue: in series with the spring, a compressed layer, which stiffens as it becomes thinner.
 
 Encoders, the torque sensor and an IMU on a swaying thigh have noise. The orthosis's constants are handed over with
 drawn errors. Pellucid's strap (``strap.hpp``), rigs and filters take no part. Where its models are nearest to these

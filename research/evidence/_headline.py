@@ -66,7 +66,7 @@ COVERED_PARAMETERS = ("inertia", "gravity", "coulomb", "viscous")
 
 @dataclass(frozen=True)
 class Judged:
-    """The headline of one study, beside all computed models on held-out recordings."""
+    """The headline of one study compared with all computed models on held-out recordings."""
 
     effort_ratio: float  # its error of the effort over the smallest one
     simulation_ratio: float  # its error of the simulated position over that of least squares of its family
@@ -116,7 +116,7 @@ def public_headline(name: str, purpose: str) -> Judged:
 
 
 def judged(study: Study, found: JointResult) -> Judged:
-    """Return the headline of an identified study beside all computed models."""
+    """Compare the headline of an identified study with all computed models."""
     head = found.headlined.estimate
     held = [found.choice.direction.apply(m) for m in aligned_motions(study) if m.split == "heldout"]
     every = [e for fit in found.families.values() for e in (fit.estimate, *fit.others.values())]
@@ -144,9 +144,9 @@ def _simulation_error(estimate: JointEstimate, held: Sequence[Motion], study: St
 
 
 def simulated_rows(plants: int, plain: int) -> Iterator[ResultRow]:
-    """Coverage and width of intervals, and how much worse the headline is than the best model."""
+    """Yield coverage and width of intervals, and the error of the headline relative to the best model."""
     if missing := [module for module in ("mujoco", "pinocchio") if find_spec(module) is None]:
-        print(f"identification.headline: joints of other programs left out, found no {' and no '.join(missing)}")
+        print(f"identification.headline: joints of other programs skipped, found no {' and no '.join(missing)}")
         plants = 0
     joints, jobs = drawn_joints(plants, plain)
     found = ordered_results(jobs)

@@ -1,4 +1,4 @@
-"""What `init --from --yes` makes of real layouts: channels, roles and units beside hand-written templates.
+"""Results of `init --from --yes` on real layouts: channels, roles and units compared with hand-written templates.
 
 The truth of a layout is its template in the package, or, of the layouts without one, what its README says. A channel is
 right if study.toml gives its column that role and that unit. A fact that no file states, such as a load cell's unit or
@@ -6,9 +6,8 @@ a
 missing clock's rate, cannot be right: such a channel counts as right only if its line says ASKED, and these are counted
 apart. A wrong unit is one in silence if its line is not marked.
 
-Further layouts are made by a generator of its own (`tests/unit/made_layouts.py`): joints swung in plain NumPy, not by
-the
-core. They are judged apart, since the rules of inference were corrected on them, as they were on the public ones.
+Further layouts come from a separate generator (`tests/unit/made_layouts.py`): joints simulated in plain NumPy, not by
+the core. They have their own rows, since the rules of inference were corrected on them, as on the public ones.
 """
 
 from __future__ import annotations
@@ -318,7 +317,7 @@ def _rows(prefix: str, scores: Sequence[LayoutScore], what: str) -> Iterator[Res
         ("right", 100.0 * sum(s.is_right for s in scores) / len(scores), "%",
             f"layouts with every channel right; not: {wrong or 'none'}"),
         ("channels", channels, "1",
-            f"channels judged, {asked} of them by a fact that no file states and that was asked"),
+            f"evaluated channels; for {asked} of them the user was asked, because no file states the fact"),
         ("channels_right", 100.0 * right / channels, "%", "channels with the right column, role and unit"),
         ("wrong_unit_in_silence", len(silent), "1", "; ".join(silent[:8]) or "none"),
         ("questions.most", max(s.questions for s in scores), "1", "most questions of a layout"),

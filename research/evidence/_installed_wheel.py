@@ -24,7 +24,7 @@ UNITS = {
     "help_s": ("s", 1.0),
     "demo_s": ("s", 1.0),
 }
-"""Of each figure that the check prints: the unit in which a row gives it, and what it is multiplied by."""
+"""Unit of the row and factor of each figure that the check prints."""
 
 NOTES = {
     "wheel_bytes": "both wheels",
@@ -35,11 +35,11 @@ NOTES = {
     "help_s": "`pellucid --help` once more",
     "demo_s": "`pellucid demo`, on a machine that did other things too",
 }
-"""Of each figure, what it is of."""
+"""Description of each figure."""
 
 
 def rows() -> Iterator[ResultRow]:
-    """Of wheels that are built, repaired by auditwheel, and installed in such a root."""
+    """Yield rows of wheels that are built, repaired by auditwheel, and installed in such a root."""
     with tempfile.TemporaryDirectory() as made:
         # A copy, so that neither the checkout's dist/ nor its build folder is touched.
         folder = Path(made, "dist")

@@ -1,10 +1,10 @@
-"""What laws of a worn elbow make of friction that builds up over a travel before it slips.
+"""Control laws of a worn elbow with presliding friction.
 
-Five drawn robots that no constant was chosen on, each at every travel, each identified for itself with its travel
-measured; three people who took no part in choosing, five movements there and back under each law. The simplest rivals
-are no law at all (`unpowered`), the published FC, over which torques are told, and the law without dither. Dither is
-tried three times: `dithered` as it is offered (the law without it where the measured travel refuses it),
-`dithered_anyway` whatever was measured, and `dithered_slowly`, at 600 rad/s, which nobody is offered.
+Five held-out robots are simulated with every presliding travel, and each is identified separately, including its
+travel. Three held-out people make five movements there and back with each law. Reference methods are no law
+(`unpowered`), the published FC, relative to which torques are reported, and the law without dither. Dither has three
+variants. `dithered` is the exported law, without dither if the measured travel does not allow it. `dithered_anyway`
+ignores the measured travel. `dithered_slowly`, at 600 rad/s, is not exported.
 """
 
 from collections.abc import Iterator, Mapping
@@ -60,7 +60,7 @@ def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
     made = ordered_results(jobs)
     for i, (name, travel) in enumerate(TRAVELS.items()):
         of_travel = made[i * robots : (i + 1) * robots]
-        said = f"{robots} drawn robots that slip over {1e3 * travel:g} mrad"
+        said = f"{robots} simulated robots that slip over {1e3 * travel:g} mrad"
         for law in of_travel[0][1]:
             found = [laws[law] for _, laws in of_travel]
             over = np.array([one.torque for one in found]) / [laws[REFERENCE_LAW].torque for _, laws in of_travel]

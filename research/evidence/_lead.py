@@ -1,17 +1,18 @@
-"""By how much torque that EMG tells leads torque that motion tells: causal, at equal rates of false alarms.
+"""Lead of torque estimates from EMG over those from motion: causal, at equal false alarm rates.
 
-An event is where a joint's moment begins to rise, by inverse dynamics. Two detectors wait for it, each a linear map by
-ridge regression with a threshold: one hears envelopes, the other angles and their velocities of the same limb, backward
-differences, at the same instants. Map and threshold come from fitted events: the lowest threshold at which false alarms
-number at most one in twenty events. Other events judge. The lead is the time by which EMG's detector is earlier.
+An event is the onset of a rise of a joint's moment from inverse dynamics. Two detectors predict it, each a linear map
+from ridge regression with a threshold. One uses EMG envelopes; the other uses angles of the same limb and their
+velocities, by backward differences, at the same instants. Map and threshold come from fitted events: the lowest
+threshold with at most one false alarm in twenty events. Held-out events test both. The lead is the time by which EMG's
+detector is earlier.
 
 The envelopes of walking were filtered by those who published them, and whether causally is not said. Those of lifting
 come from software that runs in real time. Angles of both were filtered beforehand, which can only make motion look
 earlier.
 
-Force is told by ten old people's isometric contractions, whose force fluctuates while they hold: the lead is the shift
-at which the causal envelope goes best with what the force sensor says, and detectors of rises are fitted to others.
-The seated swings are virtual: muscles with elastic tendons, noisy EMG, and a person who plans.
+Force comes from isometric contractions of ten older people, whose force fluctuates while they hold. The lead is the
+shift with the best correlation of the causal envelope and the force sensor; detectors of rises are fitted on other
+people. The seated swings are simulated: muscles with elastic tendons, noisy EMG, and a person with feedforward control.
 """
 
 import os
@@ -66,7 +67,7 @@ ISOMETRIC_PEOPLE = sized(10, smallest=3)
 """Number of people whose contractions are read."""
 
 ISOMETRIC_SETTLING_S = 2.0
-"""First part of a contraction that is left out: the recordings begin when it has begun [s]."""
+"""First part of a contraction, which is excluded because recordings begin after its onset [s]."""
 
 EMG_BAND_HZ = (30.0, 450.0)
 """Causal band-pass of raw EMG [Hz]."""
@@ -81,10 +82,10 @@ FORCE_BAND_HZ = (0.3, 3.0)
 """Band in which force and envelope fluctuate while somebody holds [Hz]; the same causal filter for both."""
 
 MAX_SHIFT_S = 0.6
-"""Largest shift that is tried, either way [s]."""
+"""Largest shift that is tried in both directions [s]."""
 
 SEATED_SEED = 31101
-"""Seed of the virtual people who swing, on which nothing was chosen."""
+"""Held-out seed of the simulated people who swing."""
 
 SEATED_NAMES = sized(tuple(f"S{i}" for i in range(1, 9)), smallest=("S1",))
 """Bodies of the rig file."""
@@ -107,12 +108,12 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Leads:
-    """What two detectors found on the same judged events."""
+    """Detections of two detectors on the same test events."""
 
     emg: np.ndarray  # (k,) time of EMG's detection against the event's begin [s]; NaN for a miss
     motion: np.ndarray  # (k,) time of motion's detection against it [s]; NaN for a miss
     false_alarms: tuple[int, int]  # by EMG's detector and by motion's
-    seconds: float  # duration of the judged stretches
+    seconds: float  # duration of the test stretches
 
 
 def lead_rows() -> Iterator[ResultRow]:
@@ -133,15 +134,15 @@ def lead_rows() -> Iterator[ResultRow]:
 
 
 def rows_of(name: str, found: list[Leads], rival: str = "motion") -> Iterator[ResultRow]:
-    """Return the rows of one task, whose judged parts were fitted by none of the detectors that they judge.
+    """Return the rows of one task, whose test parts are held out from the detectors.
 
-    `rival` names what the second detector hears.
+    `rival` names the input of the second detector.
     """
     emg, motion = (np.concatenate([getattr(one, kind) for one in found]) for kind in ("emg", "motion"))
     alarms = [sum(one.false_alarms[i] for one in found) for i in (0, 1)]
     seconds = sum(one.seconds for one in found)
     note = (
-        f"{len(emg)} judged events in {seconds:.0f} s; missed {np.isnan(emg).sum()} by EMG, {np.isnan(motion).sum()} "
+        f"{len(emg)} test events in {seconds:.0f} s; missed {np.isnan(emg).sum()} by EMG, {np.isnan(motion).sum()} "
         f"by {rival}; false alarms {alarms[0]} and {alarms[1]}; thresholds fitted at {FALSE_ALARMS_PER_EVENT:g} an "
         "event or less"
     )
@@ -163,7 +164,9 @@ def rows_of(name: str, found: list[Leads], rival: str = "motion") -> Iterator[Re
 
 
 def walking(data: Path) -> list[tuple[list[Stretch], list[Stretch]]]:
-    """Return both halves of a minute on a treadmill, each judged by detectors of the other: the ankle's push-off."""
+    """Return both halves of a minute on a treadmill, each a test set for detectors of the other: the ankle's
+    push-off.
+    """
     folder = data / "lower_limb_walking"
     angles = ("hip_flexion_r", "knee_angle_r", "ankle_angle_r")
     whole = _stretch(folder, "ankle_angle_r_moment", -1.0, angles, zero=())
@@ -173,7 +176,7 @@ def walking(data: Path) -> list[tuple[list[Stretch], list[Stretch]]]:
 
 
 def lifting(data: Path) -> list[tuple[list[Stretch], list[Stretch]]]:
-    """Return trials of a person who lifts a box, each judged by detectors of the two others."""
+    """Return trials of a person who lifts a box, each a test set for detectors of the two others."""
     made = [
         _stretch(data / "lumbar_lifting" / trial, "L5_S1_Flex_Ext", 1.0, LIFTING_ANGLES, zero=("zeroEMG",))
         for trial in ("squat5kg", "stoop5kg", "squat15kg")
@@ -193,7 +196,7 @@ class Pull:
 
 
 def isometric_pulls(folder: Path) -> list[Pull]:
-    """Return every contraction in which EMG tells of force: of all agonists but the gastrocnemius."""
+    """Return every contraction with EMG of an agonist of the force, except the gastrocnemius."""
     fs, pulls = ISOMETRIC_RATE_HZ, []
     wide, band = (butter(2, edges, "bandpass", fs=fs, output="sos") for edges in (EMG_BAND_HZ, FORCE_BAND_HZ))
     slow = butter(2, ENVELOPE_LOWPASS_HZ, "lowpass", fs=fs, output="sos")
@@ -205,7 +208,7 @@ def isometric_pulls(folder: Path) -> list[Pull]:
             emg = np.asarray(columns[f"{sheet.split('.')[0]}.{number}"], float)
             force = np.asarray(columns[f"DNM.{number}"], float)
             if len(emg) != len(force):
-                print(f"mission.lead.force: {path.name}, {task}: left out, for EMG and force have other lengths")
+                print(f"mission.lead.force: {path.name}, {task}: skipped, because EMG and force differ in length")
                 continue
             known = np.isfinite(emg) & np.isfinite(force)
             emg, force = emg[known] - np.mean(emg[known]), force[known]
@@ -250,7 +253,7 @@ def best_shift(early: np.ndarray, late: np.ndarray) -> tuple[float, float]:
 
 
 def isometric(pulls: list[Pull]) -> list[tuple[list[Stretch], list[Stretch]]]:
-    """Return both halves of the people, each judged by detectors of the other half."""
+    """Return both halves of the people, each a test set for detectors of the other half."""
 
     def stretch(pull: Pull) -> Stretch:
         span = round(VELOCITY_SPAN_S * RATE_HZ)
@@ -265,7 +268,7 @@ def isometric(pulls: list[Pull]) -> list[tuple[list[Stretch], list[Stretch]]]:
 
 
 def seated() -> list[tuple[list[Stretch], list[Stretch]]]:
-    """Return each virtual person's second swing in the seated rig, judged by detectors of the first."""
+    """Return each simulated person's second swing in the seated rig as a test set for detectors of the first."""
     rig = load_seated_rig().changed({"difference.seed": SEATED_SEED})
     trials = [t for t in seated_trials(rig, SEATED_NAMES) if t.task == "swinging"]
     _, recordings, taken = record_in_memory(rig, trials, seed=SEATED_SEED)
@@ -317,7 +320,7 @@ def _part(whole: Stretch, part: slice) -> Stretch:
 
 
 def compare_detectors(fitted: list[Stretch], judged: list[Stretch]) -> Leads:
-    """Fit both detectors on the `fitted` stretches, and hold them against each other on the `judged` ones."""
+    """Fit both detectors on the `fitted` stretches, and compare them on the `judged` ones."""
     low, high = np.quantile(np.concatenate([s.moment for s in fitted]), (0.05, 0.95))
     level = low + EVENT_SHARE * (high - low)
     told, alarms = {}, {}

@@ -26,7 +26,7 @@ from research.benchmarks._size import sized
 from ._loads import ratio_interval
 
 SEED = 8200
-"""First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""
+"""First seed of the simulated wearers; constants were chosen on wearers 101 to 106."""
 
 WEARER_COUNT = sized(3, smallest=1)
 """Number of wearers, each with an orthosis of their own."""

@@ -1,6 +1,6 @@
-"""What a browser says of a session's pages: the times of their frames, who may connect, and what a closed page does.
+"""Measurements of a session's pages in a browser: times of frames, permitted connections, and effect of a closed page.
 
-A page cannot know when light leaves the screen. What is measured is when the browser drew a frame.
+A page cannot measure when light leaves the screen. The measured time is that at which the browser drew a frame.
 """
 
 import asyncio
@@ -158,7 +158,7 @@ def browser_rows(server: PageServer) -> Iterator[ResultRow]:
 
 
 def frame_times(browser: Any, address: str, beside: str | None = None) -> np.ndarray:
-    """Return the times between a page's frames, (n,) [s], while another page may be open `beside` it."""
+    """Return the times between a page's frames, (n,) [s], optionally with another page (`beside`) open."""
     pages = []
     for each in (beside, address):
         if each is not None:

@@ -1,9 +1,10 @@
-"""Loads and support on virtual robots: the load of one lift, what a law that carries it leaves, and a load that falls.
+"""Loads and support on virtual robots: load estimated from one lift, residual torque of a law that carries it, falling
+load.
 
-Robots and wearers are drawn as nowhere else. The plant has a motor behind an elastic transmission, friction that rises
+Robots and wearers are held out. The plant has a motor behind an elastic transmission, friction that rises
 towards rest and varies along the travel, a strap, and a wearer who reaches; laws and estimates have one rigid body from
-an identification. Plant and model share gravity, so that what is proven is that friction, strap, drive, sensors and
-wearer do not mislead.
+an identification. Plant and model share gravity, so that the result is a test of robustness to friction, strap, drive,
+sensors and wearer.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +30,7 @@ from pellucid_lab.processes import ordered_results
 from research.benchmarks._size import sized
 
 SEED = 20261127
-"""Seed of the drawn robots, wearers and loads; no constant was chosen on them."""
+"""Held-out seed of the simulated robots, wearers and loads."""
 
 PAIR_COUNT = sized(8, smallest=1)
 """Number of robots, each with a wearer of its own."""
@@ -101,7 +102,7 @@ def load_rows(pairs: int = PAIR_COUNT) -> Iterator[ResultRow]:
     yield row(
         "load.error", 100.0 * np.median(errors), "%",
         f"median of {n} loads; 90 % quantile {100.0 * np.quantile(errors, 0.9):.2g} %, largest "
-        f"{100.0 * errors.max():.2g} %; two held postures, the simplest rival: {100.0 * np.median(held):.2g} % and "
+        f"{100.0 * errors.max():.2g} %; two held postures (reference method): {100.0 * np.median(held):.2g} % and "
         f"{100.0 * np.quantile(held, 0.9):.2g} %",
     )  # fmt: skip
     yield row("load.within_5_percent", np.mean(errors <= 0.05), "1", f"share of {n} loads")

@@ -1,10 +1,11 @@
-"""Studies whose long movements are lost, and studies whose robot causes corrections backwards: false "transparent".
+"""Rates of false "transparent" in studies with lost long movements, and with backward corrections caused by the robot.
 
-- Losses: a table of movements, of which the robot's longest have no value; what they would have been counts. People's
-  mean change is at its margin, and the table is handed to `pl.assess`.
-- Corrections backwards: people's angles are made and measured by `pl.movement_indices`; studies are drawn from these
-  people and decided by `are_transparent`. The mean change of the time to rest, which is known from the angle without
-  noise and without filter, is at its margin, though primary movements are as fast as without the robot, or faster.
+- Losses: a table of movements in which the robot's longest have no value; the true change includes them. People's mean
+  change is at its margin, and `pl.assess` reads the table.
+- Corrections backwards: people's angles are simulated and measured by `pl.movement_indices`; studies are sampled from
+these
+  people and decided by `are_transparent`. The true mean change of the time to rest, from the angle without noise and
+  filter, is at its margin. Primary movements are as fast as without the robot, or faster.
 """
 
 from __future__ import annotations

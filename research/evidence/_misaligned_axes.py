@@ -1,9 +1,9 @@
-"""An elbow beside the robot's axis: what the carriage saves the skin, and where its travel says that the axis is.
+"""Elbow misaligned with the robot's axis: unloading of the skin by a carriage, and axis estimated from its travel.
 
-The wearer's axis is up to 15 mm off in the robot's plane, wanders along a curve while the elbow turns, and is tilted by
-up to 10 degrees. Skin gives under the cuff along the link, the carriage sticks until its friction is overcome, and
-markers tell its place. Markers of the forearm turn with the skin, more so towards the ends. The estimate has none of
-the wearer's numbers and another shape of the axis's path; geometry, skin and markers are assumptions, not recordings.
+The wearer's axis is displaced by up to 15 mm in the robot's plane, moves along a curve while the elbow turns, and is
+tilted by up to 10 degrees. Skin under the cuff is compliant along the link, the carriage has stiction, and markers
+measure its position. Markers on the forearm rotate with the skin, more towards the ends. The estimator knows no number
+of the wearer and assumes another shape of the axis's path. Geometry, skin and markers are assumptions, not recordings.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from pellucid.study.results import ResultRow
 from research.benchmarks._size import sized
 
 SEED = 20261203
-"""Seed of the drawn wearers. The method was made on 20261129; this seed was drawn once it was done."""
+"""Seed of the simulated wearers. The method was developed on 20261129; this seed is held out."""
 
 WEARER_COUNT = sized(200, smallest=4)
 """Number of drawn wearers."""
@@ -84,7 +84,7 @@ def misalignment_rows(count: int = WEARER_COUNT) -> Iterator[ResultRow]:
 
 
 def try_elbow(rng: np.random.Generator) -> WornElbow:
-    """Return what a drawn wearer's slow movements tell of their axis."""
+    """Return the axis estimated from a simulated wearer's slow movements."""
     t = np.arange(round(60.0 * FS_HZ)) / FS_HZ
     middle, amplitude = rng.uniform(1.2, 1.7), rng.uniform(0.6, 0.9)
     angle = middle + amplitude * np.sin(2.0 * np.pi * rng.uniform(0.12, 0.2) * t + 0.3 * np.sin(0.37 * t))

@@ -2,7 +2,8 @@
 
 The servo swings a pendulum (data set bam_xl330). Each recording is simulated from the measured state at the beginning
 of each stretch in which the drive is on: in open loop from the recorded voltage alone, and in closed loop from the
-recorded goal, with the servo's own proportional controller, as who trains a policy does. Three rivals go the same way:
+recorded goal, with the servo's own proportional controller, as in policy training. Three reference models are simulated
+in the same way:
 the models that the recordings' authors identified (M1 with constant friction, M6 with load-dependent friction), and
 MuJoCo's own armature, damping and frictionloss with the gravity torque, fitted to the simulated motion of the same
 four recordings that Pellucid fits, in open and in closed loop apart. No number is chosen on the four held-out

@@ -1,4 +1,4 @@
-"""Measure pages in a browser without a window: first screen, length, what is cut, contrast, distance of colours."""
+"""Measure pages in a browser without a window: first screen, length, clipped text, contrast, distance of colours."""
 
 from __future__ import annotations
 

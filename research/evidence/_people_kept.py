@@ -1,7 +1,7 @@
-"""Do people who were set without a robot keep their movements in one? The ABLE study, beside "nothing changes".
+"""Prediction of people's movements in a robot by models without one: the ABLE study, compared with "nothing changes".
 
-The figures are those of `python -m research.evidence people`, the study drawn smaller. The people are frozen
-(docs/design/frozen-participants.md): nothing of them was set by what anybody did in a robot.
+The figures are those of `python -m research.evidence people`, as a smaller study. The people are frozen
+(docs/design/frozen-participants.md): no parameter depends on movement in a robot.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,9 @@
-"""Table I of ABLE with its filters as printed, beside one filter on both sides.
+"""Table I of ABLE with its printed filters, and with one filter on both sides.
 
 The paper's sliding means are over 100 samples of current at 1 kHz and 40 of optical position at 179 Hz (section 3.3).
-It does not say whether they are centred, nor what passed over the encoder's angle. Both are taken as centred; the angle
-is filtered once with 40 of its own samples (40 ms) and once with as much time as 40 optical frames take (223 ms).
-Erratum A12 has the bias of means that look back. Robots are drawn around the committed rig.
+It does not state whether they are centred, or which filter the encoder's angle had. Both are taken as centred; the
+angle is filtered once with 40 of its own samples (40 ms) and once with as much time as 40 optical frames take (223 ms).
+Erratum A12 has the bias of trailing means. Robots are sampled around the committed rig.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from pellucid_lab.study import record_in_memory
 from research.benchmarks._size import sized
 
 SEED = 20261128
-"""Seed of the drawn robots and of the recordings."""
+"""Seed of the simulated robots and of the recordings."""
 
 ROBOT_COUNT = sized(3, smallest=1)
 """Number of drawn robots."""
@@ -54,7 +54,7 @@ def filter_rows(count: int = ROBOT_COUNT) -> Iterator[ResultRow]:
 
 
 def try_robot(index: int) -> dict[str, dict[str, float]]:
-    """Return Table I and the errors of the body of drawn robot `index`, with the printed filters and with ours."""
+    """Return Table I and the errors of the body of simulated robot `index`, with the printed filters and with ours."""
     rig = drawn_rigs(able_elbow(), index + 1, seed=SEED)[index]
     made = tuple(t for t in trials(rig) if t.protocol in COMPARED_PROTOCOLS)
     config, recordings, _ = record_in_memory(rig, made, seed=SEED + index)

@@ -1,8 +1,8 @@
-"""Muscles whose parameters are released in stated orders, on drawn people who swing, and who then swing faster.
+"""Calibration of muscles with parameters released in stated orders, on simulated people who swing, then swing faster.
 
 The plant is the seated rig's: muscles with elastic tendons and fibres that differ from anatomy in every constant,
-synergists whose shares wander, EMG with noise, hum and cross-talk, and flexors that no electrode sees. The model that
-is calibrated has rigid tendons and fixed shares. Every person is drawn with a seed that no constant was chosen on;
+synergists with varying shares, EMG with noise, hum and cross-talk, and flexors without electrodes. The model that
+is calibrated has rigid tendons and fixed shares. Every person has a held-out seed;
 orders and quantities are the paper's or stated in `pellucid_lab.papers.hill.release_orders`.
 """
 
@@ -35,7 +35,7 @@ from research.benchmarks._size import sized
 from ._loads import mean_interval, ratio_interval
 
 PEOPLE_SEED = 31007
-"""Seed of the drawn people: it gives the rig's eight bodies other muscles, nerves and limbs."""
+"""Seed of the simulated people: it gives the rig's eight bodies other muscles, nerves and limbs."""
 
 ADAM_STEPS = sized(600, smallest=60)
 """Iterations of Adam in each order, over all of its stages."""
@@ -60,7 +60,7 @@ def release_rows() -> Iterator[ResultRow]:
     people = [try_person(rig.changed({"difference.seed": PEOPLE_SEED}), rich, name) for name in NAMES]
     found = {key: np.array([one[key] for one in people]) for key in people[0]}
     orders = [name for name in RELEASE_ORDERS if name not in (ALL_AT_ONCE, STRENGTH_ALONE)]
-    yield _row("mission.release_orders", len(orders), "1", f"orders held against {ALL_AT_ONCE}: {', '.join(orders)}")
+    yield _row("mission.release_orders", len(orders), "1", f"orders compared with {ALL_AT_ONCE}: {', '.join(orders)}")
     for method in RELEASE_METHODS:
         whole = f"{method}.{ALL_AT_ONCE}"
         measures = {w: words for w, words in MEASURES.items() if w != "scatter" or method == SCATTER_METHOD}
@@ -92,7 +92,7 @@ MEASURES = {
     "distance": "distance from the true shape, shift of the optimal length and fastest shortening",
     "scatter": "difference between muscles from the two halves of the swing",
 }
-"""What is held against all at once, in words."""
+"""Quantities compared with those of all parameters at once, in words."""
 
 UNITS = {"heldout": "N*m", "faster": "N*m", "distance": "1", "scatter": "1"}
 """Units of `MEASURES`; the last two are RMS values in standard deviations among people."""

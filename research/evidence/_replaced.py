@@ -100,12 +100,12 @@ REPLACEMENTS: Mapping[str, Callable[[Channels], Channels]] = {
 
 @dataclass(frozen=True, eq=False)
 class ReplacedStudy(Study):
-    """A study in which every held-out file, and every file of a stream beside one, holds something else."""
+    """A study with other contents in every held-out file, including the files of its streams."""
 
     change: Callable[[Channels], Channels] = with_reversed_time
 
     def recordings(self, use: str | None = None, **options: Any) -> tuple[Recording, ...]:
-        """Return the recordings; what is read of held-out files is changed, and kept so."""
+        """Return the recordings, with changed contents of held-out files."""
         super().recordings("fit")
         with _changed_channels(self.change):
             super().recordings("validate")

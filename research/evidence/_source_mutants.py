@@ -1,8 +1,8 @@
 """Mutants of source text by rule: comparisons, signs, bounds, factors and operands, in C++ and in Python.
 
-A mutant is a text patch: a place in a file and what stands there instead. Comments, strings, messages, the descriptions
-of fields and the headers of loops are left out, and so are counters that stop at the largest 32-bit number, because no
-test lives long enough to see them.
+A mutant is a text patch: a place in a file and its replacement. Comments, strings, messages, descriptions of fields
+and headers of loops are excluded. So are counters that stop at the largest 32-bit number, because no test runs long
+enough to reach it.
 """
 
 from __future__ import annotations

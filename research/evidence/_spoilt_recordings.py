@@ -359,7 +359,7 @@ def _write_joint(folder: Path, files: list[Columns], channels: str) -> Path:
 
 
 Outcome = tuple[dict[str, tuple[float, float]], list[str], bool]
-"""Parameters with their standard errors, what was said, and whether the study was refused."""
+"""Parameters with their standard errors, printed messages, and whether the study was rejected."""
 
 
 def _tried(folder: Path) -> Outcome:

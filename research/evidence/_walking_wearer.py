@@ -36,7 +36,7 @@ from research.benchmarks._size import sized
 from ._loads import mean_interval, ratio_interval
 
 SEED = 8300
-"""First seed of the drawn wearers; constants were chosen on wearers 101 to 106."""
+"""First seed of the simulated wearers; constants were chosen on wearers 101 to 106."""
 
 FURTHER_SEEDS = sized((8310, 8320), smallest=())
 """First seeds of further wearers, of whom the laws of `FURTHER_LAWS` alone are worn."""

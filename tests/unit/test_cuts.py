@@ -46,7 +46,7 @@ def test_a_stretch_between_cuts_that_is_too_short_is_told(make_study):
     assert len(aligned_motions(study)) == 2
     (told,) = [fault for fault in check(study) if fault.kind == "short_stretch"]
     assert told.severity == "cut"
-    assert "found 20 samples between cuts, from 4.1 s to 4.195 s, expected at least 190; left out" in told.message
+    assert "found 20 samples between cuts, from 4.1 s to 4.195 s, expected at least 190; excluded" in told.message
 
 
 def test_an_exclusion_that_cannot_be_meant(make_study):
@@ -142,7 +142,7 @@ def test_a_last_row_that_is_cut_off_is_dropped_and_told(make_study):
     damaged = open_study(study.folder).recording("sweep")
     assert len(damaged) == 1999
     assert [cut.kind for cut in damaged.cuts] == ["gap", "damaged_rows"]
-    assert damaged.cuts[1].found == "left out 1 row that is damaged: line 701 has 2 fields, expected 3"
+    assert damaged.cuts[1].found == "excluded 1 row that is damaged: line 701 has 2 fields, expected 3"
 
 
 def test_a_recording_is_not_judged_by_itself(make_study):

@@ -1,4 +1,4 @@
-"""The controllers that `pellucid export` writes, compiled and worn by virtual people on plants that are not the core's.
+"""Controllers written by `pellucid export`, compiled and worn by simulated people on plants that are not the core's.
 
 What the plant shares with the core: nothing but the exported interface. `foreign_wearer.cpp` includes
 pellucid_controller.h and none of the core's headers; one generated file, which holds no plant, tells it where a flipped
@@ -10,9 +10,10 @@ of the effort limit, lags of 0.3 to 2 ms, noise and quanta. The drive's test at 
 wearer wherever the drive is measured or probed, and the probe on that wearer, in another posture and with friction that
 is another by a factor of 0.7 to 1.4. Rows that say so have a probe that was not commissioned.
 
-What a virtual wearer cannot prove: that people move, tremble, cramp and hold against a robot in no other way than these
-do; that a machine has no resonance, play or fault that nobody thought of here; that two faults never come together; and
-that a fault whose motion a wearer could make is told from that wearer. A figure of this proof bounds what was tried.
+Simulated wearers cannot prove that people move, tremble, cramp and resist a robot only in these ways. They cannot prove
+that a machine has no other resonance, backlash or fault, or that two faults never occur together. They also cannot
+prove that the supervisor distinguishes a fault from a voluntary movement with the same motion. A figure of this proof
+is valid for the simulated cases.
 
 Plants and wearers for choosing thresholds have seeds from `TUNING_SEED` on, those of the proof `JUDGED_SEED`.
 """
@@ -219,9 +220,9 @@ def healthy_lives(
     reaching: bool = False,
     jitter: bool = False,
 ) -> tuple[ForeignLife, ...]:
-    """Return healthy lives of all laws with every mishap, so many `hours` in all [h], each on a plant of its own.
+    """Return healthy use of all laws with every disturbance, `hours` in total [h], each on its own plant.
 
-    Wearers who are `reaching` never go to and fro. With `jitter` stamps jitter on a clock of 32 bits that turns over.
+    Wearers who are `reaching` never oscillate. With `jitter`, time stamps jitter on a 32-bit clock that overflows.
     """
     changed = {"reaching": float(reaching)}
     if jitter:

@@ -41,7 +41,7 @@ PLANT_FACTORS = (0.7, 1.4)
 """Smallest and largest ratio of a foreign plant's inertia, friction and gravity to the identified card's [1]."""
 
 CENTRE_ANGLE_RAD = 0.1
-"""Largest angle by which the centre of mass lies beside where the card has it."""
+"""Largest angle between the true centre of mass and the card's."""
 
 RIGID_SHARE = 0.3
 """Share of plants whose transmission is rigid [1]."""

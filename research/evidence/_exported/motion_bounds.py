@@ -1,8 +1,8 @@
-"""What a bound of motion or of observed torque would need and leave, where no force sensor tells a drive from a wearer.
+"""Bounds of motion or observed torque without a force sensor: required thresholds and remaining energy of faults.
 
-Without a force sensor the motion shows the sum of what wearer and drive do. Each bound here is a number that grows
-while a joint is shaken. Its threshold is the largest value that healthy wearers need; what it leaves is the energy that
-an added sine gives a wearer until the number passes that threshold.
+Without a force sensor the motion shows only the sum of the wearer's and the drive's torque. Each bound here is a
+quantity that grows while a joint oscillates. Its threshold is the largest value of healthy wearers. The remaining
+energy is that of an added sine on the wearer until the quantity exceeds the threshold.
 """
 
 from __future__ import annotations

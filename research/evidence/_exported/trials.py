@@ -35,11 +35,12 @@ REFERENCE_TAIL_S = 0.1
 """Time by which the run without a fault outlasts those with one."""
 
 MIN_EFFECT_J = 0.05
-"""A fault did something if its excess is at least this energy, or the supervisor acted, or `MIN_EFFECT_SHARE`."""
+"""Excess energy from which a fault has an effect; a reaction of the supervisor or `MIN_EFFECT_SHARE` also shows one."""
 
 MIN_EFFECT_SHARE = 0.05
-"""A fault did something if the drive's effort was on average this share of the effort limit beside the healthy run's,
-until its output was safe or the watch ended."""
+"""Mean difference between the drive's effort and that of the healthy run from which a fault has an effect.
+
+It is a share of the effort limit, until the output is safe or the observation ends."""
 
 COMMISSIONING_S = 3.0
 """Duration of the run in which a robot is commissioned."""
