@@ -66,8 +66,8 @@ GOALS = (
         "simulate over in memory",
         1.7,
         "`simulate` of six people who point, 2,400 movements, over the same in memory",
-        profile="Half of the additional time is raw EMG at 2 kHz, which the reference method does not simulate. A third "
-        "is safe writing of 585 MB of text; the rest is loading of code.",
+        profile="Half of the additional time is raw EMG at 2 kHz, which the reference method does not simulate. A "
+        "third is safe writing of 585 MB of text; the rest is loading of code.",
     ),
     Goal(
         "assess over reading",

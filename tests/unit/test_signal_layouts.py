@@ -270,7 +270,7 @@ def test_demonstrations_are_recordings(tmp_path, monkeypatch):
     monkeypatch.setenv("PELLUCID_MOST_COLUMNS", "23")
     columns = hdf5.read(path)
     assert columns.recordings == tuple(f"data.demo_{k}" for k in range(5))
-    with pytest.raises(RecordingError, match="7 recordings at the file's end are left out"):
+    with pytest.raises(RecordingError, match="7 recordings at the file's end are excluded"):
         columns[LEFT_OUT_COLUMN]
 
 

@@ -1,7 +1,7 @@
 """Recover the times at which samples were taken: remove packets delivered twice, and smooth time stamps that jitter.
 
 A packet that was delivered twice makes two rows with the same samples, the second stamped at the same time or a little
-later. The second row is left out. Stamps that jitter are smoothed over a window of neighbours, so that drift, pauses
+later. The second row is excluded. Stamps that jitter are smoothed over a window of neighbours, so that drift, pauses
 and changes of rate stay as they were stamped. The chosen window makes the positions agree best with the recorded
 velocities, or makes them smoothest over time if there are none.
 
@@ -102,7 +102,7 @@ def loses_samples_only(time: np.ndarray, spans: Sequence[slice], near: np.ndarra
     """Return whether the steps of `time`, (n,) [s], are whole numbers of the usual `step` [s] because samples are lost.
 
     The `spans` and the mask `near` are those of `sample_clock`. Stamps of an even clock that were rounded to whole
-    steps have such steps, too, but stay beside a straight line.
+    steps have such steps, too, but stay close to a straight line.
     """
     steps = np.diff(time)[near] / step
     if not steps.size or np.quantile(np.abs(steps - np.maximum(np.round(steps), 1.0)), 0.99) > MAX_EVEN_JITTER:

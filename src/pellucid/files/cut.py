@@ -1,4 +1,4 @@
-"""Cuts, the stretches of a recording that are left out, and the spans between them."""
+"""Cuts, which are excluded stretches of a recording, and the spans between them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BRIDGED_LOWPASS_PERIODS = 0.5
 
 @dataclass(frozen=True)
 class Cut:
-    """A stretch of a recording that is left out of every computation.
+    """A stretch of a recording that every computation excludes.
 
     Attributes
     ----------

@@ -105,7 +105,7 @@ def recording_part(recording: Recording, first: int, stop: int) -> Recording:
 def interpolate_at(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:
     """Interpolate samples, (n,) at `time`, (n,) [s], at the times `wanted`, (m,), by cubics through neighbours.
 
-    With `hold` the last sample counts instead. The result is NaN beyond the record and beside a missing sample.
+    With `hold` the last sample counts instead. The result is NaN outside the record and next to a missing sample.
     """
     n = len(time)
     if n < 2:

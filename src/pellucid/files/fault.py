@@ -57,7 +57,7 @@ def fault_of(
     end: str = "",
     of_channel: bool = True,
 ) -> Fault:
-    """Return a fault of a recording; its message says where, what was `found`, and at its `end` what was expected.
+    """Return a fault of a recording; its message states the place, `found`, and the expectation at its `end`.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def fault_of(
 def warn_if_held_out(fault: Fault, use: str) -> Fault:
     """Return the fault as a warning if it refuses a recording whose `use` is not to be fitted.
 
-    What a held-out recording holds is judged, however implausible it is. It reaches no fit, so it refuses no study.
+    A held-out recording is evaluated even if it is implausible. It reaches no fit, so it does not stop a study.
     """
     return replace(fault, severity="warn") if use != "fit" and fault.severity == "refuse" else fault
 

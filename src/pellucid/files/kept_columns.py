@@ -1,12 +1,12 @@
-"""Keep the columns of long files beside a study as numbers, so that text is parsed only once.
+"""Keep the columns of long files in a study's folder as numbers, so that text is parsed only once.
 
 A kept file is named after the checksums of its source file and of the readers. It consists of the user's seal, a line
-of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian float64. Only columns
-that are asked for are read. A file without this user's seal is written anew. Nothing is kept in a folder that cannot be
+of JSON (names, units, lengths, checksums) and the columns one after another, as little-endian float64. Only
+requested columns are read. A file without this user's seal is written anew. Nothing is kept in a folder that cannot be
 written, and no more than `MAX_KEPT_BYTES` altogether.
 
-A seal says that this user wrote a file: it holds the content's size, its checksum, and a mark that nobody makes without
-the key in the user's folder of settings.
+A seal shows that this user wrote a file: it holds the content's size, its checksum, and a mark that requires the key in
+the user's folder of settings.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Inspect a log of which no study tells anything: what each of its columns holds, and what is wrong with it.
+"""Inspect a log without a study: quantities of its columns, and their faults.
 
-Arrays in, findings out. What a column holds is guessed from its name and its unit (`quantity.py`); a finding that needs
-more than that is not made.
+Arrays in, findings out. The quantity of a column is guessed from its name and its unit (`quantity.py`); no
+finding requires more than that.
 
-Mark files that Pellucid stores beside a study, so that a stranger's files are not mistaken for the user's own.
+Mark files that Pellucid stores with a study, so that files of others are not mistaken for the user's own.
 
-The mark is a keyed hash. The key is drawn once, lies in the user's own folder of settings, and serves no other purpose.
+The mark is a keyed hash. The random key is in the user's folder of settings and serves no other purpose.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ class LogChannel:
 
     @cached_property
     def joint(self) -> str:
-        """What the name holds beside words for quantities, roles and units: the channel's joint."""
+        """Return the channel's joint: the words of its name other than those for quantities, roles and units."""
         return joint_words(self.name)
 
 
@@ -285,16 +285,16 @@ def _is_even_clock(x: np.ndarray) -> bool:
 
 
 def inspect_log(log: Log) -> tuple[LogFinding, ...]:
-    """Return what is wrong with the channels of a log, and what is remarkable about them, in the file's order.
+    """Return the faults and peculiarities of a log's channels, in the file's order.
 
-    One cause gives one finding: rows of garbage are left out before anything else is examined, and a channel that is
+    One cause gives one finding: rows of garbage are excluded before any other check, and a channel that is
     dead is not also called constant.
     """
     found: list[LogFinding] = []
     if log.lost:
         found.append(LogFinding("truncated", log.time or "time", f"the file ends with {log.lost}", NOTE_LEVEL))
     if log.damaged:
-        found.append(LogFinding("damaged_rows", log.time or "time", f"left out {log.damaged}", NOTE_LEVEL))
+        found.append(LogFinding("damaged_rows", log.time or "time", f"excluded {log.damaged}", NOTE_LEVEL))
     channels = {c.name: c for c in log.channels if len(c.samples) >= LOG_LIMITS.min_log_samples}
     if not channels:
         count = max((len(c.samples) for c in log.channels), default=0)
@@ -491,7 +491,7 @@ def _something_moves(channel: LogChannel, others: Mapping[str, LogChannel]) -> b
 
 
 def _rests_with_others(channel: LogChannel, others: Mapping[str, LogChannel], first: int, last: int) -> bool:
-    """Whether a stretch in which a channel is silent may be rest, because nothing that tells of it moves there.
+    """Return whether a stretch in which a channel is constant may be rest, because no related channel moves there.
 
     A joint may rest under a changing effort and away from its command, for friction holds it. Only a recorded velocity
     contradicts the rest of a position, and a recorded position that of a velocity. Everything else is measured with

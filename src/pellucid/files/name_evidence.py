@@ -121,7 +121,7 @@ _REMARK_WORDS = frozenset({
     "world", "base", "foot", "shank", "thigh", "leg", "hand", "forearm", "upper", "lower", "proximal", "distal",
     "medial", "lateral", "anterior", "posterior", "front", "back", "utc", "gmt", "unix", "robot", "host",
 })  # fmt: skip
-"""Words in brackets that say something of a column beside its quantity."""
+"""Words in brackets that describe a column other than by its quantity."""
 
 OTHER_QUANTITY_WORDS = {
     "length": {"length", "lmt", "mtlength"},
@@ -131,7 +131,7 @@ OTHER_QUANTITY_WORDS = {
 """Words of quantities that only muscles have."""
 
 _AMBIGUOUS_MUSCLE_WORDS = frozenset({"ma", "arm"})
-"""Words of a moment arm only beside a muscle: robots have arms, too."""
+"""Words of a moment arm only together with a muscle, because robots have arms, too."""
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,10 @@ def _with_quantity_of_unit(quantity: str | None, by_unit: str, unit: str) -> str
 
 
 def quantity_of_unit(unit: str) -> str | None:
-    """Return the quantity that a unit tells of a robot's channel: ``"mA"`` tells a current. None if it tells none."""
+    """Return the quantity that a unit implies for a robot's channel: ``"mA"`` implies a current.
+
+    None if it implies none.
+    """
     for quantity, si in (
         ("time", "s"), ("position", "rad"), ("position", "m"), ("velocity", "rad/s"), ("velocity", "m/s"),
         ("acceleration", "rad/s^2"), ("linear_acceleration", "m/s^2"), ("torque", "N*m"), ("force", "N"),
@@ -393,7 +396,7 @@ _UNIT_NAMES = frozenset({"Nm", "N*m", "N·m", "N.m", "mNm", "Ncm", "deg", "rad",
 
 _VALVE_WORDS = frozenset({"valve", "valves", "solenoid", "regulator", "heater", "pressure", "druck", "pression",
                           "presión", "presion", "pressione"})  # fmt: skip
-"""Words of what a voltage or a current may drive in place of a joint's motor, and of pressures, which are no torque."""
+"""Words of devices other than a joint's motor that a voltage or a current may drive, and of pressures."""
 
 _COMPUTER_WORDS = frozenset({"cpu", "gpu", "ram", "memory", "disk", "network", "thread"})
 """Words of a computer, whose load is no force."""

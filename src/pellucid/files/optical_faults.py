@@ -52,7 +52,7 @@ def find_optical_faults(recording: Recording) -> list[Fault]:
 
     lost = find_lost_end(optical.path)
     if lost:
-        add("cut", "truncated", "time", found=lost, expected="a whole file: what is incomplete is left out")
+        add("cut", "truncated", "time", found=lost, expected="a whole file; the incomplete part is excluded")
     for marker in optical.markers:
         _check_seen(optical, marker, add)
     if _check_optical_time(optical, add):
@@ -81,7 +81,7 @@ def _check_seen(optical, marker, add) -> None:
     if lasted > MARKER_LIMITS.max_unreported_loss_s:
         begun = optical.time[starts[longest]]
         found = f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after {begun:.6g} s"
-        add("note", "lost_marker", marker, found=found, expected="it in every frame; frames without it are left out")
+        add("note", "lost_marker", marker, found=found, expected="it in every frame; frames without it are excluded")
 
 
 def _check_optical_time(optical, add) -> bool:

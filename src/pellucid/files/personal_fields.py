@@ -147,7 +147,7 @@ def find_personal_columns(columns: Iterable[tuple[str, str]]) -> list[PersonalFi
 
 
 def _folded(label: str) -> str:
-    """Return a label in lower case, with blanks in place of all marks and between its words."""
+    """Return a label in lower case, with blanks instead of all marks and between its words."""
     spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", label)
     return " ".join(re.sub(r"[\W_]+", " ", spaced).casefold().split())
 

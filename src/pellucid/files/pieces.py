@@ -29,7 +29,7 @@ def pieces_between_cuts(recording: Recording, shortest: float) -> tuple[Recordin
     ----------
     recording : Recording
     shortest : float
-        Shorter pieces are left out [s].
+        Shortest duration of a piece; shorter ones are excluded [s].
 
     Returns
     -------

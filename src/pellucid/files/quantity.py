@@ -69,7 +69,9 @@ def quantity_of(name: str, unit: str = "") -> Quantity:
 
 
 def joint_words(name: str) -> str:
-    """Return what a column's name holds beside words for quantities, roles and units, in lower case: its joint."""
+    """Return a column's joint: the words of its name, in lower case, other than those for quantities, roles and
+    units.
+    """
     used = {word for words in QUANTITY_WORDS.values() for word in words}
     used |= COMMAND_WORDS | COMPUTED_WORDS | MEASURED_WORDS | {"joint", "motor", "value"}
     plain = re.sub(r"[\[(].*?[\])]", " ", read_name(name).bare)

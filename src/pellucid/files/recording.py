@@ -117,7 +117,7 @@ class Recording:
     cuts : tuple of Cut
         Stretches with defects, and those that study.toml excludes, in order of time.
     repeats : int
-        Number of rows that were left out because a packet was delivered twice.
+        Number of rows that were excluded because a packet was delivered twice.
     smooth_stamps : str
         Whether time stamps are smoothed: ``"automatic"``, ``"always"`` or ``"never"``.
     uncut : Recording or None
@@ -255,7 +255,7 @@ class Recording:
 
     @cached_property
     def fs(self) -> float:
-        """Sampling rate, one over the mean time step, gaps left out [Hz].
+        """Sampling rate, the reciprocal of the mean time step without gaps [Hz].
 
         Raises
         ------
@@ -383,7 +383,7 @@ def make_cut(recording: Recording, kind: str, channel: str, *, first: int, last:
 
 
 EMPTY_END_KIND = "empty_end"
-"""Kind of the cut that tells what was trimmed. It holds no sample of what is left."""
+"""Kind of the cut that describes trimmed samples. It contains no remaining sample."""
 
 MAX_TRIMMED_SHARE = 0.5
 """A recording is trimmed only if at least half of it is left. Chosen by judgement; no measurement is recorded."""

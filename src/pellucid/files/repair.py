@@ -19,7 +19,7 @@ MIN_FREE_FACTOR = 1.05
 
 @dataclass(frozen=True)
 class Repair:
-    """What was repaired.
+    """Result of a repair.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Repair:
     lost : str
         What the file lacked; empty for a file that was whole.
     removed : int
-        Number of bytes of an incomplete chunk that were left out.
+        Number of bytes of an incomplete chunk that were removed.
     """
 
     path: Path
@@ -36,10 +36,10 @@ class Repair:
     removed: int
 
     def line(self) -> str:
-        """Return what was done, in a sentence."""
+        """Return the result in a sentence."""
         if not self.lost:
             return f"{self.path}: whole, nothing to repair"
-        return f"{self.path}: repaired: it had {self.lost}; {self.removed} bytes left out"
+        return f"{self.path}: repaired: it had {self.lost}; {self.removed} bytes removed"
 
 
 def repair(path: Path, out: Path | None = None) -> Repair:

@@ -1,4 +1,4 @@
-"""Write XDF files append-only: whenever the writer is killed, what was written until then is readable.
+"""Write XDF files append-only, so that a file stays readable whenever its writer is killed.
 
 Each chunk goes to the file in one write. A file that was not ended has no footers, and perhaps half a chunk at its end:
 `seal_xdf` removes the half and adds the footers, and `chunks` walks over whatever is whole.
@@ -94,7 +94,7 @@ class XdfWriter:
 
     @classmethod
     def resume(cls, path: Path, end: int, streams: Mapping[int, XdfStream]) -> XdfWriter:
-        """Go on with a file whose first `end` bytes hold these streams; what is behind is removed."""
+        """Continue a file whose first `end` bytes hold these streams; later bytes are removed."""
         writer = cls.__new__(cls)
         writer.path, writer.streams = Path(path), dict(streams)
         os.truncate(path, end)
@@ -125,7 +125,7 @@ class XdfWriter:
         source: str = "",
         description: Mapping[str, str] | None = None,
     ) -> None:
-        """Add a stream with channels of (label, unit); `description` adds elements of text beside the channels."""
+        """Add a stream with channels of (label, unit); `description` adds elements of text after the channels."""
         made = "".join(
             f"<channel><label>{escape(label)}</label><unit>{escape(unit)}</unit></channel>" for label, unit in channels
         )
@@ -192,7 +192,7 @@ class Chunk:
 
 
 def chunks(data: bytes) -> Iterator[Chunk]:
-    """Yield the whole chunks of an XDF file's bytes; what is cut off at the end is left out.
+    """Yield the complete chunks of an XDF file's bytes, without an incomplete one at the end.
 
     Raises
     ------

@@ -113,8 +113,9 @@ def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _are_round_peaks(x: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return a mask of the runs that are tops of round peaks, which a coarse grid makes flat; levels beside them are
-    long too."""
+    """Return a mask of the runs that are tops of round peaks, which a coarse grid makes flat; their neighbouring
+    levels are long too.
+    """
     moved = np.abs(np.diff(x))
     small = 3.0 * float(np.median(moved[moved > 0.0]))
     reach, ends = np.arange(1, CLIP_LIMITS.max_level_samples), starts + lengths

@@ -16,7 +16,7 @@ MAX_SANE_MAGNITUDE = 1e9
 """Numbers beyond this are no measurement in any unit. Times may be larger: clocks count nanoseconds since 1970."""
 
 MAX_GARBAGE_SHARE = 0.1
-"""A block at either end has at most this share of the rows; what is wrong for longer is no edge."""
+"""Largest share of the rows in a block of garbage at either end."""
 
 MAX_SANE_BRIDGE_ROWS = 5
 """This many sane rows between two rows of garbage still belong to the block."""
@@ -78,7 +78,7 @@ def find_garbage(time: np.ndarray | None, channels: Mapping[str, np.ndarray]) ->
 
 
 MIN_ZEROED_RUNS = 3
-"""Fewest packets of zeros that are told from chance."""
+"""Fewest packets of zeros that are not attributed to chance."""
 
 MAX_ZEROED_SHARE = 0.2
 """Largest share of packets of zeros; with more, zeros are a state of the machine."""

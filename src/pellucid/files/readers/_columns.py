@@ -39,7 +39,7 @@ class Columns:
     facts : Mapping[str, str]
         Values of labelled lines above a text table, such as a sampling rate, without personal ones.
     personal : tuple of PersonalField
-        Fields that tell who was recorded; their values are left out.
+        Fields that identify the recorded person; their values are excluded.
     recordings : tuple of str
         Of a file with several recordings, such as demonstrations or episodes, the beginning that the names of each
         one's columns share, without the dot behind it; () for a file with one.
@@ -47,7 +47,7 @@ class Columns:
         What the file lacks at its end because its writer was stopped, such as an incomplete last row; ``""`` for a
         whole file. `values` hold everything before it.
     damaged : str
-        Rows that were left out because they do not have the columns of the others; ``""`` if there are none.
+        Rows that were excluded because they do not have the columns of the others; ``""`` if there are none.
     """
 
     path: Path
@@ -87,8 +87,8 @@ class Columns:
     def to_frame(self) -> pandas.DataFrame:
         """Return the numeric columns as a data frame.
 
-        Shorter columns end in NaN, so that streams of different lengths fit into one table. Columns that hold text are
-        left out.
+        Shorter columns end in NaN, so that streams of different lengths fit into one table. Columns of text are
+        excluded.
 
         Raises
         ------

@@ -92,12 +92,12 @@ class CommaEvidence:
 
     @property
     def either(self) -> str:
-        """First number in doubt: with a comma, or with a full stop beside whole numbers below a thousand."""
+        """Return the first ambiguous number: with a comma, or with a full stop among whole numbers below a thousand."""
         return self.ambiguous[","] or (self.ambiguous["."] if self.whole else "")
 
     @property
     def decimal(self) -> str | None:
-        """The decimal mark; None if no number tells it, or numbers contradict each other."""
+        """Return the decimal mark; None if no number shows it, or numbers contradict each other."""
         if self.comma or self.point:
             return None if self.comma and self.point else "," if self.comma else "."
         marks = [mark for mark, text in self.ambiguous.items() if text]

@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 COMPARED_TIME_S = 1.0
-"""A gap is told by the stamps of so long before it and behind it [s]."""
+"""Duration before and after a gap whose time stamps show it [s]."""
 
 MIN_COMPARED_SAMPLES = 400
-"""Of a slow stream at least so many samples are compared, if there are as many."""
+"""Fewest compared samples of a slow stream, if it has as many."""
 
 SPREAD_WINDOWS = 50
 """The usual spread of stamps is taken from so many windows of a stream."""

@@ -14,7 +14,7 @@ from ._caps import require_few_columns
 def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) -> None:
     """Add the numeric leaves of `value`, which the file `path` holds, to `into`, each shape (n,) float64.
 
-    Leaves that are not numeric are left out.
+    Leaves that are not numeric are excluded.
 
     Samples run down a matrix's columns, and along the longest side of an array of more dimensions.
     """

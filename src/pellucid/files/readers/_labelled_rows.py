@@ -14,7 +14,7 @@ MIN_LABELLED_SHARE = 0.9
 """Smallest share of the first rows that have the same labels."""
 
 MIN_LABELLED_ROWS = 10
-"""Fewest rows of which this is told."""
+"""Fewest rows for this decision."""
 
 SAMPLED_LINES = 200
 """So many lines are looked at."""

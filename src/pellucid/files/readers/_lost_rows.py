@@ -11,19 +11,19 @@ from pathlib import Path
 from ..._errors import RecordingError
 
 MAX_DAMAGED_SHARE = 0.05
-"""At most this share of a table's rows is left out as damaged. With more, the table is not understood."""
+"""Largest share of a table's rows that is excluded as damaged. With more, the layout of the table is unknown."""
 
 
 @dataclass
 class LostRows:
-    """Rows that were left out.
+    """Rows that were excluded.
 
     Attributes
     ----------
     count : int
         Number of rows.
     first : str
-        What was found in the first of them; "" without one.
+        Contents of the first of them; "" without one.
     """
 
     count: int = 0
@@ -31,7 +31,7 @@ class LostRows:
 
     @property
     def text(self) -> str:
-        """What was left out, for a message; "" if nothing was."""
+        """Return the excluded rows in words for a message; "" without any."""
         if not self.count:
             return ""
         rows = f"{self.count} rows that are" if self.count > 1 else "1 row that is"

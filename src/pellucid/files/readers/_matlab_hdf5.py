@@ -20,7 +20,7 @@ MAX_VALUES = 100_000
 def read_variables(path: Path) -> dict[str, Any]:
     """Return a file's variables by name; a struct is a mapping, a struct array or a cell array a list.
 
-    Matrices have their rows first, as in MATLAB. Objects, such as tables, are left out.
+    Matrices have their rows first, as in MATLAB. Objects, such as tables, are excluded.
     """
     import h5py
 

@@ -34,7 +34,7 @@ ARRAY_FIELDS = {"layout", "data"}
 """Fields of a multi-array of std_msgs; its layout only says how many numbers its data are."""
 
 MAX_NUMBERS_A_MESSAGE = 1000
-"""A message with more numbers than this is a picture, a scan or a map; its topic is left out."""
+"""A message with more numbers than this is a picture, a scan or a map; its topic is excluded."""
 
 MAX_CLOCK_DIFFERENCE_S = 60.0
 """Stamps that differ by more from the times of the log are of a clock with another start, such as a simulation's."""
@@ -214,7 +214,7 @@ def _nanoseconds(stamp: Mapping[str, Any]) -> int:
 
 
 def _stamp_of(message: Any) -> int:
-    """Return the time in a message's header, or beside its numbers [ns]; 0 if it has none."""
+    """Return the time in a message's header or among its fields [ns]; 0 if it has none."""
     parts = _as_mapping(message)
     if not isinstance(parts, Mapping):
         return 0

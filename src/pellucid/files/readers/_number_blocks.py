@@ -21,7 +21,7 @@ MIN_ARROW_FILE_BYTES = 400_000
 """Files from this size on are read with Arrow. To load it takes as long as to read three such files without it."""
 
 BLOCK_BYTES = 1 << 19
-"""A file is read in blocks of this size, so that its text takes little memory beside its numbers."""
+"""Size of the blocks in which a file is read, so that its text takes little memory compared with its numbers."""
 
 MISSING_WORDS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "missing")
 """Words that mean a missing sample, in lower case."""

@@ -20,7 +20,7 @@ MAX_SHARED_SHARE = 0.3
 """Two publishers have at most this share of the smaller one's rows in common: messages with the same stamp."""
 
 MAX_PUBLISHERS = 8
-"""At most so many publishers are told apart; more patterns of empty cells show something else."""
+"""Largest number of distinguished publishers; more patterns of empty cells have another cause."""
 
 
 def with_own_rows(columns: Columns) -> Columns:

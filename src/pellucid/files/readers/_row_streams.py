@@ -1,6 +1,6 @@
-"""Take a table apart whose rows are about different things by turns, and cells that hold lists.
+"""Split a table whose rows belong to different streams by turns, and cells that contain lists.
 
-Three forms are told by what the cells hold:
+The contents of the cells distinguish three forms:
 
 - A column of labels, ``time,joint,position``: each row is about the joint, motor or signal that it names.
 - Lists in cells, ``"['hip', 'knee']","[0.1, 0.2]"``, as pandas writes messages: a column for each place, or for each

@@ -1,7 +1,7 @@
-"""Collect the signals of nested values, and know the layouts in which programs keep names and units beside numbers.
+"""Collect the signals of nested values, including layouts in which programs store names and units apart from numbers.
 
 The layouts are Simulink's "Structure With Time", timeseries and Dataset, captures of dSPACE ControlDesk, and matrices
-beside which a list names the columns. Everything else is named by its dotted path, as `flatten` does.
+with a list of names of their columns. Everything else is named by its dotted path, as `flatten` does.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LABEL_KEYS = frozenset({
     "description", "jointnames", "joints", "dofnames", "musclenames", "muscles", "headers", "header", "fields",
     "fieldnames", "features", "markernames", "sensornames", "motornames",
 })  # fmt: skip
-"""Keys, folded, of lists that may name the columns of a matrix beside them."""
+"""Keys, folded, of lists that may name the columns of a matrix in the same struct."""
 
 LABEL_SUFFIXES = ("names", "labels", "columns", "channels", "joints")
 """Ends of the keys, folded, of lists that name the columns of one matrix: ``q_names`` those of ``q``."""
@@ -52,7 +52,7 @@ RATE_KEYS = frozenset({
 """Keys, folded, of a sampling rate [Hz]."""
 
 TIME_KEYS = frozenset({"time", "t", "times", "timestamp", "timestamps", "stamp", "tout"})
-"""Keys, folded, of the times of what stands beside them."""
+"""Keys, folded, of the times of signals in the same struct."""
 
 _RECORDING_LIST = re.compile(
     r"(?:.*[_\s-])?(?:trial|demo|episode|recording|run|rep|repetition|take|session|sweep|experiment|measurement|test)s?[_\s-]?\d*",
@@ -98,10 +98,10 @@ def texts_of(value: Any) -> tuple[str, ...]:
 
 
 def left_out_text(count: int) -> str:
-    """Return what says that the cap on columns has no room for so many recordings."""
+    """Return the message that the limit on columns excludes so many recordings."""
     return (
-        f"{count} recordings at the file's end are left out, because it then has more than {max_columns():g} "
-        "columns; to read them all the same: PELLUCID_MOST_COLUMNS=NUMBER"
+        f"{count} recordings at the file's end are excluded, because the file has more than {max_columns():g} "
+        "columns; to read all of them, set PELLUCID_MOST_COLUMNS=NUMBER"
     )
 
 
@@ -194,7 +194,7 @@ class Signals:
             flatten(value, name, self.values, self._path)  # type: ignore[arg-type]
 
     def _add_alike(self, parts: Mapping[str, Any], depth: int, are_recordings: bool) -> None:
-        """Add structs that are alike by their paths; the innermost ones that are recordings are told."""
+        """Add structs of the same form by their paths, and note the innermost ones that are recordings."""
         width = 0
         for i, (path, part) in enumerate(parts.items()):
             if are_recordings and len(self.values) + width > max_columns():
@@ -207,7 +207,7 @@ class Signals:
                 self.recordings.append(path)
 
     def _add_labelled(self, value: Mapping[str, Any], name: str, depth: int) -> None:
-        """Add a struct's fields; matrices with as many columns as a list beside them has names are named by it."""
+        """Add a struct's fields; a list names the columns of a matrix in the same struct if their numbers are equal."""
         keys = {key: folded(key) for key in value}
         lists = {keys[key]: found for key, item in value.items() if len(found := texts_of(item)) > 1}
         shared = next((found for key, found in lists.items() if key in LABEL_KEYS), ())
@@ -358,7 +358,7 @@ class Signals:
                 self._add_column(f"{place}.time" if place else "time", np.arange(n) / self._rates[place], "s")
 
     def _add_series(self) -> None:
-        """Add timeseries: those beside each other that share their times have one column ``time``."""
+        """Add timeseries; those in the same struct with the same times have one column ``time``."""
         for prefix, group in self._series.items():
             within = f"{prefix}." if prefix else ""
             first = group[0]

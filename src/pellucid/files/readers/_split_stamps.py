@@ -28,8 +28,8 @@ _TICKS_PER_S = {"n": 1e9, "u": 1e6, "micro": 1e6, "m": 1e3}
 def with_whole_stamps(columns: Columns) -> Columns:
     """Return columns in which each pair of seconds and nanoseconds is one column of seconds, at the place of the first.
 
-    A pair is told by its names, such as ``header.stamp.secs`` and ``header.stamp.nsecs``, and by its numbers: whole
-    seconds, a rest below one second, and a sum that advances.
+    A pair is recognised by its names, such as ``header.stamp.secs`` and ``header.stamp.nsecs``, and by its numbers:
+    whole seconds, a rest below one second, and a sum that advances.
     """
     joined: dict[str, tuple[str, np.ndarray]] = {}
     parts: set[str] = set()

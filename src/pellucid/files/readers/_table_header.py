@@ -285,7 +285,9 @@ def _groups(fields: list[str], names: list[str], width: int, *, repeated: bool) 
 
 
 def _counts_rows(body: Sequence[list[str]], width: int) -> bool:
-    """Whether the first column is an index of the rows: whole numbers that rise by one, or words beside numbers."""
+    """Return whether the first column is an index of the rows: whole numbers that rise by one, or words before
+    numbers.
+    """
     first = [fields[0].strip('"') for fields in body if len(fields) >= width - 1 > 0]
     if len(first) < 2:
         return False

@@ -1,7 +1,8 @@
 """Read text tables: comma, semicolon, tab or blanks between columns, any or no header, decimal point or comma.
 
-The first lines tell the layout. A table of plain numbers is then read in blocks by a library (`_number_blocks.py`), any
-other field by field. Both go through the file in blocks, so that a file of any size needs little beside its numbers.
+The first lines show the layout. A table of plain numbers is then read in blocks by a library (`_number_blocks.py`), any
+other field by field. Both go through the file in blocks, so that a file of any size needs little memory in addition
+to its numbers.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ def read(path: Path) -> Columns:
     ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a missing sample (NaN); ``true`` and
     ``false`` are 1 and 0. Stamps of a wall clock, such as ``2026-05-03 14:22:31.5`` or ``14:22:31.5``, become seconds
     since 1970 or since midnight. A row of units below the header gives the columns' `units`. Lines above it that have a
-    label and a value are the file's `facts`; those that tell who was recorded are left out, and `personal` says which.
-    An incomplete last row is left out, too. Columns may also be named on one line each, ``Channel 1: 'RF'``, as
+    label and a value are the file's `facts`; those that identify the recorded person are excluded, and `personal` lists
+    them. An incomplete last row is excluded, too. Columns may also be named on one line each, ``Channel 1: 'RF'``, as
     Biometrics' DataLOG does. Titles without a delimiter name no columns.
     """
     cut = cut_row(path)
@@ -504,9 +505,9 @@ class _Cells:
         return times
 
     def complaint(self) -> str:
-        """Return what is wrong with the column, for a message.
+        """Return the fault of the column, for a message.
 
-        Labels beside numbers are common; they matter only if a channel uses the column.
+        Columns of labels are common; they matter only if a channel uses them.
         """
         number, text = self.text or (0, "")
         if self.decimal is None:

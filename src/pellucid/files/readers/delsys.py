@@ -1,4 +1,4 @@
-"""Read text that Delsys's EMGworks and Trigno Discover export: each signal beside times of its own.
+"""Read text that Delsys's EMGworks and Trigno Discover export: each signal with its own times.
 
 A signal keeps its name, and its times are the column NAME.time. EMGworks names the times of every signal ``X[s]``
 below a line for each signal that begins with ``Label:``; Trigno Discover names them ``NAME Time Series (s)``. Slower

@@ -1,8 +1,8 @@
 """Read HDF5 files: every numeric dataset, named by its path, ``emg.biceps`` for ``/emg/biceps``.
 
-A dataset of several columns is numbered, ``emg.0``, ``emg.1``, ..., or named where an attribute or a list beside it has
+A dataset of several columns is numbered, ``emg.0``, ``emg.1``, ..., or named if an attribute or a list in its group has
 a name for each column; so is a field of a compound dataset. Attributes may state the unit and the sampling rate. Groups
-that differ in a number alone, such as demonstrations of a robot, are recordings. Pictures are left out.
+that differ in a number alone, such as demonstrations of a robot, are recordings. Pictures are excluded.
 """
 
 from __future__ import annotations

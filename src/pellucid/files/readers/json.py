@@ -255,7 +255,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _channel(value: Mapping[str, Any]) -> tuple[list[Any], str] | None:
-    """Return the samples and the unit of an object that is one channel: one array, and a name or unit beside it."""
+    """Return the samples and the unit of an object that is one channel: one array with a name or unit."""
     arrays = [item for item in value.values() if isinstance(item, list) and item]
     if len(arrays) != 1 or not _is_array(arrays[0]) or any(isinstance(item, Mapping) for item in value.values()):
         return None
@@ -291,10 +291,10 @@ def _item_names(items: Sequence[Mapping[str, Any]]) -> list[str] | None:
 
 
 def _are_recordings(items: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the objects of a list are recordings of their own: each holds a table, or arrays over time.
+    """Return whether the objects of a list are separate recordings: each holds a table, or arrays over time.
 
-    An object that is one row may hold arrays, too, such as the positions of all joints. Then a number beside them rises
-    from row to row, and no array rises within each.
+    An object that is one row may hold arrays, too, such as the positions of all joints. Then a number in the same
+    object rises from row to row, and no array rises within each.
     """
     tables = [_has_table(item) for item in items[:5]]
     if all(tables):

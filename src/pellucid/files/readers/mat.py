@@ -1,8 +1,8 @@
 """Read MATLAB files: version 5 and older with SciPy, version 7.3 with h5py, and those with objects with mat-io.
 
 A struct's fields are named by their dotted path, ``log.q``, and so are a table's variables; the times of a timetable
-are ``log.Time``, in seconds. `_signals` reads logs of Simulink, captures of dSPACE ControlDesk and matrices beside
-which their columns' names stand.
+are ``log.Time``, in seconds. `_signals` reads logs of Simulink, captures of dSPACE ControlDesk and matrices with names
+of their columns.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ LOGGING_CLASSES = ("timeseries", "tsdata.", "tscollection", "Simulink.Simulation
 
 
 def extra_libraries(path: Path) -> tuple[str, ...]:
-    """Return the libraries that this file needs beside those in `APART`: mat-io brings pandas, which loads slowly."""
+    """Return the libraries that this file needs in addition to those in `APART`: mat-io brings pandas, which loads
+    slowly.
+    """
     has_objects = _has_objects_in_hdf5(path) if _is_hdf5(path) else _has_subsystem(path)
     return ("matio",) if has_objects else ()
 

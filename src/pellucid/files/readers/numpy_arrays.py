@@ -1,7 +1,7 @@
 """Read NumPy's files: named arrays (.npz) and single arrays (.npy).
 
-An array of several columns is numbered, ``q.0``, ``q.1``, ..., or named by a list of as many texts beside it, such as
-``joint_names``; a field of a structured array is named. Objects, which could run a program, are not loaded.
+An array of several columns is numbered, ``q.0``, ``q.1``, ..., or named by a list of as many texts in the same file,
+such as ``joint_names``; a field of a structured array is named. Objects, which could run a program, are not loaded.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ NAME_KEYS = (b"names", b"labels", b"channels", b"columns")
 """Keys of a field's metadata that may name the entries of its lists."""
 
 DATA_SET_INFO = Path("meta", "info.json")
-"""What LeRobot writes beside the folders of its data: the names of each column's entries, and the rate."""
+"""File of LeRobot next to its folders of data, with the names of each column's entries, and the rate."""
 
 MAX_INFO_BYTES = 1_000_000
 """A data set's information has at most so many bytes; the longest, of hundreds of features, have a tenth."""

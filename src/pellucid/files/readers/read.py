@@ -31,7 +31,7 @@ from ._split_stamps import with_whole_stamps
 from ._unread_formats import UNREAD_FORMATS
 
 MAX_SNIFFED_BYTES = 4096
-"""A file with an unknown ending is judged by so many bytes at its beginning."""
+"""Number of first bytes that identify the format of a file with an unknown ending."""
 
 
 MIN_SNIFFED_NUMBERS = 8
@@ -171,7 +171,7 @@ def read(path: str | os.PathLike) -> Columns:
     Warns
     -----
     DamagedRowsWarning
-        If single rows of a text table do not have the columns of the others, or hold NUL bytes. They are left out.
+        If single rows of a text table do not have the columns of the others, or hold NUL bytes. They are excluded.
     TruncatedFileWarning
         If the writer of a text table or an XDF file was stopped. Everything up to the last complete row or chunk is
         read, and the warning names what is missing. A truncated file of another format is an error.
@@ -197,7 +197,7 @@ def read(path: str | os.PathLike) -> Columns:
     columns = read_columns(path)
     if columns.damaged:
         warnings.warn(
-            f"{Path(path).name}: left out {columns.damaged}; every other row was read", DamagedRowsWarning, stacklevel=2
+            f"{Path(path).name}: excluded {columns.damaged}; every other row was read", DamagedRowsWarning, stacklevel=2
         )
     if columns.lost:
         warnings.warn(
