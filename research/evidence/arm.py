@@ -1,15 +1,15 @@
-"""The whole arm: identified, asked to move, worn and deployed, on virtual arms and beside the tools that labs use.
+"""The whole arm: identification, excitation, wearing and deployment on virtual arms, compared with tools that labs use.
 
 The arms are those of the rig `able-arm`: cables with load friction that differs by direction, springs and gaps,
-Stribeck friction, ripple, axes that are off, drives and encoders with noise and delay. None of it is told to what
-identifies them, which is given a drawing whose bodies weigh 12 % too little. Plant and model share the equations of
-rigid bodies, and of friction those that a family has. Torques are judged on how recorded people moved in a robot of
-this kind, followed by the arm's own loops, which nothing was fitted to; where the recordings are not here, on generated
-reaching, and rows say so.
+Stribeck friction, ripple, misaligned axes, drives and encoders with noise and delay. The identification knows none
+of these effects and uses a drawing whose bodies weigh 12 % too little. Plant and model share the equations of
+rigid bodies, and of friction those that a family has. Torques are validated on held-out motion of recorded people
+in a robot of this kind, followed by the arm's own loops. Without these recordings, generated reaching replaces them,
+and rows state this.
 
-Gravity's error is the largest one over 500 postures within the stops, over the largest torque. Lifting and lowering
-lose different shares of the load, which is a factor on all that a joint feels, as a wrong gain would be: a payload of
-1.5 kg, weighed, tells it; what stated gains give stands beside.
+Gravity's error is the largest one over 500 postures within the stops, over the largest torque. Lifting and
+lowering lose different shares of the load. Like a wrong gain, this is a factor on the torque of a joint; a weighed
+payload of 1.5 kg identifies it. Results with stated gains are reported for comparison.
 """
 
 from collections.abc import Iterator, Sequence
@@ -54,7 +54,7 @@ from research.benchmarks._size import sized
 FAULTY = sized(4, smallest=1)
 """Drawn arms that have single faults: as many as joints, so that every fault is every joint's once."""
 ARMS = sized(5, smallest=1)
-"""Drawn arms beside the rig itself."""
+"""Number of sampled arms in addition to the rig itself."""
 SEEDS = sized(3, smallest=1)
 """Seeds with which the rig itself is recorded."""
 JOINT_COUNTS = sized((1, 2, 3, 4), smallest=(1, 2))
@@ -102,7 +102,7 @@ def identified_rows(found: Sequence[IdentifiedArm]) -> Iterator[ResultRow]:
     )
     yield row("gravity_error.stated_gains.worst", np.max(stated), "%", said)
     plain = [f.gravity["plain"] for f in found]
-    yield row("gravity_error.plain", np.median(plain), "%", f"no load friction, no payload: the simplest rival; {said}")
+    yield row("gravity_error.plain", np.median(plain), "%", f"no load friction, no payload (reference); {said}")
     share = 100.0 * np.mean([f.least_eigenvalue >= 0.0 for f in found])
     yield row("consistent", share, "%", f"every link's pseudo-inertia at least 0; {said}")
     for name in ("plain", "load", "best", "consistent"):
@@ -118,7 +118,7 @@ def identified_rows(found: Sequence[IdentifiedArm]) -> Iterator[ResultRow]:
 
 
 def directional_rows(by_count: dict) -> Iterator[ResultRow]:
-    """Sets by directions beside one body, for each number of joints."""
+    """Yield errors of directional parameter sets and of one body, for each number of joints."""
     names = {
         "one body, load friction": "load", "one body, plain friction": "plain", "sets, own": "sets_own",
         "sets, one side": "sets_printed", "sets, all": "sets_errata",
@@ -174,7 +174,9 @@ def asked(rig: ArmRig, name: str, seed: int) -> Asked:
 
 
 def excitation_rows(rig: ArmRig) -> Iterator[ResultRow]:
-    """Intervals of optimised motions beside random ones within the same limits, and beside one joint after another."""
+    """Yield interval widths of optimised motions, of random ones within the same limits, and of one joint after
+    another.
+    """
     jobs = [(asked, rig, "step_by_step", 1), (asked, rig, "optimised", 1), (asked, rig, "optimised", 2)]
     jobs += [(asked, rig, "random", 10 + i) for i in range(RANDOM)]
     steps, *others = ordered_results(jobs)
@@ -233,7 +235,7 @@ WIDTH = 0.05  # of the largest speed, over which a law's friction turns
 
 
 def worn_about(estimate: TreeEstimate, person: Person, posture: Sequence[float]) -> TreeCoupling:
-    """A robot as identified and who wears it, about a posture; cables are stiff here."""
+    """Return an identified robot and its wearer about a posture, with stiff cables."""
     import pellucid._core as core
 
     robot = core.KinematicTree(estimate.links(), np.array(estimate.robot.tree.gravity))
@@ -263,7 +265,7 @@ def worn_about(estimate: TreeEstimate, person: Person, posture: Sequence[float])
 
 
 def margin_rows(estimate: TreeEstimate) -> Iterator[ResultRow]:
-    """Of each law over postures and limbs: the least of each margin, joint by joint and together."""
+    """Yield the smallest margins of each law over postures and limbs, joint by joint and together."""
     person = Person("wearer")
     couplings = {name: worn_about(estimate, person, at) for name, at in POSTURES.items()}
     width = WIDTH * np.array([2.0, 2.2, 3.5, 3.5])

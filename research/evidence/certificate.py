@@ -1,4 +1,4 @@
-"""How often does the certificate say "transparent" of a condition that is not, and how often of one that is?
+"""Rates of "transparent" by the certificate for conditions that are not transparent, and for those that are.
 
 The studies are virtual, drawn and decided by thousands at once with `are_transparent`, whose parts are those that
 `pellucid assess` calls; `_certified_files.py` shows on studies made of files that the command line decides alike.
@@ -12,9 +12,10 @@ The studies are virtual, drawn and decided by thousands at once with `are_transp
 - The normal and the lognormal of sigma 1 are also what the test was calibrated with (other seeds); that a cell of these
   holds its level shows no more than that the calculation is right. The other shapes, those under `outside`, and other
   spreads were not used.
-- The rivals are Student's t, the bootstrap-t, and signed ranks, which are about the pseudo-median, in the same studies.
+- Reference methods are Student's t, the bootstrap-t, and signed ranks, which are about the pseudo-median, in the same
+studies.
 - Power is compared with a plan that draws from a large pilot of the same people, with all that is active.
-- What else acts, and movements in place of participants' values: `_doubted.py`; losses and corrections backwards:
+- Other causes, and movements instead of participants' values: `_doubted.py`; losses and corrections backwards:
   `_lost_and_corrected.py`; studies by a generator that knows nothing of the analysis: `_challenge.py`.
 """
 
@@ -45,7 +46,7 @@ DOUBTED_STUDY_COUNT = sized(400, smallest=8)
 """Number of simulated studies, one by one, of each case of `_doubted`."""
 
 RIVAL_STUDY_COUNT = sized(2000, smallest=20)
-"""Number of simulated studies of each cell of a rival that resamples."""
+"""Number of simulated studies of each cell of a reference method that resamples."""
 
 PILOT_COUNT = sized(60, smallest=2)
 """Number of pilot studies, of twelve people each, from which studies are planned."""
@@ -229,7 +230,7 @@ def rival_rows(studies: int) -> Iterator[ResultRow]:
     """Rate of false claims of other tests in the same studies, and of "no significant difference"."""
     for name in ("lognormal_1", "exponential", "one_in_five_slowed"):
         for n in PEOPLE_COUNTS:
-            words = f"the rival, {n} people, {SHAPES[name].words}, mean at the margin"
+            words = f"reference method, {n} people, {SHAPES[name].words}, mean at the margin"
             for method in ("t", "signed_rank"):
                 value = 100.0 * false_share(SHAPES[name], n, studies, method=method)
                 yield _row(f"certificate.rival.{method}.{name}.{n}", value, "%", words)
@@ -239,7 +240,7 @@ def rival_rows(studies: int) -> Iterator[ResultRow]:
     for n in (6, 12):
         drawn = draw_studies(SHAPES["normal"], n, RIVAL_STUDY_COUNT, spread=0.52).changes[:, :, 0]
         value = 100.0 * float(np.mean([signed_rank(each).p_value > 0.05 for each in drawn]))
-        words = f"the rival: signed ranks at 5 % find no difference, {n} people, their mean at the margin"
+        words = f"reference method: signed ranks at 5 % find no difference, {n} people, their mean at the margin"
         yield _row(f"certificate.rival.no_difference_found.{n}", value, "%", words)
 
 

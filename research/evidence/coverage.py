@@ -1,4 +1,5 @@
-"""Do intervals hold? On virtual elbows and benches richer than any model, against the bootstrap on real recordings.
+"""Coverage of intervals on virtual elbows and benches richer than any model, and comparison with the bootstrap on real
+data.
 
 120 elbows are drawn from the ranges of the rig's own file, each recorded with two noises while it follows constant
 velocities and the swept sine, and identified as one coherent body with friction by load. On every one are a gap, a
@@ -12,7 +13,7 @@ that grows towards rest; the model has none of these. Targets are the rig's, not
   exp(-(v/v_s)^2) at each sample's speed. A joint has one such share at each speed; over the protocol it has this mean.
 
 40 benches are drawn with every constant of the joint within half of that of the rig's own file, every other one with
-ripple, and identified as their studies ask, by the best of five families. Nothing of known weight hangs on them:
+ripple, and identified as their studies ask, by the best of five families. No known weight is attached to them:
 targets are the rig's inertia, gravity in sin q, and the mean of the shares of the load lost in lifting and lowering.
 
 Joints that other programs simulate (`_foreign_plants.py`: MuJoCo's hinge and tendon with its own friction, Pinocchio's
@@ -101,7 +102,7 @@ Pairs = list[tuple[Parameter, float]]
 
 @dataclass(frozen=True)
 class Elbow:
-    """One identification of a drawn elbow: parameters, their targets, and what would be compensated."""
+    """One identification of a simulated elbow: parameters, their targets, and what would be compensated."""
 
     parameters: dict[str, Parameter]
     targets: dict[str, float]
@@ -187,7 +188,7 @@ def compensated(
 
 def elbow_rows(found: list[Elbow]) -> Iterator[ResultRow]:
     """Coverage, width and refusals of each quantity, the worst of them, and what would be deployed."""
-    said = f"{len(found)} identifications of drawn elbows with unmodelled physics"
+    said = f"{len(found)} identifications of simulated elbows with unmodelled physics"
     pairs = {
         name: [(e.parameters[n], e.targets[n]) for e in found for n in members]
         for name, members in POOLED_PARAMETERS.items()
@@ -200,7 +201,7 @@ def elbow_rows(found: list[Elbow]) -> Iterator[ResultRow]:
 
 
 def _coverage_rows(pairs: dict[str, Pairs], head: str, wide: str, said: str) -> Iterator[ResultRow]:
-    """Of each quantity how often intervals hold, are refused, and how wide they are; and the worst of all."""
+    """Yield coverage, share not identifiable and width of each quantity's intervals, and the worst of all."""
     worst: dict[str, list[float]] = {"held": [], "statistical": [], "width": [], "refused": []}
     for name, every in pairs.items():
         read = [(p, t) for p, t in every if p.trusted]
@@ -219,7 +220,7 @@ def _coverage_rows(pairs: dict[str, Pairs], head: str, wide: str, said: str) -> 
         for key, value in figures.items():
             worst[key].append(value)
         own = f"{head}.{name}"
-        yield _row(own, figures["held"], "%", f"95 % intervals that hold the target; {said}")
+        yield _row(own, figures["held"], "%", f"coverage of the target by 95 % intervals; {said}")
         yield _row(f"{own}.statistical", figures["statistical"], "%", f"of coloured residuals alone; {said}")
         yield _row(f"{own}.refused", figures["refused"], "%", f"intervals refused in words; {said}")
         yield _row(f"{own}.bias", 100.0 * float(np.mean(error)), "%", f"mean error of the estimate; {said}")
@@ -339,7 +340,7 @@ def clean_rows(count: int) -> Iterator[ResultRow]:
 
 
 EXACT_PARAMETERS = ("inertia", "gravity", "viscous", "coulomb")
-"""Parameters of exact least squares; an offset is estimated beside them."""
+"""Parameters of exact least squares; an offset is estimated with them."""
 
 
 def exact_errors(joint: ForeignJoint, motion: np.ndarray) -> dict[str, float]:

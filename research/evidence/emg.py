@@ -1,8 +1,8 @@
-"""Torque from EMG beyond the recording it was fitted to: what changed is named, and where nothing holds is said.
+"""Torque from EMG beyond the fitted recording: detection of changed channels and of conditions without validity.
 
 Recordings are public ones of a person who walks. Their EMG is spoilt as laboratories spoil it, outside the seconds that
-are fitted: a floor that rises with a gain, as of an electrode stuck on anew, and two channels exchanged; then in many
-drawn ways. What is named is read from what `check` says, and torques from what `calibrate` finds.
+are fitted: a floor that rises with a gain, as of an electrode stuck on anew, and two channels exchanged; then in
+many random ways. Detections come from `check`, and torques from `calibrate`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ DRAWN = sized(300, smallest=3)
 STRETCH = 10.0
 """Length of each stretch that is spoilt [s]."""
 CHOICE_SETS = sized(("nmsm", "walking", "uci", "lifting"), smallest=("walking",))
-"""Sets on which the estimator that is named is held against the best."""
+"""Data sets on which the selected estimator is compared with the best."""
 CHOICE_JOINTS = sized(("knee", "ankle"), smallest=("ankle",))
 """Joints of walking and running on which it is."""
 MENDED = sized(60, smallest=1)  # spoilings whose torque is predicted
@@ -190,7 +190,7 @@ def rescaled_rows(study: Study) -> Iterator[ResultRow]:
     for name, (trial, words) in made.items():
         yield row(name, score(rest.torque, found.predict(trial)).r2, "1", words)
     yield row(
-        "unspoilt.ankle.motion.r2", score(rest.torque, bare.predict(rest)).r2, "1", "angles alone: the simplest rival"
+        "unspoilt.ankle.motion.r2", score(rest.torque, bare.predict(rest)).r2, "1", "angles alone (reference method)"
     )
 
 
@@ -229,7 +229,7 @@ def stretches(trial: TorqueTrial, seconds: float) -> list[TorqueTrial]:
 
 
 def drawn_rows(study: Study) -> Iterator[ResultRow]:
-    """Of many changes, the share that is named; of channels left alone, the share that is, too."""
+    """Yield the detection rate of many changes, and the false alarm rate of unchanged channels."""
     fitted, *held = moment_trials(study, "ankle")
     session, rng = FittedSession.from_trials([fitted]), np.random.default_rng(SEED)
     pieces = [piece for trial in held for piece in stretches(trial, STRETCH)]
@@ -248,7 +248,7 @@ def drawn_rows(study: Study) -> Iterator[ResultRow]:
         yield row(f"drawn.named.{kind.replace(' ', '_')}", np.mean(each), "1", words)
     yield from mended_rows(study)
     yield row("drawn.named", np.mean([one for each in told.values() for one in each]), "1", said)
-    yield row("drawn.wrongly_named", false / alone, "1", f"of channels left alone beside one that changed; {said}")
+    yield row("drawn.wrongly_named", false / alone, "1", f"unchanged channels with another that changed; {said}")
     clean = [len(session.compare(piece).changed) for piece in pieces]
     words = f"of channels in {len(pieces)} stretches as they were recorded"
     yield row("drawn.wrongly_named.unspoilt", sum(clean) / (len(clean) * len(session.muscles)), "1", words)
@@ -404,7 +404,7 @@ use = "validate"
 
 
 def running_study(study: Study, folder: Path, joints: Sequence[str]) -> Study | None:
-    """A copy of the walking study that is judged on running, too; None where that was not recorded."""
+    """Return a copy of the walking study with running as a test set; None without those recordings."""
     files = [data_set(WALKING) / f"run81_{name}.sto" for name in ("ik", "emgFilt", "id")]
     if not all(file.is_file() for file in files):
         return None
@@ -418,7 +418,7 @@ def running_study(study: Study, folder: Path, joints: Sequence[str]) -> Study | 
 
 
 def elsewhere_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
-    """Running at 8.1 km/h judged by five seconds of walking at 3.6: is it said first that nothing holds?"""
+    """Yield whether a model of five seconds of walking at 3.6 km/h is reported as invalid for running at 8.1 km/h."""
     running = running_study(study, folder, joints=("ankle",))
     if running is None:
         yield row("run81.said_not_to_hold", None, "1", f"the recordings at 8.1 km/h are not in {WALKING}")
@@ -437,14 +437,14 @@ def elsewhere_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
 
 
 def choice_rows() -> Iterator[ResultRow]:
-    """The estimator that is named first beside the one that turns out best, on every set at hand.
+    """Yield the error of the selected estimator relative to the best one, on every available data set.
 
-    The rule was written on its principle: tests away from what was fitted, each counted the same, and one standard
-    error. What was known before: figures of all estimators on walking, running and crouching, published with an
+    The rule follows from its principle: tests away from the fitted data, with equal weights, and one standard error.
+    Known before were figures of all estimators on walking, running and crouching, published with an
     earlier rule, and the errors of the tests there. After them linear regression was no candidate any more, because
     nothing of it is chosen, and muscles that anatomy does not hold came behind those that it does; on the crouching
-    set the first form of the rule gave 1.01. The width of its bands was settled with their coverage on both in view. Of
-    the tests on people who extend their legs nothing was looked at.
+    set the first form of the rule gave 1.01. The width of its bands was settled with their coverage on both in view.
+    The tests on people who extend their legs were not inspected.
     """
     with tempfile.TemporaryDirectory() as folder:
         walking = walking_study(Path(folder) / "walking")
@@ -528,7 +528,7 @@ def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
             where = ".".join(filter(None, (chosen.what, judged.recording)))
             if name == "nmsm":
                 yield row(
-                    "choice.over_best.nmsm", ratio, "1", f"{where}, each trial left out, chosen without it; {words}"
+                    "choice.over_best.nmsm", ratio, "1", f"{where}, each trial held out, chosen without it; {words}"
                 )
                 continue
             yield row(f"choice.over_best.{name}.{where}", ratio, "1", words)
@@ -570,7 +570,9 @@ def export_rows() -> Iterator[ResultRow]:
     replaced = said.count(FAULTS.index("changed"))
     how = f"{on_m4.steps} steps of the exported test vector, {replaced} of them with a changed channel; {what}"
     yield row("watch.c.wrong_bits", on_m4.wrong if replaced else None, "1", how, "simulated")
-    how = f"{what}, and faults: {on_m4.steps} steps, torque and stiffness; Cortex-M4F in QEMU beside this machine"
+    how = (
+        f"{what}, and faults: {on_m4.steps} steps, torque and stiffness; Cortex-M4F in QEMU compared with this machine"
+    )
     yield row("export.wrong_bits", on_m4.wrong, "1", how, "simulated")
     said = (
         f"mean over the motion, QEMU -icount shift=0; the costliest step {on_m4.most}, which makes up for a missed one"

@@ -1,8 +1,8 @@
-"""Files that could harm, and files that could be lost: damage in every format, kills, a full disk, commands at once.
+"""Harmful and lost files: damage in every format, killed processes, a full disk, concurrent commands.
 
-Everything runs in this process's forks: start-up is paid once. What is counted is what a user would meet: an exception
-that is none of Pellucid's own or of the system's, a command that dies, takes more than 10 s or more than 1 GB, an
-artefact that is not whole, a row that is gone.
+Everything runs in this process's forks: start-up is paid once. Rows count failures that a user
+would see: an exception other than Pellucid's or the system's, a command that dies or takes more than 10 s or 1 GB, an
+incomplete artefact, a lost row.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ SLOW_MB_PER_MB = 500.0
 
 
 def rows() -> Iterator[ResultRow]:
-    """Of the damage, of kills and full disks, and of commands at once."""
+    """Yield rows on damage, killed processes and full disks, and concurrent commands."""
     before = {name: os.environ.get(name) for name in ("PELLUCID_TRACEBACK", "PATH", "OPENBLAS_NUM_THREADS")}
     # Nothing is compiled here: no compiler is found. An exception comes through as one.
     os.environ.update(PELLUCID_TRACEBACK="1", PATH="", OPENBLAS_NUM_THREADS="1")
@@ -403,7 +403,7 @@ def kills(scratch: Path, command: str) -> list[Outcome]:
 
 
 def broken(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Files of a study that are not whole, and why; what is unfinished has a hidden name."""
+    """Yield incomplete files of a study with the reason; unfinished files have a hidden name."""
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or any(part.startswith(".") for part in path.relative_to(folder).parts):
             continue

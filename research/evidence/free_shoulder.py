@@ -1,10 +1,10 @@
-"""What does a shoulder that is not held do to the published laws of the elbow, which their paper leaves open?
+"""Effect of a free shoulder on the published laws of the elbow, which their paper does not state.
 
-Five drawn robots, each worn by one of five drawn people; the elbow is driven by position control (CLPC) or by full
-compensation (FC), with constants found while the shoulder was held. The shoulder is held by PI; or free, its weight
-carried, and kept still by its wearer; or free and moved, in reaching with the whole arm as recorded people did where
-their recordings are here, else in generated reaching. Each figure is the mean over the five; `over_held` is the ratio
-to the same law with the shoulder held, of pairs, its mean.
+Five simulated robots, each worn by one of five simulated people; the elbow is driven by position control (CLPC) or by
+full compensation (FC), with constants found while the shoulder was held. The shoulder is held by PI; or free, its
+weight carried, and kept still by its wearer; or free and moved, in reaching with the whole arm as recorded people did
+where their recordings are here, else in generated reaching. Each figure is the mean over the five; `over_held` is the
+ratio to the same law with the shoulder held, of pairs, its mean.
 
 Plant and laws share no model: the plant has cables with gaps, load friction and cuffs, the laws have a few numbers of
 one joint. No constant of either was chosen by these figures.

@@ -1,4 +1,4 @@
-"""Is friction below slip found where it is, and does it help? On drawn benches, against LuGre, on real machines.
+"""Detection and benefit of presliding friction on simulated benches, with LuGre, and on real machines.
 
 20 benches are drawn with every constant of the joint between half and one and a half times the rig's own, and record
 small slow reversals, three files of 20 s around two angles each, of which one is held out. Their travels are 0, 0.3, 1
@@ -13,7 +13,7 @@ and 3 mrad; the model that slips at once, and the load, come from the same files
 What counts as found, and the search, were settled on benches drawn with another seed (99). The error is the root mean
 square over benches, one whose travel is not found counted as wrong by all of it.
 
-On real recordings, families are fitted and judged as their studies say, with and without the travel, which is found
+On real recordings, families are fitted and validated as in their studies, with and without the travel, which is found
 from the fitted ones alone: by the search that a study makes, and by simulating those recordings from their command. The
 ModExo's public recordings hold no friction to look at: their torque is a number in its software, which renders an
 inertia, a damper and a spring, and no family of friction simulates what was recorded at 20 Hz.
@@ -77,7 +77,7 @@ SUBSTEP_COUNT = 4
 """Number of simulation steps in a control period."""
 
 DEAD_BAND_RAD_S = 0.02
-"""Speed below which samples are left out of the fit in slip alone [rad/s]."""
+"""Speed below which samples are excluded from the fit in slip alone [rad/s]."""
 
 BAM_FAMILIES = sized(("symmetric", "directional", "load", "stribeck", "combined"), smallest=("symmetric", "load"))
 """Friction families that are tried on the recorded servo."""
@@ -97,7 +97,9 @@ def rows(benches: int = BENCH_COUNT) -> Iterator[ResultRow]:
             )
             yield from _travel_rows(found, travel, lugre) if travel else _slip_rows(found)
     yield from bam_rows()
-    yield _row("real.modexo.openloop.change", None, "%", "not judged: the torque is one of its software", "heldout")
+    yield _row(
+        "real.modexo.openloop.change", None, "%", "not evaluated: the torque is a number in its software", "heldout"
+    )
     if find_spec(f"{__package__}._laws_below_slip") is not None:
         yield from import_module("._laws_below_slip", __package__).rows()
 

@@ -1,14 +1,14 @@
-"""Are noise and distortion told apart? On systems where both are known, against what a coherence tells.
+"""Separation of noise and distortion on systems where both are known, compared with the coherence.
 
 Three systems under random-phase multisines: a Wiener-Hammerstein system (a filter, a saturating curve, a filter) whose
 coloured noise is about as strong as its distortion; the virtual bench joint under its own controller, with friction,
 stiction and sensors, where distortion is far above noise; and the same joint with the current's noise twenty times as
-large, which no loop feeds back. Truth is simulated apart from what is judged, with other seeds: distortion as the
+large, which no loop feeds back. True values are simulated separately, with other seeds: distortion as the
 variance over hundreds of realisations without noise, noise as the variance over repeated noise at one realisation, both
 about the best linear approximation of those hundreds.
 
-Ratios are of sums over groups of neighbouring lines. The rival is Welch's: 1 less the coherence says what is not
-explained, and nothing says of what kind it is. A linear system tells how often distortion is found where there is none.
+Ratios are of sums over groups of neighbouring lines. The reference method is Welch's: 1 minus the
+coherence is the unexplained share, without its kind. A linear system shows the false alarm rate for distortion.
 """
 
 from __future__ import annotations
@@ -95,7 +95,9 @@ def rows(experiments: int = EXPERIMENT_COUNT, realisations: int = TRUE_REALISATI
             "%",
         )
     every = np.concatenate(joined, axis=1)
-    yield _row("coherence.ratio", worst_median(every), f"the rival: unexplained over true noise, {_spread(every)}")
+    yield _row(
+        "coherence.ratio", worst_median(every), f"reference method: unexplained over true noise, {_spread(every)}"
+    )
     p = np.array([linear_p(seed) for seed in range(LINEAR_EXPERIMENT_COUNT)])
     yield _row(
         "size",
@@ -106,7 +108,7 @@ def rows(experiments: int = EXPERIMENT_COUNT, realisations: int = TRUE_REALISATI
 
 
 def worst_median(ratios: np.ndarray) -> float:
-    """Of groups of lines the median over experiments, (e, g), that is furthest from 1."""
+    """Return the median over experiments of the group of lines, (e, g), that is furthest from 1."""
     medians = np.median(ratios, axis=0)
     return float(medians[np.argmax(np.abs(np.log(np.maximum(medians, 1e-12))))])
 
@@ -199,7 +201,9 @@ def truth(system: System, realisations: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def judged(system: System, seed: int, noise: np.ndarray, distortion: np.ndarray) -> list[np.ndarray]:
-    """Of one experiment: estimated over true noise, distortion, and the rival's one level over true noise, by group."""
+    """Return noise, distortion and the reference method's level of one experiment relative to the true ones, by
+    group.
+    """
     motion, rng = system.motion(seed, REALISATION_COUNT), np.random.default_rng([seed, 1])
     played = [(motion.reference(m), *system.play(motion.reference(m), 1, True, rng)) for m in range(REALISATION_COUNT)]
     begin = motion.settle * motion.samples

@@ -2,23 +2,24 @@
 
 - soak: pairs of runs at 1 kHz, in turn. A bare loop sleeps until each deadline and does nothing else. The live run has
   the virtual elbow with its law and supervisor, EMG of 8 channels at 2,048 Hz as a stream that is taken in, the
-  recorder, and the page where there is one. What may come on top of the bare loop is stated: half as many late cycles
-  again and five more, half the 99th percentile again and 50 us. Rows say by how much the worst pair is beyond that.
+  recorder, and the page where there is one. The permitted increase over the bare loop is stated: half as many late
+  cycles again and five more, half the 99th percentile again and 50 us. Rows say by how much the worst pair is beyond
+  that.
 - faults: one every 10 s, in turn, while the wearer moves: numbers that are none, a frozen encoder, a clock that jumps
   ahead or back, silence, an engine that does not run, a session that is silent, and a source of EMG that is killed and
   started again. Safe is a supervisor that has stopped within the stated bound and stays so until the operator's reset;
   where the law needs nothing of what was lost, it is one that runs on within its limits.
 - states: sequences of actions on the engine's state, every short one on a simulated clock and drawn ones on processes.
-- killed: engine, recorder and session at random moments. After each the file of the trial is read with pyxdf as it
-  lies there, and what the region held at that moment and the file does not is lost. A killed session's processes must
+- killed: engine, recorder and session at random moments. After each the trial's file is read with pyxdf, and data in
+  shared memory that the file lacks count as lost. A killed session's processes must
   end by themselves.
 - replay: every command of the sessions above, computed again by the core's Python module from session.xdf.
-- udp: the virtual elbow in a process of its own behind UDP, on another clock. What its drive was asked for is compared
-  with the law in this process that was given the same readings.
-- logs: what the supervisor would have stopped of logs that another lab published, in samples, for they have no clock.
+- udp: the virtual elbow in a process of its own behind UDP, on another clock. Commands of its drive are
+  compared with those of the law in this process from the same readings.
+- logs: stops of the supervisor on logs that another lab published, in samples, because the logs have no clock.
 
 Engine and replay compile the same headers; that the supervisor's thresholds are right is shown elsewhere (`safety`).
-The figures hold for this machine at its load. The simplest rival is the bare loop.
+The figures hold for this machine at its load. The reference method is the bare loop.
 """
 
 import json
@@ -296,7 +297,7 @@ def soak_rows(folder: Path, cards: Path) -> Iterator[ResultRow]:
     worst_said = ", ".join(f"{b.worst_us:.0f} and {live.deadlines.worst_us:.0f} us" for b, live in pairs)
     load = f"load of {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores"
     granted = "with SCHED_FIFO" if all(live.fifo for _, live in pairs) else "without SCHED_FIFO, which is not permitted"
-    yield _row("soak.seconds", len(pairs) * RUN_S, "s", f"live, beside as long a bare loop; {granted}, {load}")
+    yield _row("soak.seconds", len(pairs) * RUN_S, "s", f"live, and a bare loop of equal duration; {granted}, {load}")
     yield _row(
         "late_cycles.beyond_bound",
         max(0.0, *late),

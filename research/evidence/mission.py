@@ -1,19 +1,21 @@
-"""What the three papers claim or want, beyond their equations, tables and figures: measured, each beside its rival.
+"""Claims and aims of the three papers beyond their equations, tables and figures, measured and compared with a
+reference.
 
-- anticipation (KNEE, sections 1.4 and 1.5; HILL, section 1): by how much torque from EMG is told before motion tells it
-  (`_lead`).
+- anticipation (KNEE, sections 1.4 and 1.5; HILL, section 1): lead of torque estimates from EMG over those from
+  motion (`_lead`).
 - loads and support (ABLE, sections 1 and 6): the load of the first lift, laws that carry it, a load that falls, and a
   law that carries part of the forearm (`_loads`).
-- what the lead buys a controller in interaction torque (`_lead_control`).
+- reduction of interaction torque by that lead (`_lead_control`).
 - a walking wearer (KNEE, title and section 4.2): laws worn on a thigh that moves, at three speeds (`_walking_wearer`).
 - orders in which muscles' parameters are released, and swings faster than those that were fitted (HILL, sections 3.3
   and 5; `_release_orders`).
 - pointing with four joints under laws built from cards (ABLE, sections 4 and 6; `_arm_pointing`).
 - people who were set without a robot (ABLE, section 5; `_people_kept`).
-- drift of strap and friction while a knee orthosis is worn (KNEE, section 4.2): what following it can save (`_drift`).
-- misaligned axes (ABLE, section 2.1): what a carriage saves, and where its travel says that the axis is
+- drift of strap and friction while a knee orthosis is worn (KNEE, section 4.2): benefit of online estimation
+(`_drift`).
+- misaligned axes (ABLE, section 2.1): benefit of a carriage, and the axis estimated from its travel
   (`_misaligned_axes`).
-- filters as printed (ABLE, section 3.3): what they do to Table I (`_printed_filters`).
+- filters as printed (ABLE, section 3.3): their effect on Table I (`_printed_filters`).
 """
 
 from collections.abc import Iterator

@@ -75,7 +75,7 @@ JUDGES: dict[str, tuple[str, ...]] = {
     "unexplained_energy_watch": ("unexplained_energy_watch",),
     "watchdog": ("watchdog",),
 }
-"""Tests of tests/core that judge each header of include/pellucid, the quickest first. rest.hpp is not among them: it
+"""Tests of tests/core for each header of include/pellucid, the quickest first. rest.hpp is not among them: it
 solves for the friction of virtual joints at rest, and no supervisor uses it."""
 
 PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
@@ -93,8 +93,9 @@ PYTHON_JUDGES: dict[str, tuple[frozenset[str] | None, tuple[str, ...]]] = {
         ("test_supervisor_thresholds",),
     ),
 }
-"""For each module of pellucid.controllers the functions and classes that are mutated beside its constants, None for
-all, and the tests of tests/unit that judge them."""
+"""Mutated functions and classes of each module of pellucid.controllers (None: all), and their tests in tests/unit.
+
+Constants are always mutated."""
 
 
 @dataclass(frozen=True)
@@ -310,7 +311,9 @@ def all_mutants() -> tuple[Mutant, ...]:
 
 
 def judged(mutants: Sequence[Mutant], count: int, seed: int) -> list[Verdict]:
-    """Return what became of `count` mutants in the order that a seed draws; those that do not compile are left out."""
+    """Return the verdicts on `count` mutants in the random order of a seed; mutants that do not compile are
+    excluded.
+    """
     order = [mutants[i] for i in np.random.default_rng(seed).permutation(len(mutants))]
     verdicts: list[Verdict] = []
     with tempfile.TemporaryDirectory(prefix="pellucid-mutants-") as folder, ThreadPoolExecutor(WORKERS) as pool:

@@ -1,12 +1,13 @@
-"""Does every page answer first, and does one number have one value? Pages are made as a user makes them, and looked at.
+"""Checks of pages made as a user makes them: the answer comes first, and each number has one value.
 
 The demo is run by its command, and its seconds are its clock's. Further pages are reports of public data sets whose
 identification takes seconds, an audit, a proposal and a trial of the same files, and two recorded stops. Chromium opens
 each at 1,280 and 420 pixels, in light and in dark, with every folded part opened for what is counted but lengths. A
 value's id on a page is that of a row of results.json: its digits must be the same wherever it stands, on every page,
-and must be that row's, rounded. What is not marked with an id is not compared.
+and must be that row's, rounded. Numbers without an id are
+not compared.
 
-Answers are compared beside it: of generated results (`_answers`), and of every study whose page is looked at, the page
+Answers are compared too: of generated results (`_answers`), and of every study whose page is looked at, the page
 with results.json. Output blocks of pages that a reader types along are compared with what is printed now.
 """
 

@@ -1,14 +1,14 @@
-"""How far virtual people are those that were measured: set without a robot, tried on what they were not set by.
+"""Validation of simulated people: parameters from movement without a robot, evaluated on held-out data.
 
-Pointing under instructions (`human_pointing`; whoever's files are there): a person is one weight, set on instructions
+Pointing under instructions (`human_pointing`; every person with files): a person has one weight, fitted on instructions
 1, 3 and 5, with traits that are the same under all, and priors from the others (`pellucid_lab.pointing.instructed`);
 then instructions 2 and 4 are simulated with weights in between, by movements of the core's model of a person, cut as
-the people's are. The rival takes geometric means of the person's own times and spreads under the neighbouring
-instructions.
+the people's are. The reference method takes geometric means of the person's own times and spreads under the
+neighbouring instructions.
 
-Reaching in a robot (`hug_mp`, knee to mouth, elbow), which only judges, for these people wear one: the median person
-of the lab's population over the person's own amplitude, against the range of 80 % of the person's repetitions. The
-rival is the minimum jerk with the person's own duration.
+Reaching in a robot (`hug_mp`, knee to mouth, elbow) is only a test set, because these people wear a robot: the median
+person of the lab's population over the person's own amplitude, against the range of 80 % of the person's repetitions.
+The reference method is the minimum jerk with the person's own duration.
 """
 
 import os
@@ -43,9 +43,9 @@ JUDGED = {"time": 0, "spread": 1}
 """Of `MEASURED`."""
 COUNT = sized(256, smallest=16)
 ROUNDS = sized(2, smallest=1)
-"""Movements that are simulated of a person under an instruction, and how often what is found is simulated."""
+"""Number of simulation rounds of a person under an instruction, in the fit and in the prediction."""
 LAB_PEOPLE = sized(24, smallest=2)
-"""People of the lab whose medians are held against those of real ones."""
+"""Number of simulated people whose medians are compared with those of real ones."""
 
 EYES = MovementRule(lowpass=10.0, order=2)
 """How movements in the robot are cut: from the first to the last sample above 5 % of the peak speed."""
@@ -97,8 +97,10 @@ def seen(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) -> dict[str, di
 
 
 def errors(told: Seen) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithms of predicted over measured time and spread, each row an instruction (first column) of a person, of the
-    model and of the rival, shape (n, 3) each."""
+    """Return logarithms of predicted over measured time and spread, by the model and by the reference method.
+
+    Each has shape (n, 3): one row for each instruction (first column) of a person.
+    """
     population = Population.from_rig(elbow_people())
     own = {name: {k: v for k, v in each.items() if k in SET_BY} for name, each in told.items()}
     model, rival = [], []
@@ -116,7 +118,9 @@ def errors(told: Seen) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pointing_rows(folder: Path) -> Iterator[ResultRow]:
-    """Median absolute errors of time and spread: of both instructions together, of each, and of the rival."""
+    """Median absolute errors of time and spread: of both instructions together, of each, and of the reference
+    method.
+    """
     people = blocks(folder)
     model, rival = errors(seen(people))
     scatter = from_block_to_block(people)
@@ -144,8 +148,10 @@ def _bootstrap(size: np.ndarray) -> tuple[float, float]:
 
 
 def from_block_to_block(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) -> np.ndarray:
-    """Of time and spread: median absolute difference of logarithms between a block and the others of the same person
-    and instruction together, of the instructions that are tried, shape (2,)."""
+    """Return the variation of time and spread between blocks of the same person and tested instruction, shape (2,).
+
+    It is the median absolute difference of logarithms between one block and the others together.
+    """
     found = []
     for told in people.values():
         for instruction in TRIED:

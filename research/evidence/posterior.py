@@ -1,4 +1,4 @@
-"""Do posteriors hold, beside the intervals of least squares, where data are few? And does the sampler sample?
+"""Coverage of posteriors and of least-squares intervals with few data, and correctness of the sampler.
 
 - The sampler: 80 truths are drawn from a prior, data from the equations of the likelihood itself, bound, neglected
   physics and unknown noise included, and each truth's rank among its posterior's draws is counted [1]_. Plant and model
@@ -8,7 +8,7 @@
 - 24 drawn muscles, recorded for a second each on one amplitude: where each was held. Its constants are off by 5 %
   (lengths) and 10 % (others) from those the model has, its force sinks by up to 10 % a second, which no model has.
 
-- 12 drawn wearers of the knee orthosis, their strap fitted on one swing: six have the spring and damper that is
+- 12 simulated wearers of the knee orthosis, their strap fitted on one swing: six have the spring and damper that is
   identified, six a strap whose tangent doubles at 0.2 to 0.4 rad; the target is the tangent where it begins to pull.
   Orthosis, instruments and wearers are the rig's, with the friction and the errors that it has.
 
@@ -55,7 +55,7 @@ MUSCLE_COUNT = sized(24, smallest=1)
 """Number of drawn isolated muscles."""
 
 WEARER_COUNT = sized(12, smallest=1)
-"""Number of drawn wearers of the knee."""
+"""Number of simulated wearers of the knee."""
 
 SEED = 20261122
 """Seed of every random draw."""
@@ -107,7 +107,7 @@ def rows(
         for name in ("stiffness", "damping"):
             pairs = [one[name] for one in some if name in one]
             if pairs:
-                yield from coverage_rows(f"strap.{kind}.{name}", pairs, f"{len(some)} drawn wearers, one swing")
+                yield from coverage_rows(f"strap.{kind}.{name}", pairs, f"{len(some)} simulated wearers, one swing")
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
@@ -136,7 +136,7 @@ def ranks(seed: int) -> list[float]:
 
 
 def calibration_rows(found: Sequence[Sequence[float]]) -> Iterator[ResultRow]:
-    """How uneven ranks are, of each quantity; and how many 95 % intervals hold."""
+    """Yield the unevenness of ranks and the coverage of 95 % intervals of each quantity."""
     every = np.array(found)
     note = f"{len(every)} truths from the prior; plant and model share their equations"
     p_values = []
@@ -151,7 +151,7 @@ def calibration_rows(found: Sequence[Sequence[float]]) -> Iterator[ResultRow]:
             f"ranks are even (chi square, {RANK_BIN_COUNT} bins); {note}",
         )
         held = 100.0 * float(np.mean((shares > 0.025) & (shares < 0.975)))
-        yield _row(f"calibration.{name}.held", held, "%", f"95 % intervals that hold the truth; {note}")
+        yield _row(f"calibration.{name}.held", held, "%", f"coverage of the true value by 95 % intervals; {note}")
     yield _row("calibration.lowest_p_value", min(p_values), "1", f"of four: 1 in 20 would be below 0.013; {note}")
 
 
@@ -207,8 +207,11 @@ def muscle(seed: int) -> Both:
 
 
 def strap(seed: int, hardens: bool) -> dict[str, Both]:
-    """Stiffness and damping of a drawn wearer's strap by least squares, by a posterior, and in truth; nothing where
-    either refuses."""
+    """Return least-squares and posterior estimates and true values of stiffness and damping of a simulated wearer's
+    strap.
+
+    The result is empty if either method fails.
+    """
     rig = drawn_rig(knee_orthosis(), seed)
     [(who, subject)] = rig["subjects"].items()
     own = {name: subject["strap"][name] for name in ("stiffness", "damping")} | dict.fromkeys(STRAP_EFFECTS, 0.0)

@@ -1,11 +1,13 @@
-"""Foreign laws and indices: are strangers' laws ranked, stopped where they must be, and measured by what?
+"""Users' control laws and indices: ranking, required stops, and choice of the index.
 
-- A C file and a Python class with the same law drive the virtual knee beside the lab's plain modes, the virtual elbow
+- A C file and a Python class with the same law drive the virtual knee in comparison with the lab's plain modes, the
+virtual elbow
   and an arm of four joints; their commands are compared bit by bit. Four hostile laws must be stopped on each robot:
   one never answers, one crashes, one asks for 4 GB, one answers no number.
-- The worst single fault under them at the knee and at the arm, in joules, beside own laws.
-- The certificate of the law at the elbow, on twelve drawn people, beside the robot without power and the toolkit's law
-  with a force sensor.
+- The worst single fault under them at the knee and at the arm, in joules, compared with own laws.
+- The certificate of the law at the elbow, on twelve simulated people, compared with the robot without power and the
+toolkit's
+  law with a force sensor.
 - The indices of `transparency_indices` on the same sessions: which orders of controllers they give, how far these agree
   with those by indices of other kinds, and how far pairs of people and robots agree on the order. The robot's friction
   has the form that the models suppose, as in the whole ranking.
@@ -65,13 +67,13 @@ INDEX_CONTROLLERS = ("unpowered", "clpc", "pcfr", "fc", "transparent", "dithered
 """Controllers whose order is compared between indices."""
 
 ARM_CONTROLLERS = sized(("unpowered", "fc", "force_sensors"), smallest=("unpowered",))
-"""Own controllers beside which foreign laws drive the arm."""
+"""Own controllers that are compared with foreign laws at the arm."""
 
 ARM_PERIODS = sized(3000, smallest=400)
 """Number of control periods in which foreign laws are compared at the arm, of 1 ms."""
 
 CERTIFIED_PEOPLE = sized(12, smallest=2)
-"""Number of drawn people of the certificates."""
+"""Number of simulated people of the certificates."""
 
 HOSTILE_LAWS = {
     "hangs": "while True: pass",
@@ -101,7 +103,7 @@ def foreign_rows() -> Iterator[ResultRow]:
     tried = knee_pair(0, SEED, only=plain, laws=laws)
     found = {one.controller: one for one in tried if one.task == SWING_TASK}
     ranked = [law for law in laws if np.isfinite(found[law.name].torque)]
-    yield _row("foreign_laws", len(ranked), "1", f"ranked beside {', '.join(plain)} on one drawn wearer")
+    yield _row("foreign_laws", len(ranked), "1", f"ranked with {', '.join(plain)} on one simulated wearer")
     for name, one in found.items():
         yield _row(f"swings.torque.{_plain(name)}", one.torque, "N*m", "RMS, strap")
         if one.fault_energy is not None:
@@ -132,7 +134,7 @@ def _plain(controller: str) -> str:
 
 
 def arm_rows() -> Iterator[ResultRow]:
-    """Torque and worst single fault of a foreign law on one drawn arm, beside own laws."""
+    """Yield torque and worst single fault of a foreign law and of own laws on one simulated arm."""
     for one in arm_pair(0, SEED, ARM_CONTROLLERS, example_laws()):
         yield _row(f"reaching.torque.{_plain(one.controller)}", one.torque, "N*m", "RMS over joints, one wearer")
         if one.fault_energy is not None:
@@ -140,7 +142,7 @@ def arm_rows() -> Iterator[ResultRow]:
 
 
 def certificate_rows() -> Iterator[ResultRow]:
-    """What the certificate says of a foreign law and of own laws, on drawn people who point."""
+    """Yield the certificate's verdicts on a foreign law and on own laws, for simulated people who point."""
     jobs = [(_certified_pair, i) for i in range(CERTIFIED_PEOPLE)]
     tried = [one for made in ordered_results(jobs) for one in made]
     for name in dict.fromkeys(one.controller for one in tried):
@@ -206,7 +208,7 @@ def _arm_commands(arm: ArmInUse, law: ForeignLaw) -> tuple[np.ndarray, str]:
 
 
 def index_pair(index: int) -> dict[str, dict[str, float]]:
-    """Return every index by controller on one pair of a drawn person and a drawn robot."""
+    """Return every index by controller on one pair of a simulated person and a simulated robot."""
     robot = drawn_rigs(able_elbow(), index + 1, seed=elbow.ROBOTS_SEED + SEED)[index]
     rig = elbow_participants(robot)
     person = draw_people(rig, np.random.default_rng([elbow.ROBOTS_SEED, SEED]), count=max(PAIR_COUNT, 6))[index]

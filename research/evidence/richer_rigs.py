@@ -1,9 +1,9 @@
-"""Which findings stand on richer rigs: reduced reproductions of ``able`` and ``knee``, with and without each physics.
+"""Validity of findings on richer rigs: reduced reproductions of ``able`` and ``knee``, with and without each effect.
 
 A line is a rig: straps that are a spring and a damper over friction that slips at once (`plain`, what models know);
 that and one physics more; and all at once. Figures are those of `pellucid reproduce`, from fewer of everything: three
-drawn elbows with three people and five movements there and back a law, whose robots are identified for themselves; the
-virtual knee orthosis alone and its three wearers' straps, one seed. Nothing here was chosen by what it shows.
+simulated elbows with three people and five movements there and back a law, whose robots are identified for themselves;
+the virtual knee orthosis alone and its three wearers' straps, one seed. Nothing here was chosen by what it shows.
 """
 
 from collections.abc import Iterator, Mapping
@@ -75,8 +75,8 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "knee.response": ("%", "fit of a pendulum with friction to another amplitude"),
     "knee.coupled": ("%", "fit of the angle between leg and orthosis, held out"),
     "knee.stiffness": ("1", "the strap's stiffness over the true one where it is not stretched"),
-    "knee.holds": ("1", "share of 95 % intervals that hold it"),
-    "knee.inertia_holds": ("1", "share of 95 % intervals that hold the strap's inertia, which is 0"),
+    "knee.holds": ("1", "share of 95 % intervals that cover it"),
+    "knee.inertia_holds": ("1", "share of 95 % intervals that cover the strap's inertia, which is 0"),
 }
 """Unit and meaning of each figure."""
 

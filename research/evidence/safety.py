@@ -33,7 +33,7 @@ from ._exported_equal import compare_supervisors
 from ._supervisor_page import FaultFigure, Results, read_results, write_pages, write_results
 
 ROBOT_COUNT = sized(20, smallest=1)
-"""Number of drawn robots, and of drawn knees."""
+"""Number of simulated robots, and of simulated knees."""
 
 HEALTHY_HOURS = sized(10.5, smallest=0.02)
 """Healthy use of all robots together [h]."""
@@ -111,10 +111,12 @@ def equal_row() -> ResultRow:
 
 
 def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
-    """What single faults and healthy use came to."""
+    """Yield the results of single faults and of healthy use."""
     hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
     shown = [t for t in table.trials if t.kind not in hidden and not t.early]
-    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOT_COUNT} drawn robots"
+    note = (
+        f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOT_COUNT} simulated robots"
+    )
     yield row(
         "safety.single_fault.count", len(FAULT_KINDS), "1", f"{len(hidden)} of them no sensor of the robot can show"
     )
@@ -178,7 +180,7 @@ def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
     hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
     shown = [t for t in table.trials if t.kind not in hidden and not t.early]
     kinds = {t.kind for t in shown}
-    note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOT_COUNT} drawn wearers"
+    note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOT_COUNT} simulated wearers"
     loose = [t for t in shown if np.isnan(t.found) and t.excess > MAX_HARMLESS_ENERGY_J]
     which = ", ".join(sorted({t.kind for t in loose})) or "none"
     yield row("safety.knee.count", len(kinds), "1", note)
@@ -213,7 +215,7 @@ def reading_rows(name: str, table: FaultTable) -> Iterator[ResultRow]:
 
 
 def group_of(kind: str) -> str:
-    """Of a fault by name."""
+    """Return the group of a fault by its name."""
     return next(k.group for k in FAULT_KINDS if k.name == kind)
 
 

@@ -1,8 +1,8 @@
-"""Hours of recordings: what `pellucid identify` costs beside plain NumPy and SciPy, fresh processes all of them.
+"""Hours of recordings: cost of `pellucid identify` and of plain NumPy and SciPy, each in fresh processes.
 
 A virtual joint follows two hours of movements at 1 kHz; its CSV file (time, position, current) is identified with all
-five friction families and intervals, first as it is and then again from what was kept of it. Beside it stands the
-least a user would write: read the file, filter, differentiate, solve one family. All processor time counts, of
+five friction families and intervals, first as it is and then again from what was kept of it. The reference is the least
+code that a user would write: read the file, filter, differentiate, solve one family. All processor time counts, of
 children too, start-up included.
 """
 
@@ -139,7 +139,9 @@ def plain(folder: Path, path: Path) -> tuple[float, float, float]:
 
 
 def rows() -> Iterator[ResultRow]:
-    """Processor seconds over the rival's, memory, seconds of 100 s of data, and seconds per hour of 20 min over 2 h."""
+    """Yield processor time relative to the reference method's, memory, seconds of 100 s of data, and seconds per hour
+    of 20 min over 2 h.
+    """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "hours"
         path = record(folder, 3600.0 * LONG_RECORDING_HOURS)
@@ -161,7 +163,7 @@ def rows() -> Iterator[ResultRow]:
     told = f"{LONG_RECORDING_HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {families}"
     rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
     wall = statistics.median(taken) - statistics.median(started)
-    beside = f"beside {theirs[2]:.0f} MB of NumPy"
+    beside = f"{theirs[2]:.0f} MB with NumPy"
     spread = f"median of {min(r[0] for r in rivals):.1f} to {max(r[0] for r in rivals):.1f} s"
     yield _row(
         "numpy.cpu",

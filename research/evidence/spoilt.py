@@ -1,9 +1,9 @@
-"""Recordings spoilt as laboratories spoil them: does what is fitted stay, and is the cause named, and no other?
+"""Recordings with typical laboratory faults: stability of estimates, and correct detection of the cause.
 
 Clean recordings of two real pendulums, a virtual joint, an exoskeleton's joint and a muscle are spoilt in one way at a
-time. Parameters are to stay within 2 % of the clean fit's, or within one standard error where that is more; what is
-said is to name the cause in a line that the clean recording does not have, and no other cause. Refusing counts for a
-wrong sign, a wrong unit, clipped and copied recordings only.
+time. Parameters are to stay within 2 % of the clean fit's, or within one standard error where that is more; a message
+that the clean recording does not cause must name the cause, and no other cause. Rejection counts as correct only for a
+wrong sign, a wrong unit, and clipped or copied recordings.
 """
 
 from __future__ import annotations

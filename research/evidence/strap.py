@@ -1,4 +1,4 @@
-"""Is a strap known as it is? Drawn straps with everything that straps do are named and measured, plain ones left alone.
+"""Identification of straps: detection and size of the effects of simulated straps, and false alarms for plain ones.
 
 120 wearers are drawn from the rig's ranges, each with two noises, in six drawn orthoses that were identified alone.
 Their straps harden, have slack, relax, sit askew, and creep under large torques; the models have all but the creep.
@@ -10,14 +10,14 @@ swing.
   the share in which nothing else is, `rejected` that in which a spring and a damper are refused, whatever is named
   instead, and `among_all` that of straps with everything in which it is named.
 - false alarms: straps that are a spring and a damper, of which any feature is named.
-- none holds: straps that creep as no model does, beside straps that are one of the models.
+- none holds: straps that creep as no model does, and straps that are one of the models.
 - foreign: straps of six kinds with equations of their own (`_foreign_straps.py`), of which the right features are
   named.
 
-Plant and models of all but the last share the strap's equation (``strap.hpp``): what is proven is that noise, sway,
-clocks, mountings, an orthosis that was itself identified, and creep do not mislead, not that a strap of cloth is one of
-these. The method was chosen on straps drawn with other seeds (orthoses 9000 to 9003, 79001 to 79006 and 89001 to 89006,
-wearers 20000 to 50500, 70001 to 70030 and 80001 to 80200). Beside it stands the spring and damper by least squares.
+Plant and models of all but the last share the strap's equation (``strap.hpp``): the result shows robustness to noise,
+sway, clocks, mountings, an identified orthosis and creep. It does not show that a real strap is one of these. The
+method was chosen on straps drawn with other seeds (orthoses 9000 to 9003, 79001 to 79006 and 89001 to 89006, wearers
+20000 to 50500, 70001 to 70030 and 80001 to 80200). The reference method is spring and damper by least squares.
 """
 
 from collections.abc import Iterator
@@ -64,7 +64,7 @@ CREEPING_STRAP_COUNT = sized(12, smallest=1)
 """Number of straps that creep in a way which no model describes."""
 
 WEARER_SEED = 90001
-"""Seed of the first drawn wearer."""
+"""Seed of the first simulated wearer."""
 
 ORTHOSIS_SEED = 99001
 """Seed of the first drawn orthosis."""
@@ -155,7 +155,7 @@ def identified_alone(rig: KneeRig, seed: int) -> tuple[KneeRig, Orthosis]:
 def identified(
     worn: tuple[KneeRig, Orthosis], rig: KneeRig, wearer: int, seed: int, strap: dict[str, float] | None = None
 ) -> Found:
-    """A drawn wearer in an orthosis: recorded, and their strap identified as `identify` does it."""
+    """Record a simulated wearer in an orthosis, and identify the strap as `identify` does."""
     of_orthosis, orthosis = worn
     drawn = drawn_rig(rig, wearer)
     drawn = drawn.changed({"orthosis": of_orthosis["orthosis"], "actuator": of_orthosis["actuator"]})
@@ -239,7 +239,9 @@ def power_rows(found: dict[str, list[Found]]) -> Iterator[ResultRow]:
 
 
 def stiffness_rows(found: list[Found]) -> Iterator[ResultRow]:
-    """How often the tangent's interval holds the rig's stiffness, how wide it is; beside it a spring and a damper."""
+    """Yield coverage and width of the tangent's interval for the rig's stiffness, and those of a spring and a
+    damper.
+    """
     said = f"{len(found)} identifications of drawn straps that harden, have slack, relax, creep and sit askew"
     read = [(f.stiffness, f.true) for f in found if f.stiffness is not None and f.stiffness.trusted]
     plain = [(f.plain, f.true) for f in found if f.plain is not None]

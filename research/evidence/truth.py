@@ -1,7 +1,8 @@
-"""Does held out mean held out? Are choices, delays and weights right on machines that Pellucid does not simulate?
+"""Independence from held-out data, and correctness of choices, delays and weights on machines simulated without
+Pellucid.
 
-Held-out files: for studies of every procedure that fits anything, what the held-out files hold is replaced by another
-machine's recording, by three times the effort, by the same backwards and by shifted positions. Every number of the
+Held-out files: for studies of every procedure that fits anything, the contents of the held-out files are replaced: by
+another machine's recording, by three times the effort, by reversed time and by shifted positions. Every number of the
 cards and of the rows of fitted data is compared to the last bit; so are the constants of exports, which are made of
 cards alone. A refusal by `check` or by the procedure counts as a failure.
 
@@ -47,13 +48,13 @@ from ._foreign_joint import ForeignJoint, drawn_joint, recorded, written
 from ._replaced import REPLACEMENTS, Replacement, compare_replacements
 
 FAMILY_JOINTS = sized(100, smallest=2)
-"""Number of drawn joints with plain friction."""
+"""Number of simulated joints with plain friction."""
 
 DELAY_DRAWS = sized(200, smallest=2)
 """Number of recordings with synchronous channels."""
 
 PAYLOAD_JOINTS = sized(12, smallest=1)
-"""Number of drawn joints with a payload."""
+"""Number of simulated joints with a payload."""
 
 JOINT_SEED = 20261126
 """Seed that draws the joints."""
@@ -206,13 +207,13 @@ def _compared(case: JudgedCase) -> list[Replacement]:
 
 
 def foreign_rows(joints: int, draws: int, loaded: int) -> Iterator[ResultRow]:
-    """Count richer families and false delays, and measure gravity beside a stated payload."""
+    """Count richer families and false delays, and measure gravity with a stated payload."""
     rng = np.random.default_rng(JOINT_SEED)
     plain = [drawn_joint(rng) for _ in range(joints)]
     tables = _recorded_in_batches(plain, rng)
     richer = ordered_results([(best_family, table) for table in tables])
     named = sorted({name for name in richer if name != "symmetric"})
-    note = f"{joints} drawn joints with dry and viscous friction{': ' if named else ''}{', '.join(named)}"
+    note = f"{joints} simulated joints with dry and viscous friction{': ' if named else ''}{', '.join(named)}"
     yield _row("family_overfit", 100.0 * np.mean([name != "symmetric" for name in richer]), "%", note)
     bending = [replace(drawn_joint(rng), bristle=float(rng.uniform(100.0, 1000.0)) * (i % 2)) for i in range(draws)]
     bending = [replace(j, bristle=j.bristle * j.coulomb, load=0.05 * (i % 3)) for i, j in enumerate(bending)]
@@ -222,7 +223,7 @@ def foreign_rows(joints: int, draws: int, loaded: int) -> Iterator[ResultRow]:
     note += f"; found {', '.join(f'{1e3 * x:.1f} ms' for x in wrong[:6])}" if wrong else ""
     yield _row("false_delays", 100.0 * len(wrong) / draws, "%", note)
     errors = ordered_results([(gravity_error, *pair) for pair in _with_payloads(loaded, rng)])
-    note = f"largest error of gravity over {loaded} drawn joints, one recording of each with a stated payload"
+    note = f"largest error of gravity over {loaded} simulated joints, one recording of each with a stated payload"
     yield _row("gravity_with_payload", max(errors), "%", f"{note}; median {np.median(errors):.2g} %")
 
 

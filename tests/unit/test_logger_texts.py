@@ -342,7 +342,7 @@ def test_a_damaged_row_is_left_out_and_told(tmp_path, row, said):
     rows[14] = row
     path = tmp_path / "log.csv"
     path.write_text("t,q,u\n" + "\n".join(rows) + "\n", encoding="utf-8")
-    with pytest.warns(DamagedRowsWarning, match=rf"log\.csv: left out 1 row that is damaged: {said}; every other"):
+    with pytest.warns(DamagedRowsWarning, match=rf"log\.csv: excluded 1 row that is damaged: {said}; every other"):
         found = readers.read(path)
     assert len(found["t"]) == N - 1
     np.testing.assert_allclose(found["u"], np.delete(U, 14))
