@@ -147,8 +147,8 @@ def solve_output_error(model: JointModel, data: Stack[Motion], machine: Machine,
     start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
     if not np.any(at(start)[1]):
         raise IdentificationError("the simulated response diverges at the least-squares estimate")
-    # Without inertia the response is so sensitive that squares of its derivative overflow: such a step is rejected.
-    with np.errstate(over="ignore"):
+    # Without inertia the response is so sensitive that squares of its derivative overflow: such steps are rejected.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = least_squares(
             lambda v: at(v)[0], start, jac=lambda v: at(v)[1], bounds=(lower, upper), x_scale="jac", max_nfev=40,
             xtol=1e-6,

@@ -1044,7 +1044,10 @@ def _rival(estimate: JointEstimate, name: str) -> str | None:
     names = [p.name for p in estimate.parameters]
     sd = np.sqrt(np.diag(estimate.covariance))
     i = names.index(name)
-    correlation = estimate.covariance[i] / np.maximum(sd * sd[i], np.finfo(float).tiny)
+    # What no recording shows has an infinite variance, and trades off against nothing that is known.
+    known = np.isfinite(estimate.covariance[i]) & np.isfinite(sd * sd[i])
+    size = np.where(known, np.maximum(sd * sd[i], np.finfo(float).tiny), 1.0)
+    correlation = np.where(known, estimate.covariance[i], 0.0) / size
     correlation[i] = 0.0
     j = int(np.argmax(np.abs(correlation)))
     if abs(correlation[j]) < FINDING_THRESHOLDS.min_hiding_correlation:
