@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
+import pellucid as pl
 from pellucid._errors import RecordingError
 from pellucid.emg.signals.emg_onset import activations, teager_kaiser
 from pellucid.study.procedures.registry import open_study
@@ -176,3 +178,20 @@ def test_slow_recruitment_is_within_the_interval():
     found = [activations(*recruited(seed, 0.3, 4.0)).bursts[0].onset for seed in range(40, 48)]
     assert sum(each.low <= 1.5 <= each.high for each in found) >= 7
     assert np.median([each.high - each.low for each in found]) < 0.5
+
+
+@pytest.mark.parametrize("kind", ["motion", "heartbeat"])
+def test_an_artefact_at_an_onset_is_named_with_its_stretch(kind):
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 12.0, 5e-4)
+    sos = signal.butter(2, [25.0, 350.0], "bandpass", fs=2000.0, output="sos")
+    effort = np.where((t > 5.0) & (t < 6.5), 8e-5, 0.0)
+    emg = effort * signal.sosfilt(sos, rng.standard_normal(len(t))) + 1e-5 * rng.standard_normal(len(t))
+    assert pl.onset(emg, rate=2000.0).doubtful == ()
+    if kind == "motion":
+        emg += 5e-4 * np.exp(-(((t - 4.8) / 0.08) ** 2)) * np.sin(2 * np.pi * 6.0 * (t - 4.8))
+    else:
+        for at in 0.4 + np.cumsum(0.85 + 0.03 * rng.standard_normal(12)):
+            emg += 4e-4 * (np.exp(-(((t - at) / 0.012) ** 2)) - 0.3 * np.exp(-(((t - at - 0.03) / 0.012) ** 2)))
+    named = [one for one in pl.onset(emg, rate=2000.0).doubtful if one.kind == kind]
+    assert any(one.start <= 5.0 <= one.end + 0.3 for one in named)

@@ -36,7 +36,7 @@ Onsets of muscles from arrays of raw EMG.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -47,6 +47,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from ..._errors import RecordingError
 from ...numerics.filters import runs
 from .emg_chain import settling_samples, with_surroundings
+from .emg_findings import EmgFinding, emg_quality
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,8 @@ class Activations:
     rest_rms: float  # RMS of the band-passed samples at rest [V]
     energy: np.ndarray = field(repr=False)  # (n,) smoothed energy [V^2]
     level: float  # threshold of the energy [V^2]
+    # stretches with artefacts, in which an interval need not cover an onset, and a burst may be none
+    doubtful: tuple[EmgFinding, ...] = ()
 
     @property
     def active(self) -> float:
@@ -151,7 +154,21 @@ def activations(
         for each, around in zip(crossed, pairwise(edges), strict=False)  # without a burst a pair is left over
     ]
     resting = made.time[made.still]
-    return Activations(tuple(found), (float(resting[0]), float(resting[-1])), made.rest_rms, made.energy, made.level)
+    own = np.asarray(samples, float)[slice(0, len(time)) if inside is None else inside]
+    return Activations(
+        tuple(found), (float(resting[0]), float(resting[-1])), made.rest_rms, made.energy, made.level,
+        _doubtful_stretches(made.time, own, made.fs),
+    )  # fmt: skip
+
+
+DOUBTFUL_KINDS = ("motion", "heartbeat", "mvc_artefact", "dropout", "saturation")
+"""Kinds of findings that move onsets, or make bursts that are none."""
+
+
+def _doubtful_stretches(time: np.ndarray, samples: np.ndarray, fs: float) -> tuple[EmgFinding, ...]:
+    """Return the stretches of raw EMG, (n,) [V], whose onsets artefacts may move, at the times of the recording."""
+    found = (one for one in emg_quality(samples, rate=fs) if one.kind in DOUBTFUL_KINDS)
+    return tuple(replace(one, start=time[0] + one.start, end=time[0] + one.end) for one in found)
 
 
 def require_activity(
@@ -425,7 +442,8 @@ def onset(
     Returns
     -------
     Activations, or dict of str to Activations
-        ``.bursts`` have ``onset`` and ``end``, each with ``time``, ``low`` and ``high`` [s].
+        ``.bursts`` have ``onset`` and ``end``, each with ``time``, ``low`` and ``high`` [s]. ``.doubtful`` names
+        stretches with artefacts or a heartbeat, in which an interval need not cover an onset.
 
     Raises
     ------

@@ -111,7 +111,7 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
     table = study.table(OnsetTable)
     raise_refusals(emg_faults(study, table))
     recordings = find_recordings_with_emg(study, table)
-    found, rows, missed = [], [], []
+    found, rows, missed, doubtful = [], [], [], []
     for i, recording in enumerate(recordings):
         tell(f"onsets in {recording.name}", i / len(recordings))
         stream, split = emg_stream(recording, table), "fitted" if recording.use == "fit" else "heldout"
@@ -131,10 +131,16 @@ def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
                 recording.name, muscle, active.bursts, active.rest, active.rest_rms, active.active / span, time, samples
             )
             found.append(each)
+            doubtful += [
+                f"{name_channel(stream, muscle)}: {one.found} ({one.start:.2f} to {one.end:.2f} s): an interval there "
+                "need not cover the onset, and a burst may be none."
+                for one in active.doubtful
+            ]
             rows += _rows(base, each, table.confidence, stream.checksum, split)
     if not found:
         raise RecordingError("\n".join(missed))
     verdicts = [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
+    verdicts += [Verdict("note", text) for text in doubtful]
     if table.rest is None:
         quiet_text = (
             "The quietest half second of each muscle is taken for rest; rest = [start, end] in [onset] sets another."
