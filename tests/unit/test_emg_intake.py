@@ -138,13 +138,14 @@ def test_edf_of_two_rates_keeps_both(tmp_path):
     assert ("angle", "knee", "deg") in channels
 
 
-def test_markers_of_a_capture_are_no_torque_and_emg_has_its_own_rate(tmp_path):
+@pytest.mark.parametrize("unit", [["mm"], []])
+def test_markers_of_a_capture_are_no_torque_and_emg_has_its_own_rate(tmp_path, unit):
     ezc3d = pytest.importorskip("ezc3d")
     t, x = bursts()
     capture, frames = ezc3d.c3d(), len(t) // 10
     capture["parameters"]["POINT"]["RATE"]["value"] = [RATE / 10]
     capture["parameters"]["POINT"]["LABELS"]["value"] = ["RKNE"]
-    capture["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    capture["parameters"]["POINT"]["UNITS"]["value"] = unit
     points = np.ones((4, 1, frames))
     points[:3, 0] = 500.0 + 300.0 * np.sin(np.arange(frames) / 15.0 + np.arange(3)[:, None])
     capture["data"]["points"] = points

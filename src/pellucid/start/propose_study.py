@@ -577,6 +577,9 @@ LABORATORY_ENDINGS = (".c3d", ".edf", ".bdf", ".trc")
 _MARKER_AXIS = re.compile(r".*_[xyz]", re.IGNORECASE)
 """Name of a marker's coordinate."""
 
+_COMPUTED_AXIS = re.compile(r".*(?:angle|moment|torque|power|force)s?\d*_[xyz]", re.IGNORECASE)
+"""Name of an axis of what a model computed, which stands among the markers."""
+
 _PLATE_CHANNEL = re.compile(r"plate\d+\..*|(?:F|M)[xyz]\d*|(?:force|moment)[._ ]?(?:F|M)?[xyz]?\d*", re.IGNORECASE)
 """Name of a channel of a force plate."""
 
@@ -591,7 +594,10 @@ def _without_laboratory(roles: TableRoles, table: GivenTable) -> TableRoles:
             return role
         unit = with_stated_unit(read_name(role.column), table.units.get(role.column)).unit
         why = ""
-        if _MARKER_AXIS.fullmatch(role.column) and unit in ("m", "mm", "cm"):
+        axes = {f"{role.column[:-1]}{axis}" for axis in "xyz"}
+        # Without a stated unit, three axes are a marker's, unless a model computed them.
+        is_marker = unit in ("m", "mm", "cm") or (unit is None and axes <= set(table.columns))
+        if _MARKER_AXIS.fullmatch(role.column) and is_marker and not _COMPUTED_AXIS.fullmatch(role.column):
             why = "a marker's coordinate, and no joint's"
         elif _PLATE_CHANNEL.fullmatch(role.column):
             why = "a force plate's, and no joint's"
