@@ -11,7 +11,7 @@ import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.controllers.export.controller_values import joint_values
-from pellucid.models.card import read_card, write_card
+from pellucid.models.card import CardParameter, ModelCard, read_card, write_card
 from pellucid.study.procedures.registry import open_study
 from pellucid.study.results import ResultRow, require_own_page, write_rows
 from pellucid_lab.ranking.rank import rank
@@ -181,3 +181,15 @@ def test_a_users_own_study_is_no_demos(study, tmp_path):
         pl.demo(tmp_path / "lab")
     assert (mine / "recordings" / "sweep.csv").is_file()
     assert not (tmp_path / "lab" / "demo.txt").exists()
+
+
+def test_a_card_with_a_number_that_is_not_finite_is_refused_in_words(tmp_path):
+    inertia = CardParameter("inertia", "kg*m^2", float("nan"), 0.1, (0.0, 1.0))
+    card = ModelCard(
+        study="bench", family="symmetric", method="ls", motion="rotary", effort_unit="N*m", lifts="flexion",
+        parameters=(inertia,), covariance=(), known={}, velocity_range=4.0, drive={"gain": 2.0, "back_emf": 0.0},
+        heldout_effort_error=None, processing="none", confidence=0.95, checksums={}, pellucid="0",
+    )  # fmt: skip
+    with pytest.raises(PellucidError, match=r"joint\.json: found a model with a number that is not finite"):
+        write_card(tmp_path / "joint.json", card)
+    assert not (tmp_path / "joint.json").exists()

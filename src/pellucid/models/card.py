@@ -149,8 +149,21 @@ class ModelCard(Card):
 
 
 def write_card(path: Path, card: Card) -> None:
-    """Write a card as JSON, atomically."""
-    write_text_atomically(path, json.dumps(asdict(card), indent=2, allow_nan=False) + "\n")
+    """Write a card as JSON, atomically.
+
+    Raises
+    ------
+    PellucidError
+        If a number of the card is not finite, such as that of a joint without inertia.
+    """
+    try:
+        text = json.dumps(asdict(card), indent=2, allow_nan=False)
+    except ValueError:
+        raise PellucidError(
+            f"{path.name}: found a model with a number that is not finite, expected finite ones: the recordings do not "
+            "identify it"
+        ) from None
+    write_text_atomically(path, f"{text}\n")
 
 
 def read_card(path: Path) -> ModelCard:
