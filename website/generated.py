@@ -17,8 +17,8 @@ from typer.core import TyperGroup
 
 from pellucid.cli import app
 from pellucid.controllers.control_law import LAWS
+from pellucid.controllers.session_state import SESSION_STATES
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS
-from pellucid.live.session_state import SESSION_STATES
 from pellucid.live.setup import SESSION_TIMEOUT_S
 from pellucid.models.fields import Field, model_fields
 from pellucid.study.procedures.command import HELP_GROUPS

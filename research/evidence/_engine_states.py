@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from pellucid.controllers.session_state import ENDED
 from pellucid.live.engine import LiveEngine
-from pellucid.live.session_state import ENDED
 from pellucid.live.setup import SESSION_TIMEOUT_S
 from research.benchmarks._size import sized
 

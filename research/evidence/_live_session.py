@@ -11,8 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+from pellucid.controllers.session_state import UNPOWERED
 from pellucid.live.engine import LiveEngine
-from pellucid.live.session_state import UNPOWERED
 from pellucid.live.setup import EngineSetup
 from pellucid_lab.live import virtual_elbow
 

@@ -43,12 +43,12 @@ from typing import Any
 import numpy as np
 
 from pellucid.controllers.control_law import Limits
+from pellucid.controllers.session_state import SESSION_STATES, UNPOWERED
 from pellucid.files.xdf_writer import scan_xdf
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.log_verdict import ASSUMED_RATES_HZ, given_energy, judge_log, largest_gift
 from pellucid.live.replay import read_session, replay_session
-from pellucid.live.session_state import SESSION_STATES, UNPOWERED
 from pellucid.live.setup import DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.shared_memory import Region
 from pellucid.live.udp import ASKED_FORMAT, unpack_asked

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 from test_xdf import stream, write
 
+from pellucid.controllers.session_state import ENDED, SESSION_STATES, SILENT
 from pellucid.emg.study.emg_torque.relative_envelopes import FLEXOR_NAME_PARTS
-from pellucid.live.session_state import ENDED, SESSION_STATES, SILENT
 
 RATE_HZ = 200.0
 """Rate of the stand-in's robot [Hz]; slower than a robot's, so that tests are quick."""

@@ -133,13 +133,9 @@ def test_chance_of_learning_does_not_withdraw_a_claim_about_people_far_beyond():
     assert doubt.without.verdict == "beyond"
 
 
-@pytest.mark.parametrize(
-    ("margin", "said"),
-    [("150 %", "expected at most 100 %"), ((0.1, -0.1), "0.1 to -0.1, expected a low end below a high one")],
-)
-def test_impossible_margins_are_named_as_they_were_stated(margin, said):
-    with pytest.raises(PellucidError, match=said):
-        pl.assess(crossover(), analysis={**ORDERED, "margins": {"duration": margin}})
+def test_an_impossible_margin_is_named_as_it_was_stated():
+    with pytest.raises(PellucidError, match=r"0\.1 to -0\.1, expected a low end below a high one"):
+        pl.assess(crossover(), analysis={**ORDERED, "margins": {"duration": (0.1, -0.1)}})
 
 
 def test_infinite_values_and_words_are_refused():

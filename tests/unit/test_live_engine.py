@@ -21,11 +21,11 @@ import pytest
 import pellucid as pl
 from pellucid._errors import PellucidError
 from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.session_state import SESSION_STATES
 from pellucid.controllers.supervised import body_of
 from pellucid.files.readers import xdf
 from pellucid.live.engine import LiveEngine, engine_program
 from pellucid.live.replay import read_session, replay_session
-from pellucid.live.session_state import SESSION_STATES
 from pellucid.live.setup import Condition, DeviceNumbers, EngineSetup, settings_text
 from pellucid.live.shared_memory import Region, remove_dead_regions
 from pellucid.live.stream_ring import StreamRing

@@ -13,11 +13,11 @@ import pytest
 from live_rig import HELD_TORQUE, live_rig
 from real_time import held
 
+from pellucid.controllers.session_state import UNPOWERED
 from pellucid.files.xdf_writer import scan_xdf
 from pellucid.live.replay import read_session
 from pellucid.live.session import live_session
 from pellucid.live.session.live_session import OPERATOR_AWAY_S
-from pellucid.live.session_state import UNPOWERED
 
 DISARMED_S = 0.5
 """A law is without effort and power at most this long after what disarms it [s]."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pellucid.live.session_state import ENDED, SESSION_STATES, SILENT, UNPOWERED
+from pellucid.controllers.session_state import ENDED, SESSION_STATES, SILENT, UNPOWERED
 
 BY_NAME = {state.name: state for state in SESSION_STATES}
 

@@ -21,13 +21,13 @@ import numpy as np
 
 from .. import _atomic
 from .._errors import PellucidError
+from ..controllers.session_state import ENDED, SESSION_STATES, SILENT, SessionState
 from ..controllers.supervisor_faults import FAULT_NAMES
 from . import layout
 from .clock_tracker import ClockState
 from .intake import NAMES_WORD
 from .recorder import NOTE_ENDING
 from .replay import record_channels
-from .session_state import ENDED, SESSION_STATES, SILENT, SessionState
 from .setup import SESSION_VARIABLE, EngineSetup, Task, settings_text
 from .shared_memory import (
     PRIVATE_MODE,

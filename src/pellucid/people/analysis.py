@@ -455,8 +455,6 @@ def _stated_in_words(name: str, stated: str, index: Index | None, where: str, *,
     size = parse_quantity(stated, "1" if share or index is None else index.unit, where)
     if not size > 0.0:
         raise StudyError(f'{where}: found "{stated}", expected a size above 0')
-    if share and size > MAX_SHARE:
-        raise StudyError(f'{where}: found "{stated}", expected at most {100.0 * MAX_SHARE:g} %, such as "10 %"')
     if index is None:
         return EndPoint(name, "rad", stated, Margin.of_ratio(size), True)
     if share and index.percent_of is PercentOf.NOTHING_AT_ALL:

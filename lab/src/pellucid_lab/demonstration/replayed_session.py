@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from pellucid._errors import PellucidError
+from pellucid.controllers.session_state import UNPOWERED
 from pellucid.live import layout
 from pellucid.live.engine import LiveEngine
 from pellucid.live.replay import Replay, read_session, replay_records
-from pellucid.live.session_state import UNPOWERED
 
 from ..live import virtual_elbow
 from ..session_devices import bridge_stalls

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._errors import PellucidError
+from ...controllers.session_state import ENDED, SILENT, UNPOWERED, SessionState
 from ...controllers.supervisor_faults import NO_FAULT
 from ...people.study.assessment_table import AssessmentTable
 from ...people.study.registered import registered_analysis
 from ...study.study import STUDY_FILE, Study
-from ..session_state import ENDED, SILENT, UNPOWERED, SessionState
 from ..setup import SESSION_TIMEOUT_S
 from .recorded_trial import (
     Judged,
