@@ -18,7 +18,6 @@
 //
 // Until there is enough evidence of a fault, the joint is moved by a drive that nobody vouches for. So the way that it
 // goes since drive and encoder were last heard is bounded, too: a drive that is stuck at T gives no more than T times it.
-// That way becomes shorter with the evidence of a fault, by the share of the evidence that is needed.
 // They are heard where the evidence for them, against reversed, doubled and unanswered, has summed up to a log-likelihood
 // ratio of `probe_heard_evidence` over windows (A. Wald, "Sequential tests of statistical hypotheses", Annals of
 // Mathematical Statistics 16, 1945); and before r is known, where the answer is far above what lies between the waves.
@@ -326,11 +325,7 @@ SafetyFault end_window(const ProbeWatchCoefficients<S>& c, ProbeWatchState<S>& s
   if (asked >= c.asked_least) s.way = s.way + ended.way;
   const SafetyFault found = judge(c, s, ended);
   if (found != SafetyFault::none) return found;
-  // What has begun to seem wrong may go less far: at most as far as is left of the evidence.
-  S most = S(0);
-  for (const S& sum : s.sum) most = max(most, sum);
-  const S trusted = max(S(1) - most / c.params.evidence, S(0));
-  return s.way <= c.params.travel * trusted ? SafetyFault::none : SafetyFault::unanswered;
+  return s.way <= c.params.travel ? SafetyFault::none : SafetyFault::unanswered;
 }
 
 /// One period: the velocity that the encoder shows [rad/s], and the mean effort between its last two readings [N m]. The
