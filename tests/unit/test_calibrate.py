@@ -388,7 +388,7 @@ def test_the_torque_of_the_wearer_needs_cards(tmp_path, quick):
 
 def test_a_detached_electrode_is_refused(tmp_path, quick):
     study = orthosis(tmp_path / "orthosis", spoil="S1_torque_45_2")
-    with pytest.raises(RecordingError, match=r"S1_torque_45_2_emg.csv .*channel emg.flexor: found 0 µV rms"):
+    with pytest.raises(RecordingError, match=r"S1_torque_45_2_emg.csv .*channel emg.flexor: found 0 µV RMS"):
         calibrate(study)
 
 

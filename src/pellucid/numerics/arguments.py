@@ -235,11 +235,12 @@ def with_checked_arguments(function: Callable[Parameters, Returned]) -> Callable
 
     @wraps(function)
     def checked(*arguments: Parameters.args, **options: Parameters.kwargs) -> Returned:
+        given: dict[str, Any] = dict(options)
         for name, alias in (("rate", "fs"), ("fs", "rate")):
             if name in signature.parameters and alias not in signature.parameters:
-                options = with_one_rate(function.__name__, options, name, alias)
+                given = with_one_rate(function.__name__, given, name, alias)
         try:
-            bound = signature.bind(*arguments, **options)
+            bound = signature.bind(*arguments, **given)
         except TypeError as error:
             near = [
                 f'; is "{close[0]}" meant?'
