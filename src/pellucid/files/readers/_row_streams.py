@@ -125,7 +125,7 @@ def split_streams(
     label = _label_column(values, words)
     if label is None:
         return dict(values), dict(units)
-    return _split_labels(path, values, units | _units_of_labels(words, label[1], label[2]), *label)
+    return _split_labels(path, values, {**units, **_units_of_labels(words, label[1], label[2])}, *label)
 
 
 def _renamed(values: Mapping[str, np.ndarray | str], words: Mapping[str, Words]) -> dict[str, str]:
