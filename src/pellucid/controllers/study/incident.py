@@ -209,7 +209,9 @@ class IncidentAccount:
     def _position_text(self) -> str:
         position, stop = self.record.samples.get("position"), self.record.stop
         said = " The encoder gave no valid position then"
-        valid = [] if position is None else np.flatnonzero(np.isfinite(position[: stop + 1])).tolist()
+        if position is None or stop is None:
+            return f"{said}."
+        valid = np.flatnonzero(np.isfinite(position[: stop + 1])).tolist()
         if not valid:
             return f"{said}."
         reading = MOTION_READINGS["prismatic" if self.record.prismatic else "rotary"]
