@@ -154,7 +154,7 @@ class Rig:
 @contextmanager
 def live_rig(folder, monkeypatch, *, recorder=True):
     """Run `pellucid live` on the virtual knee, and yield the rig."""
-    monkeypatch.setattr(run_session, "evaluate", lambda study, tell=None: (None, ["not evaluated"]))
+    monkeypatch.setattr(run_session, "evaluate", lambda study, tell: (None, ["not evaluated"]))
     held_study(folder)
     ready, servers, made = threading.Event(), [], []
 

@@ -50,7 +50,7 @@ def short_session(folder, session):
 def played(folder, monkeypatch, *, evaluated=True):
     """Run `pellucid live` on the virtual rig's engine in real time, with a scripted browser at both pages."""
     if not evaluated:
-        monkeypatch.setattr(run_session, "evaluate", lambda study: (None, ["not evaluated"]))
+        monkeypatch.setattr(run_session, "evaluate", lambda study, tell: (None, ["not evaluated"]))
     ready, servers, made = threading.Event(), [], []
 
     def run():
