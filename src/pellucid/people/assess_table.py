@@ -19,7 +19,7 @@ from .._errors import PellucidError
 from .._tabular import columns_of, data_frame, html_table, text_table
 from .analysis import DEFAULT_MAX_LEFT_OUT, Analysis, EndPoint, Estimand, keywords_beside
 from .certificate import PASS, Certificate, LostCounts, PeoplesChanges, decide, too_many_lost
-from .certificate_text import change_text, interval_text, p_text, people_text
+from .certificate_text import change_text, interval_with_unit, p_text, people_text
 from .comparison import ConditionComparison, compare_conditions
 from .design_columns import DesignRole, columns_with_role, design_roles, level_of, too_many_levels
 from .equivalence import DEFAULT_CARRY_OVER, Equivalence, equivalence
@@ -115,7 +115,7 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         for index, tests in self.changes.items():
             for name, test in tests.items():
                 point = self._point(index, name)
-                change, interval = change_text(point, test), f"{interval_text(point, test)} {point.unit}".rstrip()
+                change, interval = change_text(point, test), interval_with_unit(point, test)
                 made.append((index, name, change, interval, p_text(test.p_no_change)))
         return head, made
 
@@ -138,10 +138,12 @@ class TableAssessment(Mapping[str, ConditionComparison]):
         """Return in brackets why a certificate cannot say, or what its claim rests on."""
         own = self.certificates[condition]
         if own.verdict == PASS:
-            said = [f"{name} {change_text(own.point(name), test)}, {100.0 * (1.0 - 2.0 * own.alpha):g} % interval "
-                    f"{interval_text(own.point(name), test)} {own.point(name).unit}, "
-                    f"{people_text(test.share_test(own.rule))}".replace(" , ", ", ")
-                    for name, test in own.end_points.items()]  # fmt: skip
+            level = f"{100.0 * (1.0 - 2.0 * own.alpha):g} % interval"
+            said = [
+                f"{name} {change_text(own.point(name), test)}, {level} {interval_with_unit(own.point(name), test)}, "
+                f"{people_text(test.share_test(own.rule))}"
+                for name, test in own.end_points.items()
+            ]
             points = [point for name in own.end_points if (point := own.tipping_point(name)) is not None]
             if points:
                 said.append(f"{own.assumption()}, and one over {min(points):.2f} margins would overturn the verdict")

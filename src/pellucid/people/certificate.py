@@ -38,7 +38,7 @@ from ..numerics.block_test import holm
 from .analysis import ESTIMAND_METHODS, Analysis, EndPoint, Estimand
 from .certificate_text import (
     change_text,
-    interval_text,
+    interval_with_unit,
     margin_text,
     p_text,
     people_text,
@@ -204,7 +204,7 @@ class Certificate:
         for name, test in self.end_points.items():
             point = self.point(name)
             rows.append((
-                name, change_text(point, test), f"{interval_text(point, test)} {point.unit}".rstrip(),
+                name, change_text(point, test), interval_with_unit(point, test),
                 margin_text(point, test), p_text(test.p_within), people_text(test.share_test(self.rule)),
                 tipping_text(self.tipping_point(name), test), self.said_of(name),
             ))  # fmt: skip
@@ -562,6 +562,5 @@ def _without_knowing(test: Equivalence | CurveComparison, hidden: np.ndarray | N
         return equivalence(np.full(2, -np.inf), Margin.either_way(1.0), upper=np.full(2, np.inf), alpha=test.alpha)
     more = np.zeros(len(hidden) - len(test.differences))
     low = np.where(hidden, -np.inf, np.concatenate([test.differences, more]))
-    upper = test.differences if test.upper is None else test.upper
-    high = np.where(hidden, np.inf, np.concatenate([upper, more]))
+    high = np.where(hidden, np.inf, np.concatenate([test.highest, more]))
     return _tested_as(test, low, high)

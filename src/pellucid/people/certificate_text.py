@@ -48,6 +48,11 @@ def interval_text(point: EndPoint, test: Equivalence) -> str:
     return f"{signed_text(point, low)} to {signed_text(point, high)}"
 
 
+def interval_with_unit(point: EndPoint, test: Equivalence) -> str:
+    """Return the interval of a change with its unit."""
+    return f"{interval_text(point, test)} {point.unit}".rstrip()
+
+
 def margin_text(point: EndPoint, test: Equivalence) -> str:
     """Return the margin with its unit, and how much of it the largest carry-over leaves for the interval."""
     return f"{_margin_ends(point, test, 0.0)} {point.unit}".rstrip() + carry_over_note(point, test)

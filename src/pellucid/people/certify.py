@@ -124,14 +124,14 @@ def certify(
         margins=margins, estimand=estimand, people=people, people_level=people_level, false_transparent=alpha,
         largest_carry_over=largest_carry_over, relative=relative, where="certify",
     )  # fmt: skip
-    changes = {}
+    changes, ends = {}, stated.end_points()
     sessions = None if later is None else SessionPeriods.of_two(np.asarray(later, float))
     for name in margins:
         if name not in values:
             raise PellucidError(
                 f"certify: found values of {', '.join(values) or 'nothing'}, expected those of {name} too"
             )
-    for name, end in stated.end_points().items():
+    for name, end in ends.items():
         try:
             free, worn = (np.asarray(x, float) for x in values[name])
         except (TypeError, ValueError):
@@ -153,7 +153,7 @@ def certify(
                 f"{len(free)}"
             )
         changes[name] = PeoplesChanges(end.margin, end.differences(worn, free), sessions=sessions)
-    return decide(stated, changes, points=stated.end_points())
+    return decide(stated, changes, points=ends)
 
 
 def _of_table(table: object, stated: Analysis, compared: str | None) -> Certificate:

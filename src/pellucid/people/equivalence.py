@@ -102,6 +102,11 @@ class Equivalence:
     noise: MovementNoise | None = None  # noise of people's differences by their movements, if it is known
 
     @property
+    def highest(self) -> np.ndarray:
+        """Upper bounds of the differences, (n,); the differences themselves if they are known."""
+        return self.differences if self.upper is None else self.upper
+
+    @property
     def fit(self) -> Adjustment:
         """How the differences were adjusted for periods."""
         return adjustment(len(self.differences), self.sessions, known=not self.bounded)
@@ -115,17 +120,16 @@ class Equivalence:
         """Return the tests of the shares of people within and far beyond the margin; nothing is shown for a model."""
         if not len(self.differences):
             return ShareTest(rule, 0, 0, 0, 1.0, 1.0, nan, nan)
-        upper = self.differences if self.upper is None else self.upper
-        return share_test(self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule,
+        return share_test(self.differences, self.highest, self.margin, self.fit, allowance=self.allowance, rule=rule,
                           noise=self.noise)  # fmt: skip
 
     def shows_people(self, rule: ShareRule = DEFAULT_RULE) -> bool:
         """Return whether the shares of people within and far beyond the margin are shown."""
         if not len(self.differences):
             return False
-        upper = self.differences if self.upper is None else self.upper
         shares = share_p_values(
-            self.differences, upper, self.margin, self.fit, allowance=self.allowance, rule=rule, noise=self.noise
+            self.differences, self.highest, self.margin, self.fit, allowance=self.allowance, rule=rule,
+            noise=self.noise,
         )
         return bool(max(shares) <= rule.alpha)
 
@@ -168,8 +172,7 @@ class Equivalence:
         """p value of "more people lie far beyond the margin than a transparent robot may have"; 1 for a model."""
         if not len(self.differences):
             return 1.0
-        upper = self.differences if self.upper is None else self.upper
-        return far_people_p(self.differences, upper, self.margin, allowance=self.allowance, noise=self.noise)
+        return far_people_p(self.differences, self.highest, self.margin, allowance=self.allowance, noise=self.noise)
 
     @property
     def p_no_change(self) -> float:
@@ -179,10 +182,9 @@ class Equivalence:
         """
         if not len(self.differences):
             return nan
-        upper = self.differences if self.upper is None else self.upper
         zero = Margin(-TINY, TINY)
         method = cast("Method", self.method)
-        beyond = margin_p_values(self.differences, upper, zero, self.fit, method, self.sessions, 0.0)[1]
+        beyond = margin_p_values(self.differences, self.highest, zero, self.fit, method, self.sessions, 0.0)[1]
         return min(1.0, 2.0 * float(beyond))
 
     @property
@@ -200,9 +202,8 @@ class Equivalence:
         """Rows of the people who are known to lie far beyond the margin, the farthest first."""
         if not len(self.differences):
             return ()
-        upper = self.differences if self.upper is None else self.upper
         low, high = limits(self.margin, DEFAULT_RULE.far_margins)
-        beyond = np.maximum(low - upper, self.differences - high)
+        beyond = np.maximum(low - self.highest, self.differences - high)
         far = np.flatnonzero(beyond > TIE_TOLERANCE * self.margin.half_width)
         return tuple(int(i) for i in far[np.argsort(-beyond[far], kind="stable")])
 

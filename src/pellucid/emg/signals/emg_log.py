@@ -18,10 +18,10 @@ def emg_log_findings(log: Log) -> list[LogFinding]:
     lengths = dict.fromkeys(len(c.samples) for c in log.channels if c.quantity.kind == "emg")
     for length in lengths:
         own = [c for c in log.channels if c.quantity.kind == "emg" and len(c.samples) == length]
-        rate = _rate(log, clock, length)
+        own_clock = _clock(log, clock, length)
+        rate = (log.rate or 0.0) if own_clock is None else 1.0 / _step(own_clock)
         if rate * MIN_SECONDS > length or rate <= 0.0:
             continue
-        own_clock = _clock(log, clock, length)
         if own_clock is not None:
             found += [_finding(one, rate) for one in clock_findings(own_clock.name, own_clock.samples)]
         for unit in dict.fromkeys(_unit(c) for c in own):
@@ -41,12 +41,6 @@ def _clock(log: Log, clock: LogChannel | None, length: int) -> LogChannel | None
 def _step(clock: LogChannel) -> float:
     """Return the usual step of a clock [s]."""
     return float(np.nanmedian(np.diff(clock.samples)))
-
-
-def _rate(log: Log, clock: LogChannel | None, length: int) -> float:
-    """Return the sampling rate of columns of a length [Hz]; 0 where nothing tells it."""
-    own = _clock(log, clock, length)
-    return 1.0 / _step(own) if own is not None else log.rate or 0.0
 
 
 def _unit(channel: LogChannel) -> str:

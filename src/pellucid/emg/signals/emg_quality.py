@@ -160,11 +160,11 @@ def _raw_faults(
     recording: Recording, name: str, x: np.ndarray, mains: float, notches: Sequence[float] | None,
     findings: Sequence[EmgFinding],
 ) -> list[Fault]:  # fmt: skip
-    share = hum_share(x - x.mean(), recording.fs, mains)
-    hum = np.sqrt(share) * float(np.std(x))
     faults = []
     for one in findings:
         if one.kind == "mains":
+            share = hum_share(x - x.mean(), recording.fs, mains)
+            hum = np.sqrt(share) * float(np.std(x))
             if share > EMG_LIMITS.max_mains_share and hum > EMG_LIMITS.max_attached_mains_v:
                 found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
                 faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
