@@ -243,3 +243,13 @@ def test_a_file_of_few_rows_says_so(tmp_path):
     path.write_text("name\nnRows=2\nnColumns=2\nendheader\ntime\tx\n0\t1\n1\t2\n")
     verdicts = {v.channel: (v.verdict, v.level) for v in pl.audit(path).verdicts}
     assert verdicts == {"time": ("too short", "note"), "x": ("sound", "sound")}
+
+
+def test_notes_on_the_file_stay_beside_a_clock_with_gaps(tmp_path):
+    columns = clean_log()
+    kept = np.delete(np.arange(COUNT), slice(2000, 2300))
+    path = written(tmp_path, {name: x[kept] for name, x in columns.items()})
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([*lines[:900], "12.0,broken", *lines[900:]]) + "\n", encoding="utf-8")
+    (clock,) = [v for v in pl.audit(path).verdicts if v.channel == "time [s]"]
+    assert {f.kind for _, f in clock.findings} == {"clock", "damaged_rows"}

@@ -29,7 +29,7 @@ MAX_LISTED_FILES = 3
 TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
 """Stems of files other than logs in a folder of logs."""
 
-CHANNEL_FREE_KINDS = ("personal", "text")
+CHANNEL_FREE_KINDS = ("personal", "text", "truncated", "damaged_rows", "short")
 """Kinds of findings that do not depend on a channel's samples."""
 
 _VERDICT_ORDER = {kind: i for i, kind in enumerate(VERDICT_WORDS)}
