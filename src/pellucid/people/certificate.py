@@ -198,15 +198,15 @@ class Certificate:
         return made
 
     def _table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        head = ("index", "change", f"{100.0 * (1.0 - 2.0 * self.alpha):g} % interval", "margin", "p within", "people",
-                "tipping point", "result")  # fmt: skip
+        head = ("index", "change", f"{100.0 * (1.0 - 2.0 * self.alpha):g} % interval", "margin", "p within", "result",
+                "people", "tipping point")  # fmt: skip
         rows = []
         for name, test in self.end_points.items():
             point = self.point(name)
             rows.append((
                 name, change_text(point, test), interval_with_unit(point, test),
-                margin_text(point, test), p_text(test.p_within), people_text(test.share_test(self.rule)),
-                tipping_text(self.tipping_point(name), test), self.said_of(name),
+                margin_text(point, test), p_text(test.p_within), self.said_of(name),
+                people_text(test.share_test(self.rule)), tipping_text(self.tipping_point(name), test),
             ))  # fmt: skip
         return head, rows
 

@@ -294,8 +294,8 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
     return Drawing(
         "certificate",
         figure,
-        "Changes from control with their intervals, divided by their margins (shaded): inside is shown to be small "
-        f"enough, outside to be too large, across neither. Beyond {MAX_DRAWN_MARGINS:g} margins lines are cut.",
+        "Changes from control with their intervals, divided by their margins (shaded). The verdict also requires the "
+        f"shares of people, carry-over and losses. Lines are cut beyond {MAX_DRAWN_MARGINS:g} margins.",
     )
 
 

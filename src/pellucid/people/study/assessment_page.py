@@ -294,6 +294,7 @@ def _result(found: AssessmentResult) -> Section:
     return Section(
         "verdict",
         "Verdict",
+        tuple(map(typeset_sentence, certificate_sentences(found))),
         tables=(_plain_table(own.heads, list(own.rows), f"{own.title.rstrip('.')}.", 2),),
         notes=tuple(map(typeset_sentence, certificate_remarks(found))),
     )

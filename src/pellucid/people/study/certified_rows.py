@@ -80,11 +80,12 @@ def certificate_table(found: AssessmentResult) -> FigureTable:
             margin = f"{point.stated}{carry_over_note(point, own)}"
             rows.append(
                 (each.condition, point.index.short, change_text(point, own), interval_text(point, own), margin,
-                 p_text(own.p_within), people_text(own.share_test(each.certificate.rule)),
-                 tipping_text(each.certificate.tipping_point(name), own), each.certificate.said_of(name))
+                 p_text(own.p_within), each.certificate.said_of(name),
+                 people_text(own.share_test(each.certificate.rule)),
+                 tipping_text(each.certificate.tipping_point(name), own))
             )  # fmt: skip
-    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "People",
-             "Tipping point of carry-over", "Result")  # fmt: skip
+    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "Result", "People",
+             "Tipping point of carry-over")  # fmt: skip
     return FigureTable(
         f"Certificate of the {TEST_NAMES[found.certified[0].test]}, against the margins stated", heads, tuple(rows)
     )
