@@ -84,6 +84,18 @@ def test_a_negative_value_of_a_relative_end_point_is_refused_with_its_row():
         pl.assess(table, analysis=ORDERED)
 
 
+def test_a_duration_of_zero_is_a_missing_value_and_is_refused():
+    table = crossover()
+    table["duration"][5] = 0.0
+    with pytest.raises(PellucidError, match=r"row 5 \(P0, worn\): found 0, expected a positive value: .* has NaN"):
+        pl.assess(table, analysis=ORDERED)
+
+
+def test_a_spread_that_is_a_percentage_without_its_sign_is_refused():
+    with pytest.raises(PellucidError, match=r'found 4.*expected a share such as 0.04, or a percentage such as "4 %"'):
+        pl.plan(ORDERED, people=16, sd=4, studies=50)
+
+
 SLOWED = np.array([0.61, 0.82, 1.31, 0.83, 2.28, 0.88])
 """Changes of six people in logarithms, each far beyond a margin of 10 %."""
 

@@ -52,6 +52,10 @@ MAX_INLINE_DRAWS = 5_000_000
 Test = Literal["friedman", "nemenyi", "signed_rank"]
 
 
+MAX_BARE_SHARE = 1.0
+"""Largest share of control that a number without a unit states; a larger one is a percentage without its sign."""
+
+
 @dataclass(frozen=True)
 class Power:
     """Power of one test over numbers of participants.
@@ -571,6 +575,11 @@ def expected_size(point: EndPoint, what: str, given: float | str | Mapping[str, 
             raise PellucidError(f'{where}: found "{value}", expected a size of the kind of its margin, {point.stated}')
     else:
         size = float(value)
+        if point.ratio and abs(size) > MAX_BARE_SHARE:
+            raise PellucidError(
+                f'{where}: found {value}, which is {100.0 * size:g} % of the control condition, expected a share such '
+                f'as {size / 100.0:g}, or a percentage such as "{size:g} %"'
+            )
     if not np.isfinite(size) or (what == "sd" and not size > 0.0) or (point.ratio and size <= -1.0):
         raise PellucidError(f"{where}: found {value}, expected a finite number{' above 0' * (what == 'sd')}")
     # The standard deviation of logarithms of ratios is that of small relative changes.
