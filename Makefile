@@ -17,7 +17,7 @@ NUMERIC = tests/property tests/real \
   $(shell grep -lE 'pellucid\.($(ARRAYS)|emg\.(estimators|signals|fit|cocontraction))' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp engine/*.cpp engine/*.hpp) CMakeLists.txt pyproject.toml lab/pyproject.toml
 
-.PHONY: demo test nightly refresh-pages core-test numeric-test fuzz bench evidence wheels site clean
+.PHONY: demo test nightly refresh-pages core-test numeric-test fuzz bench evidence wheels reference site clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -62,8 +62,12 @@ evidence: $(VENV)/.tested
 wheels: $(VENV)/.installed
 	packaging/wheels.sh
 
+# Reference pages that are made of the code, in build/reference.
+reference: $(VENV)/.installed
+	$(BIN)/python website/generated.py --out build/reference
+
 # The site in build/site, with reports that the demo writes for its gallery; pictures of them need chromium.
-site: $(VENV)/.installed
+site: reference
 	$(BIN)/uv pip install -q --python $(BIN)/python -r pyproject.toml --extra site
 	rm -rf build/gallery && $(BIN)/pellucid demo --out build/gallery >/dev/null
 	-command -v chromium >/dev/null && for page in $$(find build/gallery -name index.html); do chromium --headless --no-sandbox --disable-gpu \

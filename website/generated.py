@@ -1,16 +1,22 @@
-"""Pages of the site that are made of the code: `python website/generated.py NAME` prints one in Markdown.
+"""Reference pages that are made of the code: `python website/generated.py NAME` prints one in Markdown.
 
-The site has each under the name of its file in `PAGES`; nothing of them is kept in the repository.
+`python website/generated.py --out FOLDER` writes all of them. The site has each under the name of its file in `PAGES`;
+nothing of them is kept in the repository.
 """
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import json
+import pkgutil
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from pathlib import Path
+from types import ModuleType
+from typing import Any, get_args
 
 import typer
 from typer.core import TyperGroup
@@ -19,11 +25,14 @@ from pellucid.cli import app
 from pellucid.controllers.control_law import LAWS
 from pellucid.controllers.session_state import SESSION_STATES
 from pellucid.controllers.supervisor_faults import SUPERVISOR_FAULTS
+from pellucid.files import readers
+from pellucid.files.readers._unread_formats import UNREAD_FORMATS
 from pellucid.live.setup import SESSION_TIMEOUT_S
 from pellucid.models.fields import Field, model_fields
 from pellucid.study.procedures.command import HELP_GROUPS
 from pellucid.study.procedures.registry import study_model
-from pellucid.study.study_file import json_schema
+from pellucid.study.study_fields import StudyTable
+from pellucid.study.study_file import CHANNEL_UNITS, UNITS_BY_PART, json_schema
 from pellucid_lab.ranking.transparency_indices import TRANSPARENCY_INDICES
 
 MODELS = {
@@ -54,6 +63,10 @@ MODELS = {
 TABLE_NAME = re.compile(r"``(\[.+?\])``")
 """Name of a table of study.toml, as the first sentence about it has it: `[rig.drive]`, `[[recordings]]`."""
 
+
+ROTARY_UNITS = {"<coordinate>": "rad", "<motor>": "rad", "<reference>": "rad", "<velocity>": "rad/s",
+                "<acceleration>": "rad/s^2", "<effort>": "N*m"}  # fmt: skip
+"""Units of a rotary joint, by their marks in the table of channels."""
 
 WORDS_OF_TYPES = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`", "object": "table"}
 """Types of JSON, as a person calls them."""
@@ -99,8 +112,11 @@ def parameters() -> Iterator[str]:
 
 def commands() -> Iterator[str]:
     """Every command with its arguments and options, in the order of `pellucid -h`."""
-    yield "# Every command and its options"
-    yield "The guide to [commands](commands.md) explains them. `pellucid COMMAND -h` prints the same for one command."
+    yield "# Commands"
+    yield (
+        "`pellucid -h` lists the commands, and `pellucid COMMAND -h` prints the options of one. "
+        "[Run without a display or notebook](../how-to/run-without-a-display-or-notebook.md) explains the exit status."
+    )
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
     context = group.context_class(group, info_name="pellucid")
@@ -130,24 +146,65 @@ def _command(name: str, command: Any, parent: Any) -> Iterator[str]:
 
 def keys() -> Iterator[str]:
     """Every table of study.toml with its keys, as the schema for editors has them."""
-    yield "# Every key of study.toml"
+    yield "# study.toml"
     yield (
-        "The guide to [study.toml](study-file.md) explains them, with examples. Defaults of quantities are in SI. "
-        "A list or a table without a default is empty."
+        "[Write a study.toml](../how-to/write-a-study-toml.md) has an example. A quantity is a text with its "
+        'unit, such as `"100 Hz"`; defaults are shown in SI. A list or a table without a default is empty.'
     )
     schema = json_schema(study_model())
-    described = {name: each.get("description", "") for name, each in schema["$defs"].items()}
-    headings = {name: _heading(name, text.partition("\n")[0]) for name, text in described.items()}
-    yield f"## At the top\n\n{_key_table(schema, described_keys(study_model().__doc__ or ''), headings)}"
+    tables = {table.__name__: table for table in _tables(StudyTable)}
+    named = {name: _heading(tables[name]) for name in schema["$defs"]}
+    several = {heading for heading, count in Counter(named.values()).items() if count > 1}
+    headings = {
+        name: f"{heading}: {_kind(tables[name])}" if heading in several else heading for name, heading in named.items()
+    }
+    yield f"## Top level\n\n{_key_table(schema, keys_of(study_model()), headings)}"
     for name, each in schema["$defs"].items():
-        title = described[name].partition("\n")[0].replace("``", "`")
-        yield f"## {headings[name]}\n\n{title}\n\n{_key_table(each, described_keys(described[name]), headings)}"
+        title, rest = _paragraphs(tables[name])
+        yield "\n\n".join((f"## {headings[name]}", title, *rest, _key_table(each, keys_of(tables[name]), headings)))
 
 
-def _heading(name: str, title: str) -> str:
+def _tables(base: type[StudyTable]) -> Iterator[type[StudyTable]]:
+    """Yield every class of tables below a class."""
+    for table in base.__subclasses__():
+        yield table
+        yield from _tables(table)
+
+
+def _paragraphs(table: type[StudyTable]) -> tuple[str, list[str]]:
+    """Return what a table's docstring says before and after its keys: the first sentence, and other paragraphs."""
+    before, _, section = inspect.cleandoc(table.__doc__ or "").partition("Attributes\n----------\n")
+    first, *others = (*before.split("\n\n"), section.partition("\n\n")[2])
+    words = (" ".join(each.split()).replace("``", "`") for each in (first, *others) if each.strip())
+    return next(words), list(words)
+
+
+def _heading(table: type[StudyTable]) -> str:
     """Return the name of a table as study.toml has it, if the first sentence about it says so; else its class."""
-    found = TABLE_NAME.search(title)
-    return f"`{found[1]}`" if found else f"`{name}`"
+    found = TABLE_NAME.search((table.__doc__ or "").partition("\n")[0])
+    return f"`{found[1]}`" if found else f"`{table.__name__}`"
+
+
+def _kind(table: type[StudyTable]) -> str:
+    """Return what a table is, of several with one name: what its first sentence says before the name."""
+    words = _paragraphs(table)[0].partition(":")[0]
+    return words[:1].lower() + words[1:]
+
+
+def keys_of(table: type[StudyTable]) -> dict[str, str]:
+    """Return what a table's docstring, and those of its bases, say of each key; else what the key's own table is."""
+    inner = {name: found for name, field in table.model_fields.items() if (found := _inner_table(field.annotation))}
+    said = {name: _paragraphs(each)[0] for name, each in inner.items()}
+    for each in reversed(table.__mro__):
+        said |= {name: words for name, words in described_keys(each.__dict__.get("__doc__") or "").items() if words}
+    return said
+
+
+def _inner_table(annotation: Any) -> type[StudyTable] | None:
+    """Return the table that a key holds, if it holds one."""
+    if isinstance(annotation, type) and issubclass(annotation, StudyTable):
+        return annotation
+    return next((found for each in get_args(annotation) if (found := _inner_table(each))), None)
 
 
 def described_keys(text: str) -> dict[str, str]:
@@ -167,7 +224,7 @@ def _key_table(schema: Mapping[str, Any], said: Mapping[str, str], headings: Map
         (f"`{key}`", _type(each, headings), "required" if key in required else _default(each), said.get(key, ""))
         for key, each in schema["properties"].items()
     )
-    return table(("key", "type", "default", ""), rows)
+    return table(("key", "type", "default", "meaning"), rows)
 
 
 def _type(schema: Mapping[str, Any], headings: Mapping[str, str]) -> str:
@@ -195,6 +252,45 @@ def _default(schema: Mapping[str, Any]) -> str:
     return "" if value in (None, "", [], {}) or isinstance(value, dict) else f"`{json.dumps(value)}`"
 
 
+# Files and channels --------------------------------------------------------------------------------------------------
+
+
+def files() -> Iterator[str]:
+    """File formats with the names of their columns, channels with their units, and defects that are excluded."""
+    yield "# Files, channels and excluded samples"
+    yield "## File formats\n\nA reader names the columns of a file; `column` in study.toml refers to these names."
+    yield table(("endings", "contents", "names of columns"), map(_format_row, reader_modules()))
+    rows = ((f"`{ending}`", f"{what[:1].upper()}{what[1:]}", do) for ending, (what, do) in UNREAD_FORMATS.items())
+    yield "## Files that are not read\n\n" + table(("ending", "contents", "export instead"), rows)
+    yield (
+        "## Channels\n\nA channel with one of these names must have a unit of this dimension; any other name may have "
+        "any unit. On a slide rad and N m are m and N. If a machine has several joints, the channels of a joint end in "
+        "its name: `position.elbow`."
+    )
+    yield table(("channel", "unit"), channel_rows())
+
+
+def reader_modules() -> list[ModuleType]:
+    """Return the readers that come with Pellucid, in the order of their endings."""
+    names = [each.name for each in pkgutil.iter_modules(readers.__path__) if not each.name.startswith("_")]
+    modules = (importlib.import_module(f"{readers.__name__}.{name}") for name in names)
+    return sorted((each for each in modules if hasattr(each, "ENDINGS")), key=lambda each: each.ENDINGS)
+
+
+def _format_row(reader: ModuleType) -> tuple[str, str, str]:
+    first, *others = inspect.cleandoc(reader.__doc__ or "").split("\n\n")
+    words = " ".join(" ".join(others[:1]).split()).replace("``", "`")
+    contents = " ".join(first.split()).replace("``", "`").removeprefix("Read ").rstrip(".")
+    return ", ".join(f"`{ending}`" for ending in reader.ENDINGS), _sentence(contents), words
+
+
+def channel_rows() -> Iterator[tuple[str, str]]:
+    """Yield each channel that study.toml knows by its name, and its SI unit on a rotary joint."""
+    yield from ((f"`{name}`", ROTARY_UNITS.get(unit, unit)) for name, unit in CHANNEL_UNITS.items())
+    yield from ((f"`{name}.<name>`", unit) for name, unit in UNITS_BY_PART.items())
+    yield "`emg.<muscle>`", "V, or 1 for a relative envelope"
+
+
 # Faults and indices --------------------------------------------------------------------------------------------------
 
 
@@ -202,7 +298,7 @@ def faults() -> Iterator[str]:
     """Faults of the supervisor: when each is found, what it then does, and what to do."""
     yield "# Faults of the supervisor"
     yield "A stopped controller and its log name one of these."
-    yield "[The validation](validation/supervisor.md) has detection rates and times."
+    yield "[The validation](../validation/supervisor.md) has detection rates and times."
     rows = (
         (
             ", ".join(f"`{name}`" for name in fault.names),
@@ -233,7 +329,7 @@ def states() -> Iterator[str]:
 def indices() -> Iterator[str]:
     """Definitions of the indices of transparency that `pellucid rank` computes."""
     yield "# Definitions of the indices"
-    yield "[Indices of transparency](transparency-indices.md) shows how far they agree, and which one to choose."
+    yield "[Indices of transparency](../transparency-indices.md) shows how far they agree, and which one to choose."
     rows = ((f"`{i.name}`", i.kind, _sentence(i.words), i.unit, i.source) for i in TRANSPARENCY_INDICES)
     yield table(("index", "kind", "what it is", "unit", "source"), rows)
 
@@ -243,12 +339,13 @@ def _sentence(text: str) -> str:
 
 
 PAGES: Mapping[str, tuple[str, Callable[[], Iterator[str]]]] = {
-    "parameters": ("parameters.md", parameters),
-    "commands": ("every-command.md", commands),
-    "keys": ("every-key.md", keys),
-    "faults": ("faults.md", faults),
-    "states": ("session-states.md", states),
-    "indices": ("index-definitions.md", indices),
+    "commands": ("reference/commands.md", commands),
+    "keys": ("reference/study-toml.md", keys),
+    "files": ("reference/files.md", files),
+    "parameters": ("reference/parameters.md", parameters),
+    "faults": ("reference/faults.md", faults),
+    "states": ("reference/session-states.md", states),
+    "indices": ("reference/index-definitions.md", indices),
 }
 """Pages by the name that prints them: the file on the site, and the function that makes their parts."""
 
@@ -258,7 +355,18 @@ def page(name: str) -> str:
     return "\n\n".join(PAGES[name][1]()) + "\n"
 
 
+def write_pages(folder: Path) -> None:
+    """Write every page into a folder, under the last part of its name on the site."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (file, _) in PAGES.items():
+        (folder / Path(file).name).write_text(page(name), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    if len(sys.argv) != 2 or sys.argv[1] not in PAGES:
-        sys.exit(f"usage: python website/generated.py {'|'.join(PAGES)}")
-    sys.stdout.write(page(sys.argv[1]))
+    match sys.argv[1:]:
+        case ["--out", folder]:
+            write_pages(Path(folder))
+        case [name] if name in PAGES:
+            sys.stdout.write(page(name))
+        case _:
+            sys.exit(f"usage: python website/generated.py {'|'.join(PAGES)}, or --out FOLDER")

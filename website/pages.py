@@ -33,6 +33,9 @@ ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "CH
 GENERATED = runpy.run_path(str(Path(__file__).with_name("generated.py")))
 """The module of pages that are made of the code."""
 
+REFERENCE_PAGES = {"commands": "commands.md", "studytoml": "study-toml.md"}
+"""Pages of the reference to which links of docs/ lead, by the heading of `reference/index.md` about each."""
+
 TEX = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 """An equation as the Markdown extension leaves it: TeX between brackets, `\\(` within a line and `\\[` on its own."""
 
@@ -66,6 +69,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     up = "../" * page.file.src_uri.count("/")
     for name, (file, _) in GENERATED["PAGES"].items():
         markdown = markdown.replace(f"`python website/generated.py {name}`", f"[this page]({up}{file})")
+    for anchor, file in REFERENCE_PAGES.items():
+        markdown = markdown.replace(f"reference/index.md#{anchor})", f"reference/{file})")
     for source, name in ROOT_PAGES.items():
         markdown = markdown.replace(f"]({up}../{source}", f"]({up}{name}")
     return markdown

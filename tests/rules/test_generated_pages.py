@@ -1,11 +1,13 @@
 """Pages that are made of the code: each is made, and names everything that there is of its kind."""
 
+import re
 import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from pellucid import _core
 from pellucid.cli import app
@@ -31,6 +33,9 @@ def names_of(kind: str) -> set[str]:
     if kind == "keys":
         schema = json_schema(study_model())
         return {key for each in (schema, *schema["$defs"].values()) for key in each["properties"]}
+    if kind == "files":
+        readers = MADE["reader_modules"]()
+        return {*(ending for reader in readers for ending in reader.ENDINGS), *MADE["CHANNEL_UNITS"]}
     if kind == "faults":
         return set(_core.FAULTS) - {"none"}
     if kind == "states":
@@ -58,12 +63,42 @@ def test_descriptions_of_keys_are_read():
     assert MADE["described_keys"](text) == {"a": "Both of `x`.", "b": "Both of `x`.", "c": "C."}
 
 
-def test_a_page_is_printed_by_its_name():
+def test_pages_are_printed_by_their_names_and_written_together(tmp_path):
     done = subprocess.run([sys.executable, str(WRITER), "faults"], capture_output=True, text=True, check=True)
     assert done.stdout == MADE["page"]("faults")
+    subprocess.run([sys.executable, str(WRITER), "--out", str(tmp_path / "reference")], check=True)
+    written = {path.name: path.read_text(encoding="utf-8") for path in (tmp_path / "reference").iterdir()}
+    assert written == {Path(file).name: MADE["page"](kind) for kind, (file, _) in MADE["PAGES"].items()}
     unknown = subprocess.run([sys.executable, str(WRITER), "colours"], capture_output=True, text=True)
     assert unknown.returncode == 1
-    assert "parameters|commands|keys" in unknown.stderr
+    assert "commands|keys|files" in unknown.stderr
+
+
+def test_every_option_of_every_command_is_listed():
+    page = MADE["page"]("commands")
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        options = [option for each in command.params if not each.hidden for option in each.opts if option[0] == "-"]
+        assert command.hidden or [option for option in options if option not in page] == [], name
+
+
+def test_links_of_generated_pages_lead_to_pages():
+    for kind, (file, _) in MADE["PAGES"].items():
+        for target in re.findall(r"\]\(([^)#]+)", MADE["page"](kind)):
+            path = ROOT / "docs" / Path(file).parent / target
+            assert path.exists() or target.startswith("http"), (kind, target)
+
+
+def test_the_overview_of_the_reference_names_every_page_and_the_site_leads_there():
+    overview = (ROOT / "docs" / "reference" / "index.md").read_text(encoding="utf-8")
+    assert [kind for kind in MADE["PAGES"] if f"`python website/generated.py {kind}`" not in overview] == []
+    linked = {
+        target
+        for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
+        for target in re.findall(r"reference/index\.md#([\w-]+)\)", path.read_text(encoding="utf-8"))
+    }
+    hook = (ROOT / "website" / "pages.py").read_text(encoding="utf-8")
+    assert [target for target in sorted(linked) if f'"{target}": "' not in hook] == []
 
 
 def test_pages_of_docs_name_commands_that_print_something():

@@ -27,7 +27,7 @@ from pellucid_lab.papers.printed import printed
 ROOT = Path(__file__).parents[2]
 TUTORIALS = tuple(sorted((ROOT / "docs" / "tutorials").glob("*.md")))
 GUIDES = tuple(page for page in sorted((ROOT / "docs" / "how-to").glob("*.md")) if page.name != "index.md")
-PAGES = (ROOT / "README.md", ROOT / "docs" / "commands.md", *TUTORIALS, *GUIDES)
+PAGES = (ROOT / "README.md", *TUTORIALS, *GUIDES)
 MIN_TUTORIALS = 6
 MIN_GUIDES = 25
 MAX_TUTORIAL_WORDS = 1000
@@ -37,15 +37,18 @@ MARKS = {
     **dict.fromkeys(
         (
             "anonymise-recordings.md",
+            "audit-a-log.md",
             "carry-a-known-load.md",
             "compare-conditions-in-python.md",
             "identify-a-joint-from-arrays.md",
             "identify-a-log-in-one-command.md",
             "import-mvc-recordings.md",
             "process-emg-in-python.md",
+            "read-a-report-page.md",
             "read-an-incident.md",
             "register-an-analysis-before-the-data.md",
             "repair-an-interrupted-recording.md",
+            "write-a-study-toml.md",
         ),
         (pytest.mark.slow,),
     ),
@@ -57,7 +60,6 @@ MAX_LINE_OF_FIRST_OUTPUT = 25
 BLOCK_TIMEOUT_S = 3600.0
 NOT_RUN = {
     "README.md": ["installs packages of the system", "sets up the clone in which this page is read"],
-    "commands.md": ["needs a robot of your own", "needs logs of your own"],
     "deploy-a-controller.md": ["a part of the program of a microcontroller"],
     "identify-a-joint.md": ["needs recordings of your own"],
     "identify-an-orthosis.md": ["takes a quarter of an hour"],

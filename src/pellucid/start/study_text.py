@@ -54,7 +54,7 @@ def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
     parts = [
         f"# Proposed by pellucid init --from. Lines marked {MARK_GUESS} are not decided by the files; lines marked",
         f"# {MARK_ASKED} hang on a question whose default was taken. proposal/index.html shows every channel and why.",
-        "# docs/study-file.md explains each key.",
+        "# docs/reference/index.md lists all keys.",
         "",
         f"name = {_text(proposal.name)}",
         *_notes(proposal),

@@ -44,17 +44,17 @@ class DriveSensor(StudyTable):
     Attributes
     ----------
     present : bool
-        Whether there is such a measurement; a joint can so refuse the table that all joints share.
+        ``false`` for a joint without the measurement that the table of all joints states.
     gain_error : float or None
-        Relative error of the reading [1].
+        Relative error of the reading [1]; 5 % if unstated.
     offset : float or None
-        Reading at no effort [effort].
+        Reading at no effort [effort]; 1 % of the controller's effort limit if unstated, 0.2 % for a spring.
     noise : float or None
-        Standard deviation of the noise [effort].
+        Standard deviation of the noise [effort]; 1 % of that limit if unstated.
     lag : float or None
-        Time constant of the reading's lag [s].
+        Time constant of the reading's lag [s]; 2 ms if unstated.
     largest_effort : float or None
-        Largest effort of the drive [effort]; None: that of the ``limit`` in ``[rig.drive]``.
+        Largest effort of the drive [effort]; by default it follows from the ``limit`` in ``[rig.drive]``.
     """
 
     present: bool = True
@@ -71,11 +71,11 @@ class ForceSensor(StudyTable):
     Attributes
     ----------
     range : float or None
-        Largest reading of either sign [effort]; None: it is not known.
+        Largest reading of either sign [effort].
     gain_error : float or None
-        Relative error of the reading [1].
+        Relative error of the reading [1]; 0 if unstated.
     offset : float or None
-        Reading at no effort [effort].
+        Reading at no effort [effort]; 2 % of the controller's effort limit if unstated.
     """
 
     range: PositiveEffort | None = None
@@ -86,35 +86,39 @@ class ForceSensor(StudyTable):
 class InstrumentsTable(StudyTable):
     """Measurements of the robot at a joint: ``[rig.instruments]``. All keys are optional.
 
-    With ``[[rig.joints]]`` the table ``[rig.instruments]`` holds for all joints, and the table
-    ``[rig.joints.instruments]`` of a joint takes the place of single keys.
+    The thresholds of the supervisor follow from it. Where an accuracy is not stated, the one with which the thresholds
+    were chosen is assumed; a lower accuracy widens them. With ``[[rig.joints]]`` the table holds for all joints, and
+    ``[rig.joints.instruments]`` of a joint replaces single keys.
 
     Attributes
     ----------
     encoder_resolution : float or None
-        Error of one encoder reading, quantum and noise together [rad or m].
+        Error of one encoder reading, quantum and noise together [rad or m]; 0.4 mrad or 0.4 mm if unstated, 1 mrad for
+        an orthosis behind a spring.
     second_encoder : bool
         Whether there is a second encoder, behind the transmission.
     second_encoder_tolerance : float or None
-        Largest difference of both encoders without a fault: twist and backlash [rad or m].
+        Largest difference of both encoders without a fault: twist and backlash [rad or m]; 0.05 if unstated.
     drive_sensor : DriveSensor or None
-        The drive's measurement of its own effort; None if there is none.
+        The drive's measurement of its own effort, by a sensor that it does not regulate on; the table may be empty.
     force_sensor : ForceSensor or None
         Accuracy of the force sensor; None without a sensor or a known accuracy.
     spring_stiffness : float or None
         Stiffness of the series spring whose deflection is the drive's measurement [N m/rad or N/m]. It requires no
         ``drive_sensor``, except to state the accuracy.
     emg_range : float or None
-        Largest torque in the EMG calibration [effort].
+        Largest torque in the EMG calibration [effort]; 40 N*m if unstated.
     start_up_answer : float or None
-        Work of the start-up test's excitation at commissioning [J].
+        Work of the start-up test's excitation at commissioning [J], which ``commission`` writes.
     probe : bool or None
-        Whether a small excitation of the effort may test encoder and drive while the controller runs; None: only if the
-        drive is not measured.
+        Whether a small excitation of the effort may test encoder and drive while the controller runs. By default only
+        if the drive is not measured; ``false`` then requires ``export --unmeasured``.
     probe_answer : tuple of float or None
-        Responses to the probe's three excitations at commissioning: real and imaginary part of each, shape (6,) [1].
+        Responses to the probe's three excitations at commissioning, which ``commission`` writes: real and imaginary
+        part of each [1]. Without it, the first movement after each start is assumed to be healthy.
     shaking : bool
-        Whether oscillation that lasts seconds and is faster than voluntary movement switches the power off.
+        Whether oscillation that lasts seconds and is faster than voluntary movement switches the power off. It detects
+        a drive whose own measurement is wrong. It also stops wearers who stir, polish or walk.
     """
 
     encoder_resolution: PositiveAngle | None = None
@@ -204,10 +208,11 @@ class SessionTask(StudyTable):
     instructions : tuple of str
         Paragraphs that the participant's page shows before the first trial of the task.
     use : str
-        ``"fit"`` or ``"validate"``, as in ``[[recordings]]``. Of several trials in a condition ``"last"`` holds out
-        the last one.
+        ``"fit"`` or ``"validate"``, as in ``[[recordings]]``. ``"last"`` holds out the last trial of each condition.
+    kind : str
+        Kind of the task, which decides its other keys.
     protocol : str
-        Protocol of the recordings, which procedures know them by.
+        Protocol of the recordings, as in ``[[recordings]]``.
     """
 
     name: Word
@@ -218,7 +223,7 @@ class SessionTask(StudyTable):
 
 
 class PointingTask(SessionTask):
-    """The pointer goes to a target and stays on it; then the next target appears.
+    """Pointing, target after target: ``[[session.tasks]]``.
 
     Attributes
     ----------
@@ -247,16 +252,18 @@ class PointingTask(SessionTask):
 
 
 class TrackingTask(SessionTask):
-    """The pointer follows a target that moves as a sine.
+    """Tracking of a target that moves as a sine: ``[[session.tasks]]``.
 
     Attributes
     ----------
-    centre, amplitude : float
-        Of the target's angle [rad].
+    centre : float
+        Mean angle of the target [rad].
+    amplitude : float
+        Amplitude of the target's sine [rad].
     frequency : float
-        [Hz]
+        Frequency of the target's sine [Hz].
     duration : float
-        [s]
+        Duration of a trial [s].
     """
 
     kind: Literal["tracking"]
@@ -268,7 +275,7 @@ class TrackingTask(SessionTask):
 
 
 class HoldingTask(SessionTask):
-    """The participant holds an angle while the robot applies torques; each trial has one angle.
+    """Holding an angle against the robot's torques: ``[[session.tasks]]``.
 
     Attributes
     ----------
@@ -279,7 +286,7 @@ class HoldingTask(SessionTask):
     duration : float
         Time of each torque [s].
     ramp : float
-        Part of that time in which the torque goes over into the next one [s].
+        Part of that time in which the torque changes to the next one [s].
     tolerance : float
         Largest distance from the angle that counts as held [rad].
     """
@@ -294,7 +301,7 @@ class HoldingTask(SessionTask):
 
 
 class ContractionTask(SessionTask):
-    """Muscles are contracted to a level of their EMG, and relaxed again.
+    """Contractions to a level of their EMG: ``[[session.tasks]]``.
 
     Attributes
     ----------
@@ -383,6 +390,7 @@ class SessionTable(StudyTable):
     consent, instructions : tuple of str
         Paragraphs for the participant. Without consent text the page requests no consent.
     limits : SessionLimits
+        Limits of the torque in the session.
     tasks : tuple of SessionTask
         Kinds of trials, in the order in which they are done.
     """

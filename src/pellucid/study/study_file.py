@@ -1,6 +1,7 @@
 """The keys of study.toml, their units and their defaults.
 
-Quantities are texts with a unit; they become SI numbers here. ``docs/study-file.md`` explains every key.
+Quantities are texts with a unit; they become SI numbers here. The docstring of a table explains each of its keys, and
+``website/generated.py keys`` prints them all.
 """
 
 from __future__ import annotations
@@ -67,17 +68,18 @@ class Drive(StudyTable):
         ``"torque"`` (a sensor), ``"current"`` or ``"voltage"``.
     torque_constant, force_constant : float or None
         Effort per ampere [N*m/A, N/A], or per volt for a voltage drive without a resistance [N*m/V, N/V].
-        None: results stay per ampere or per volt.
+        Without it, results are per ampere or per volt.
     gear_ratio : float
         Motor turns per turn of the joint; the constant times it is the effort at the joint.
     resistance : float or None
-        Resistance of the winding [ohm]; it gives the back-EMF of a voltage drive.
+        Resistance of the winding [ohm]. The effort of a voltage drive is then k/R * voltage - k^2/R * velocity.
     supply : float or None
-        Voltage at full duty [V], if the drive's command is recorded as a duty.
+        Voltage at full duty [V], if the drive's command is recorded as a duty; a channel ``supply`` replaces it.
     limit : float or None
         Largest magnitude of the command, in the channel's SI unit.
     lowest_resonance : float or None
-        Lowest resonance of the rotor and the joint behind the transmission, with nobody in it [Hz].
+        Lowest resonance of the rotor and the joint behind the transmission, without a wearer [Hz]. From 45 Hz on,
+        controllers with a force sensor have a gain of 1.5, otherwise 0.5.
     """
 
     kind: Literal["torque", "current", "voltage"]
@@ -114,10 +116,11 @@ class Loop(StudyTable):
     Attributes
     ----------
     kind : str
-        ``"p"``, ``"pi"``, ``"pd"``, ``"cascade"`` (command = kv*(kp*(reference - position) - velocity)) or
-        ``"velocity_pi"``, whose reference is a velocity.
+        With e = reference - position: ``"p"``, kp*e; ``"pi"``, kp*e + ki*integral of e; ``"pd"``, kp*e + kd*de/dt;
+        ``"cascade"``, kv*f + ki*integral of f with f = kp*e - velocity. ``"velocity_pi"`` is ``"pi"`` with a
+        reference and an error of velocity.
     kp, ki, kd, kv : float or None
-        Gains.
+        Gain of the command's formula for this `kind`.
     limit : float or None
         Largest magnitude of the command, in its SI unit.
     injected : str or None
@@ -176,7 +179,17 @@ else:
 
 
 class JointLimits(StudyTable):
-    """Limits of the joint: ``[rig.limits]``, each in [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
+    """Limits of the joint: ``[rig.limits]``. All keys are optional.
+
+    Attributes
+    ----------
+    position_min, position_max : float or None
+        End of the range of motion [rad or m].
+    velocity : float or None
+        Largest speed [rad/s or m/s].
+    effort : float or None
+        Largest effort [N*m or N].
+    """
 
     position_min: quantity("<coordinate>") | None = None
     position_max: quantity("<coordinate>") | None = None
@@ -223,14 +236,21 @@ class JointTable(StudyTable):
     Attributes
     ----------
     motion : str
-        ``"rotary"`` or ``"prismatic"``.
+        ``"rotary"``, with rad and N*m, or ``"prismatic"``, with m and N.
     lifts : str
-        Effect of a positive motion, in words.
+        Effect of a positive motion, such as ``"flexion"``. A rotary joint is at 0 where the moving segment hangs.
     moving_mass : float or None
         Upper limit of the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
-    drive, loop, limits, slider, instruments
-        Tables of the joint. `drive` is None without a motor, `loop` if the machine's controller is not known, and
-        `slider` if the machine has none.
+    drive : Drive or None
+        Source of the effort; None without a motor.
+    loop : Loop or None
+        The machine's own controller, with which simulations close the loop; None if it is not known.
+    limits : JointLimits
+        Limits of position, velocity and effort.
+    slider : Slider or None
+        Carriage on the moving segment; None if there is none.
+    instruments : InstrumentsTable
+        Sensors of the robot and their accuracy, from which the thresholds of the supervisor follow.
     """
 
     motion: Literal["rotary", "prismatic"]
@@ -255,7 +275,13 @@ class JointTable(StudyTable):
 
 
 class OneJoint(JointTable):
-    """The machine, if it has one joint: ``[rig]``. `joint` is its name, such as ``"elbow"``."""
+    """The machine, if it has one joint: ``[rig]``.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint in texts and figures.
+    """
 
     joint: Word = "joint"
 
@@ -266,9 +292,16 @@ class OneJoint(JointTable):
 
 
 class Body(StudyTable):
-    """The body that a joint carries: its mass [kg], its centre of mass in the joint's frame [m] and its inertia.
+    """The body that a joint carries: ``[rig.joints.body]``.
 
-    `inertia` holds I_xx, I_xy, I_xz, I_yy, I_yz and I_zz about the centre of mass, along the frame's axes [kg m^2].
+    Attributes
+    ----------
+    mass : float
+        Mass of the body [kg].
+    centre : tuple of float
+        Centre of mass in the joint's frame [m]; with `dh`, in the frame after the row.
+    inertia : tuple of float
+        I_xx, I_xy, I_xz, I_yy, I_yz and I_zz about the centre of mass, along the frame's axes [kg m^2].
     """
 
     mass: quantity("kg", gt=0)
@@ -277,9 +310,14 @@ class Body(StudyTable):
 
 
 class DenavitHartenberg(StudyTable):
-    """A joint's row of Denavit and Hartenberg: lengths `a` and `d` [m], angles `alpha` and `theta` [rad].
+    """A joint's row of Denavit and Hartenberg: ``[rig.joints.dh]``. `dh` in ``[tree]`` states the convention.
 
-    `theta` (of a slide: `d`) is the one where the joint's coordinate is 0. ``[tree] dh`` says the convention.
+    Attributes
+    ----------
+    a, d : float
+        Length of the row [m]. The coordinate of a prismatic joint adds to `d`.
+    alpha, theta : float
+        Angle of the row [rad]. The coordinate of a rotary joint adds to `theta`.
     """
 
     a: LengthInMetres = 0.0
@@ -298,20 +336,25 @@ class RigJoint(JointTable):
         the joint's name in that file.
     parent : str or None
         Joint whose body carries this one; ``"base"`` for none; None for the preceding joint in the list.
-    place, turned, axis : tuple of float or None
-        Origin of the joint's frame in its parent's frame [m], its roll, pitch and yaw [rad], and the joint's axis in
-        it; None if a robot's file states them.
+    place : tuple of float or None
+        Origin of the joint's frame in its parent's frame [m]; None if a robot's file states it.
+    turned : tuple of float or None
+        Roll, pitch and yaw of that frame [rad]; none without the key.
+    axis : tuple of float or None
+        Axis of the joint in its frame; None if a robot's file states it.
     through : tuple of float or None
-        In place of `place` and `turned`: a point of the joint's axis in the base's frame while every joint is at 0 [m];
+        Replaces `place` and `turned`: a point of the joint's axis in the base's frame while every joint is at 0 [m];
         `axis` is then in the base's frame, too.
     dh : DenavitHartenberg or None
-        In place of `place`, `turned` and `axis`: the joint's row of Denavit and Hartenberg.
+        Replaces `place`, `turned` and `axis`: the joint's row of Denavit and Hartenberg.
     body : Body or None
-        Body that the joint carries; None if a robot's file states it, or if no joint of a robot has one.
+        Body that the joint carries, for all joints or none; None if a robot's file states it. Without both, a body of
+        1 kg is assumed.
     rotor_inertia : float
         Inertia of the motor's rotor, at the joint [kg m^2; kg].
     turns : dict[str, float]
-        Turns of the joint's motor per turn of each joint; the drive then reports the motor's position.
+        Turns of the joint's motor per turn of each joint, negative for opposite directions: ``{ elbow = 45.0 }``. A
+        motor that moves two joints has both. The drive's channel and ``motor_position`` are then those of the motor.
     zero : float
         Position of the joint at which its motor is at 0, for joints that are measured by their motors [rad; m].
     dead_band : float or None
@@ -366,15 +409,16 @@ class RigJoint(JointTable):
 
 
 class SeveralJoints(StudyTable):
-    """The machine, joint by joint: ``[rig]`` with ``[[rig.joints]]``.
+    """The machine, joint by joint: ``[rig]``, with a table ``[[rig.joints]]`` for each.
 
     Access to an attribute of a single joint raises a StudyError that names the joints.
 
     Attributes
     ----------
     joints : tuple of RigJoint
+        Joints of the machine, each with the keys of ``[[rig.joints]]``.
     instruments : InstrumentsTable
-        Keys that hold for all joints; the joints' own tables are already completed by them.
+        Sensors that all joints share; ``[rig.joints.instruments]`` of a joint replaces single keys.
     """
 
     joints: tuple[RigJoint, ...] = Field(min_length=1)
@@ -459,7 +503,18 @@ RigTable = Annotated[
 class Participant(StudyTable):
     """A wearer of the machine: ``[participants.NAME]``.
 
-    Mass [kg], height [m], age [years], length of the shank from the knee to the heel [m].
+    Attributes
+    ----------
+    mass : float or None
+        Mass of the body [kg].
+    height : float or None
+        Height of the body [m].
+    age : float or None
+        Age in years.
+    sex : str or None
+        ``"female"`` or ``"male"``.
+    shank_length : float or None
+        Length of the shank from the knee to the heel [m].
     """
 
     mass: quantity("kg", gt=0) | None = None
@@ -501,9 +556,14 @@ def _split_constant(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Subtracted(StudyTable):
-    """A column that is subtracted from another.
+    """A column that is subtracted from a channel: ``[channels.NAME.minus]``. A text alone is the column.
 
-    `column` is its name or number, and `scale` the channel's unit per stored count; None for the channel's own scale.
+    Attributes
+    ----------
+    column : str or int
+        Name or number of the column.
+    scale : float or None
+        The channel's unit per stored count; None for the channel's own scale.
     """
 
     column: str | int
@@ -530,11 +590,13 @@ class ChannelSpec(StudyTable):
     name : str
         Name of the channel.
     column : str or int
-        Column of a table, dotted path into a structure, or 0-based column number.
+        Name of the column, without the unit in the header; its number from 0 in a file without a header; or the dotted
+        path of nested data: ``entries.position`` is a field of every element of a list, ``data.2`` the third column of
+        a matrix, ``data.1.4`` a column of an array of three dimensions. A single number applies to all samples.
     unit : str
         Unit of the value after `scale`.
     sign : int
-        1 or -1.
+        -1 reverses the channel.
     offset : float
         Offset that is added last, in `unit`.
     scale : float
@@ -542,10 +604,13 @@ class ChannelSpec(StudyTable):
     value : float or None
         Constant value of the channel [unit], instead of a column, such as the position of a joint that was held.
     minus : Subtracted or None
-        Another column that is subtracted, such as that of an opposing cable or of a spring's other end.
-    interleaved, stacked : tuple of int or None
-        Place of the channel, from 0, in a flat list of several columns, and number of columns: interleaved or one after
-        another.
+        Another column that is subtracted, such as that of an opposing cable (``minus = "extensor"``) or of a spring's
+        other end.
+    interleaved : tuple of int or None
+        Place of the channel, from 0, and number of columns of a flat list that holds the columns in turn: ``[2, 7]`` is
+        the third of seven.
+    stacked : tuple of int or None
+        The same for a flat list that holds one column after another.
     wrap_bits : int or None
         Number of bits after which the stored count rolls over.
     wrap : float or None
@@ -553,7 +618,7 @@ class ChannelSpec(StudyTable):
     signed_bits : int or None
         Number of bits of a signed count that was stored as an unsigned one.
     sign_bit : int or None
-        Bit that states a minus sign, from 0; the bits below it hold the magnitude.
+        Bit that states a minus sign, from 0; the bits below it hold the magnitude, as in Feetech servos.
     missing : str, float or None
         ``"NaN"``, or the number that marks a missing sample.
     rate : float or None
@@ -561,9 +626,11 @@ class ChannelSpec(StudyTable):
     clip : str
         ``"refuse"``, or ``"accept"`` if the channel may rest at its largest value.
     delay : str, float or None
-        Delay of the channel behind the file's time [s]; it is estimated if possible for ``"auto"`` or None.
+        Delay of the channel relative to the file's time [s], negative if it is early. Without the key, the delay of the
+        drive's channel is estimated and corrected if it is significant; ``"auto"`` corrects it whatever its size, and
+        ``"0 s"`` not at all.
     lag : float or None
-        Time constant of the first-order lag in the channel [s].
+        Time constant of a first-order filter that the channel has passed [s]; it is corrected.
     si_factor, si_offset : float
         Numbers of the conversion: SI value = value * si_factor + si_offset.
     si_unit : str
@@ -660,11 +727,11 @@ class Optical(StudyTable):
     Attributes
     ----------
     time : ChannelSpec
-        Channel of the motion capture's own clock.
+        Channel of the motion capture's own clock. Its offset and drift are estimated from the motion.
     unit : str
         Unit of the coordinates.
     markers : tuple of str
-        Names of the markers to read.
+        Names of the markers to read. All but the carriage's are on the moving segment, far apart.
     columns : str
         Name of a coordinate's column, in which ``{marker}`` and ``{axis}`` (x, y or z) are replaced.
     down : tuple of float
@@ -729,11 +796,14 @@ class Stream(StudyTable):
     channels : dict[str, ChannelSpec]
         ``[streams.NAME.channels]``; ``time`` is the instrument's own clock.
     join : bool
-        Whether its channels are joined to the recording, resampled at the recording's times.
+        Whether its channels become channels of the recording, on the recording's time. Drive and encoder may then come
+        from two loggers. The common part of both clocks is kept, and a faster instrument is averaged over each step.
     offset : str or float
-        Offset of its clock against the recording's, if joined [s]; ``"auto"`` estimates it from the motion.
+        Delay of its clock in all recordings, if joined [s]. ``"auto"`` estimates it for each recording from the effect
+        of the drive on the joint, within a minute, and reports its interval.
     drift : str or float
-        Share by which its clock runs faster; ``"auto"`` estimates it from the motion.
+        Relative rate error of its clock, if joined, such as ``"20e-6"``. ``"auto"`` estimates it from both halves of
+        the recording, and uses it if it is significant.
     """
 
     channels: dict[Word, ChannelSpec]
@@ -783,7 +853,8 @@ class Processing(StudyTable):
     decimate : int
         Factor of decimation after filtering.
     resample : float or None
-        Uniform rate for interpolation before filtering, if the clock jitters [Hz].
+        Uniform rate for interpolation before filtering [Hz]. Gaps of up to half a period of `lowpass` are then
+        interpolated. Without it, a clock that jitters is interpolated to its mean rate.
     smooth_stamps : str
         ``"automatic"`` smooths time stamps that jitter if the recorded motion then fits them better, unless `resample`
         is stated; ``"always"`` and ``"never"`` decide it.
@@ -792,7 +863,8 @@ class Processing(StudyTable):
     trim : int
         Number of samples that are excluded at each border, because the filter has not settled there.
     velocity : str
-        Source of the velocity: ``"differentiated"`` from the position, or ``"recorded"`` in the channel of that name.
+        Source of the velocity: ``"differentiated"`` from the position, or ``"recorded"`` in the channel ``velocity``,
+        which is compared with the position first.
     cut : str
         ``"automatic"`` excludes spikes, dropouts, frozen and clipped stretches, gaps and missing samples; ``"none"``
         rejects a recording that has them.
@@ -833,11 +905,13 @@ class Model(StudyTable):
     families : tuple of str
         Friction models that are compared.
     gravity : str
-        Gravity term: ``"none"``, ``"sine"`` or ``"sine+cosine"`` (if the zero of the encoder is not known).
+        Gravity term: ``"none"``, ``"sine"``, or ``"sine+cosine"`` if the joint does not hang at the encoder's zero. By
+        default ``"sine"``, and ``"none"`` for a prismatic joint.
     known : Mapping[str, float]
-        Parameters that are held at a known value, in SI.
+        Parameters that are held at a known value: ``known = { inertia = "0.02 kg*m^2" }``.
     purpose : str
-        Purpose of the headline's values: ``"torque"`` or ``"simulation"``.
+        Purpose of the selected model: ``"torque"`` predicts the effort of a motion, ``"simulation"`` the motion of a
+        command.
     confidence : float
         Confidence level of the intervals, in (0, 1).
     posterior : bool
@@ -887,10 +961,18 @@ class Model(StudyTable):
 
 
 class PayloadSpec(StudyTable):
-    """A mass on the moving segment: mass [kg], None if it is to be found, and distance from the axis [m].
+    """A mass on the moving segment: ``[recordings.payload]``. An empty table states an unknown payload.
 
-    A robot of several joints has instead the `link` that carries it, None for the last one, and the mass's `centre` in
-    that link's frame [m], None if unknown.
+    Attributes
+    ----------
+    mass : float or None
+        Mass of the payload [kg]; without it the mass is estimated, and the recording is used for nothing else.
+    distance : float
+        Distance of its centre of mass from the joint's axis [m].
+    link : str or None
+        In a robot of several joints, the link that carries it; None for the last one.
+    centre : tuple of float or None
+        In a robot of several joints, its centre of mass in the frame of that link [m]; None if unknown.
     """
 
     mass: quantity("kg", gt=0) | None = None
@@ -900,35 +982,42 @@ class PayloadSpec(StudyTable):
 
 
 class RecordingEntry(StudyTable):
-    """One ``[[recordings]]``.
+    """One recording, in the order of reports: ``[[recordings]]``.
 
     Attributes
     ----------
     name : str
         Name of the recording, which is part of the ids of its figures.
-    file, files : str or None
-        Path of a file from the study's folder, or a pattern that matches several; exactly one of the two. A maximal
-        contraction (protocol ``"mvc"``) may have one of `streams` in their place.
+    file : str or None
+        Path of the file, from the study's folder. A maximal contraction (protocol ``"mvc"``) may have one of `streams`
+        instead.
+    files : str or None
+        Replaces `file`: a pattern such as ``"recordings/P1_*.csv"``. Each match is the recording ``<name>.<stem>``.
     protocol : str or None
-        Name of the protocol, such as ``"swept_sine"``.
+        Name of the protocol, such as ``"swept_sine"``. Some have a meaning: ``"locked_spring"`` for a spring with one
+        locked end, ``"reversals"`` and ``"free_carriage"`` for a joint with a carriage, ``"mvc"`` for a maximal
+        contraction, ``"empty_swing"`` and ``"loaded_swing"`` for the swings of an exoskeleton.
     use : str
-        ``"fit"`` or ``"validate"``.
+        ``"fit"``, or ``"validate"`` for a held-out recording, which is only predicted.
     window : tuple of float or None
         Start and end of the used samples, start <= time < end on the file's own clock [s].
     exclude : tuple of tuple of float
         Starts and ends of the excluded samples, start <= time < end on the file's own clock [s].
-    participant, condition : str or None
-        Participant and condition of the trial.
+    participant : str or None
+        Participant of the trial, one of ``[participants]``.
+    condition : str or None
+        Condition of the trial, such as a controller.
     repetition : int or None
-        Number of the repetition, from 1.
+        Number of the repetition, from 1, by which torque steps are cross-validated. By default recordings of a
+        participant at the same angle are counted.
     period : int or None
-        Position of the trial in the participant's order, from 1.
+        Period of the session, from 1. ``assess`` then removes its effect from the change between conditions.
     amplitude : float or None
         Signed distance that each movement was to cover [rad or m], if no channel records it.
     payload : PayloadSpec or None
         Mass carried during the trial; without its `mass` it is unknown and estimated.
     optical : str or None
-        Path of the motion capture's file of the same trial, from the study's folder.
+        Path of the motion capture's file of the same trial, from the study's folder; it requires ``[optical]``.
     streams : dict[str, str]
         Paths of other instruments' files of the same trial, by the name of their ``[streams.NAME]``.
     offsets : dict[str, float]
@@ -938,9 +1027,9 @@ class RecordingEntry(StudyTable):
     start : str
         Initial state of a simulation: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
     processing : Processing or None
-        Complete processing of this recording; None for that of ``[processing]``.
+        Keys that differ from ``[processing]`` in this recording.
     channels : dict[str, ChannelSpec]
-        Complete channels that are added to ``[channels]`` or replace some of them.
+        Keys and channels that differ from ``[channels]`` in this recording, or are added.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
@@ -1020,8 +1109,25 @@ class StudyFile(StudyTable):
         Whether the recordings were simulated.
     worn : bool
         Whether somebody wears the machine: parameters are then those of machine and limb together.
-    rig, participants, channels, optical, streams, processing, model, recordings, session
-        Tables of the file; `optical` is None without a motion capture, `session` where none is planned.
+    rig : OneJoint or SeveralJoints
+        The machine: a joint, or a list of joints.
+    participants : dict[str, Participant]
+        Wearers of the machine, by name.
+    channels : dict[str, ChannelSpec]
+        Channels of the recordings, by name: the column of each, and its unit. ``time`` is required. A dot makes a
+        group: ``emg.biceps``.
+    optical : Optical or None
+        Contents of a motion capture's files.
+    streams : dict[str, Stream]
+        Other instruments with files of their own, by name.
+    processing : Processing
+        Processing of samples before a regression.
+    model : Model
+        Model that is identified.
+    recordings : tuple of RecordingEntry
+        Recordings, in the order of reports.
+    session : SessionTable or None
+        Live session that is planned.
 
     `study_file_model` adds a field for each table that requests a procedure, which is None if the table is absent.
     """
@@ -1242,12 +1348,19 @@ def study_file_model(tables: Mapping[str, type[ProcedureTable]]) -> type[StudyFi
     return create_model("StudyFile", __base__=StudyFile, **fields)
 
 
-# SI unit of a channel by the first or the last but one part of its dotted name.
-_UNITS_BY_PART = {
+UNITS_BY_PART = {
     "acceleration": "m/s^2", "angular_velocity": "rad/s", "magnetic_field": "T", "orientation": "1", "angle": "rad",
     "moment": "N*m", "length": "m", "lengthening": "m/s", "moment_arm": "m",
 }  # fmt: skip
+"""SI unit of a channel by the first or the last but one part of its dotted name."""
 
+CHANNEL_UNITS = {
+    "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
+    "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
+    "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<motor>",
+    "target": "<coordinate>", "interaction": "<effort>", "desired_current": "A", "desired_torque": "<effort>",
+}  # fmt: skip
+"""SI unit of a channel by its name; a unit in <> is looked up among the rig's units."""
 
 JOINT_CHANNELS = frozenset(
     ("position", "reference", "velocity", "acceleration", "current", "voltage", "duty", "supply", "torque", "force",
@@ -1258,24 +1371,18 @@ JOINT_CHANNELS = frozenset(
 
 def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) -> str | None:
     """Return the SI unit that a channel must have, by its name; None if any unit is meaningful."""
-    fixed = {
-        "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
-        "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
-        "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<motor>",
-        "target": "<coordinate>", "interaction": "<effort>", "desired_current": "A", "desired_torque": "<effort>",
-    }  # fmt: skip
     head, _, joint = name.rpartition(".")
     own = units.get("joints", {}).get(joint)
     if own is not None and (head in JOINT_CHANNELS or head == own["injected"]):
         return channel_unit(head, own, given)
-    expected = fixed.get(name)
+    expected = CHANNEL_UNITS.get(name)
     parts = name.split(".")
     if parts[0] == "moment" and given in ("MVC", "%MVC"):
         return "MVC"
     if expected is None and parts[0] == "emg" and len(parts) > 1:
         expected = "1" if given in ("1", "%") else "V"
     if expected is None and len(parts) > 1:
-        expected = next((_UNITS_BY_PART[part] for part in (parts[-2], parts[0]) if part in _UNITS_BY_PART), None)
+        expected = next((UNITS_BY_PART[part] for part in (parts[-2], parts[0]) if part in UNITS_BY_PART), None)
     if expected is None and name == units.get("injected"):
         expected = "<injected>"
     return units.get(expected, expected) if expected else None

@@ -371,7 +371,7 @@ LAB_COMMANDS = ("simulate", "predict", "demo", "reproduce", "rank")
 
 def example(command_line: str) -> str:
     """Return what stands below a command's options: one way to call it, and where the manual is."""
-    return f"Example: {command_line}\n\n\nManual: docs/commands.md"
+    return f"Example: {command_line}\n\n\nManual: docs/reference/index.md"
 
 
 COMPLETION_HELP = {

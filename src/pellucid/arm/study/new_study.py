@@ -14,7 +14,7 @@ ROBOT_FILE = "robot.urdf"
 """Name of the copy of the robot's file."""
 
 HEAD_TEXT = """# {robot}: {count} joints, all identified at once.
-# Every quantity is a text with its unit. docs/study-file.md explains each key; `pellucid check` says what is missing.
+# Every quantity is a text with its unit. docs/reference/index.md lists all keys; `pellucid check` says what is missing.
 
 name = "{name}"
 

@@ -28,18 +28,21 @@ FURTHER_TERMS = ("load", "square_root", "stribeck", "directional")
 
 
 class TreeTable(ProcedureTable):
-    """Table ``[tree]`` of study.toml: a robot whose joints are identified together.
+    """A robot whose joints are identified together: ``[tree]``.
+
+    ``init --urdf FILE`` writes a study with this table. Motors that move two joints require torque constants.
 
     Attributes
     ----------
     urdf : str or None
-        Path of the robot's file, from the study's folder; None if ``[[rig.joints]]`` state positions and axes.
+        Path of the robot's URDF file, from the study's folder; None if ``[[rig.joints]]`` state positions and axes.
+        Meshes are not needed, and bodies without mass are assumed to have 1 kg.
     dh : str or None
         Convention of the joints' Denavit-Hartenberg rows, ``"classic"`` or ``"modified"``; None without rows.
     gravity : tuple of float
         Direction of gravity in the base's frame, of length 1.
     held : dict[str, float]
-        Joints of the file that did not move, and their positions [rad; m].
+        Joints of the file that did not move, and their positions: ``{ finger = "20 mm" }``.
     effort_lowpass : float or None
         Cut-off of the low-pass on effort, if it differs from that of the motion [Hz].
     velocity_width : float
@@ -55,8 +58,8 @@ class TreeTable(ProcedureTable):
         Whether the bodies stated in the study or the robot's file are the prior of the consistent ones; otherwise the
         prior is guessed from the positions of the joints.
     gains : str
-        Source of the drives' gains: ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
-        torque and current, or from fitted recordings with and without a known ``"payload"``.
+        Source of the drives' gains: ``"stated"`` in ``[[rig.joints]]``; ``"desired"`` from the channels
+        ``desired_current`` and ``desired_torque``; ``"payload"`` from fitted recordings with and without a known mass.
     confidence : float
         Confidence level of the intervals, in (0, 1).
     published : dict[str, dict[str, float]]

@@ -15,7 +15,7 @@ class MuscleTable(ProcedureTable):
     muscles : tuple of str
         Channels ``emg.<muscle>`` to use; empty: all.
     emg : str
-        Stream of these channels, where they are not in the recording's own file.
+        Stream of these channels, if they are not in the recording's own file.
     """
 
     muscles: tuple[Word, ...] = ()
@@ -34,16 +34,16 @@ class EnvelopeTable(MuscleTable):
     Attributes
     ----------
     chain : str
-        From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
+        Filter chain from raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` for recorded envelopes.
     mains : float, "auto" or None
-        Frequency of a notch [Hz]; ``"auto"``: 50 or 60 Hz where the fitted recordings have such hum; left out: as
-        published, 50 Hz in the chain ``"hill"`` and none in the others.
+        Frequency of a notch [Hz]; ``"auto"``: 50 or 60 Hz where the fitted recordings have such hum. By default
+        as published, 50 Hz in the chain ``"hill"`` and none in the others.
     band : tuple of float or None
-        Lowest and highest frequency of raw EMG [Hz]; left out: as published.
+        Lowest and highest frequency of raw EMG [Hz]; by default as published.
     lowpass : float or None
-        Cut-off of the envelope's low-pass [Hz]; left out: as published.
+        Cut-off of the envelope's low-pass [Hz]; by default as published.
     rms_window : float or None
-        Length of the window whose root mean square is the envelope [s], in place of a low-pass.
+        Length of the window whose root mean square is the envelope [s], instead of a low-pass.
     """
 
     chain: Literal["hill", "knee", "none"] = "hill"

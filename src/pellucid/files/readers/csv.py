@@ -1,5 +1,9 @@
 """Read text tables: comma, semicolon, tab or blanks between columns, any or no header, decimal point or comma.
 
+A column is named by its header, without its unit, or numbered from 0. With groups above the names it is GROUP.NAME. If
+each row is about one joint, motor or signal, a column is ``position.knee``. Lists in cells are numbered, or named by
+another list.
+
 The first lines show the layout. A table of plain numbers is then read in blocks by a library (`_number_blocks.py`), any
 other field by field. Both go through the file in blocks, so that a file of any size needs little memory in addition
 to its numbers.

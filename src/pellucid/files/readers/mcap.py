@@ -1,7 +1,8 @@
 """Read MCAP files: every number of every topic, at the times of its messages.
 
-`_messages` says how columns are named. Messages may be JSON, or of ROS 1 or ROS 2 with their definitions, for which
-rosbags is needed. Topics with other messages, such as Protobuf, are columns that say so.
+A column is TOPIC.FIELD, at the times of TOPIC.time; joint states are named by their joints (`_messages`). Messages may
+be JSON, or of ROS 1 or ROS 2 with their definitions, for which rosbags is needed. Topics with other messages, such as
+Protobuf, are columns that say so.
 """
 
 from __future__ import annotations

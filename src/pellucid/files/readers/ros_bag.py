@@ -1,7 +1,8 @@
 """Read bags of ROS 1 (.bag) and ROS 2 (.db3): every number of every topic, at the times of its messages.
 
-`_messages` says how columns are named. Messages are understood by the definitions in the bag; a bag of ROS 2 before
-Iron has none, and its messages are taken for those of Humble; topics of other types are columns that say so.
+A column is TOPIC.FIELD, at the times of TOPIC.time; joint states are named by their joints (`_messages`). Messages are
+understood by the definitions in the bag; a bag of ROS 2 before Iron has none, and its messages are taken for those of
+Humble; topics of other types are columns that say so.
 """
 
 from __future__ import annotations

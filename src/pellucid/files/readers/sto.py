@@ -1,4 +1,8 @@
-"""Read OpenSim's storage (.sto) and motion (.mot) files: a header up to ``endheader``, then columns of numbers."""
+"""Read OpenSim's storage (.sto) and motion (.mot) files: a header up to ``endheader``, then columns of numbers.
+
+A column keeps its label, and an orientation is NAME.w, NAME.x, NAME.y and NAME.z. The header states whether angles are
+in degrees.
+"""
 
 from __future__ import annotations
 

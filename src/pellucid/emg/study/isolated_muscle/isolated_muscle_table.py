@@ -15,29 +15,31 @@ class IsolatedMuscleTable(ProcedureTable):
     Attributes
     ----------
     force, displacement : str
-        Channels; the displacement in the recording's amplitudes.
+        Name of the channel. The displacement is relative to the recording's `amplitude`.
     stream : str
-        Of the displacement, where it is not in the recording's own file.
+        Stream of the displacement, if it is not in the recording's own file.
     isometric_force : float
-        Measured at rest length: errors are shares of it [N].
+        Measured isometric force at rest length, to which errors are relative [N].
     max_isometric_force : float
-        F_0 of the model [N].
-    optimal_fibre_length, tendon_slack_length : float
-        [m]
+        Maximal isometric force of the model [N].
+    optimal_fibre_length : float
+        Optimal fibre length [m].
+    tendon_slack_length : float
+        Slack length of the tendon [m].
     pennation : float
-        Of the fibres at their optimal length [rad].
+        Pennation angle of the fibres at their optimal length [rad].
     max_velocity : float
-        In optimal fibre lengths per second [1/s].
+        Maximal shortening velocity in optimal fibre lengths per second [1/s].
     damping : float
-        Of the fibre [1].
+        Damping of the fibre, relative to the maximal force [1].
     tendon_strain : float
-        Of the tendon under F_0 [1].
+        Strain of the tendon under the maximal isometric force [1].
     score_from : float
-        From when on the force is fitted and judged [s].
+        Time from which the force is fitted and compared [s].
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     posterior : bool
-        Whether a posterior is drawn beside the interval.
+        Whether a posterior is sampled in addition to the interval.
     """
 
     force: Word = "force"

@@ -17,7 +17,7 @@ class LoadedSwingTable(ProcedureTable):
     lowpass : float
         Cut-off of the zero-phase low-pass on position and torque [Hz].
     confidence : float
-        Of the intervals, in (0, 1).
+        Confidence level of the intervals, in (0, 1).
     """
 
     alone: ClassVar[bool] = True

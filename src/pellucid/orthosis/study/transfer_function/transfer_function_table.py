@@ -14,16 +14,20 @@ class TransferFunctionTable(ProcedureTable):
 
     Attributes
     ----------
-    input, output : str
-        Channels.
-    poles, zeros : int
-        Orders of denominator and numerator.
+    input : str
+        Channel of the input.
+    output : str
+        Channel of the output.
+    poles : int
+        Order of the denominator.
+    zeros : int
+        Order of the numerator, below `poles`.
     hold : str
         Course of the input between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
     reference : str, optional
         Channel without noise that drives input and output, such as a controller's reference.
     period : float, optional
-        Period of the recordings of protocol ``random_phase_multisine`` [s].
+        Period of the recordings of protocol ``random_phase_multisine`` [s]. Noise and distortion are then separated.
     confidence : float
         Confidence level of the intervals, in (0, 1).
     """
