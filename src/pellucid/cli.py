@@ -607,9 +607,13 @@ def compare(
 def export(
     folder: Folder,
     to: Annotated[
-        str, typer.Option("--to", metavar="FORMAT", help="c; mjcf or urdf for simulators; osim or ceinms for muscles.")
+        str,
+        typer.Option(
+            "--to", metavar="FORMAT", help="c; fmu for Simulink; mjcf, urdf for simulators; osim, ceinms for muscles."
+        ),
     ] = "c",
-    out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to create.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="PLACE", help="Folder or file to create.")] = None,
+    fmi: Annotated[int | None, typer.Option(metavar="VERSION", help="FMI version of an fmu: 3 (default) or 2.")] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Wearer of the robot.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, of a joint or muscles.")] = None,
     slider: Annotated[float | None, typer.Option(metavar="M", help="Position of the carriage [m].")] = None,
@@ -644,35 +648,38 @@ def export(
     """Write the controller as C, a simulator's model, or muscles."""
     from .controllers.export.export import export as run
     from .controllers.export.export import warn_of_export
+    from .controllers.export.fmu import describe_unit
     from .controllers.export.microcontroller import measure, missing_tools, save_measured
     from .controllers.export.simulator_folder import SIMULATOR_FILES, describe_simulator_model
     from .emg.study.subject import describe_muscles
 
     study = _opened(folder, None, allow_outside)
+    in_c = to == "c"
     with show_progress() as tell:
         tell("building the controller", 0.1)
         asked: dict[str, Any] = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(
             study, to, out, **asked, exponents=exponents, load=load, held=held, period=period, probe=probe,
-            unmeasured=unmeasured,
+            unmeasured=unmeasured, fmi=fmi,
             allow_outside=allow_outside, accept_stale=accept_stale, overwrite=overwrite,
         )  # fmt: skip
-        muscles = made.is_file()
-        simulates = to in SIMULATOR_FILES
         absent = missing_tools()
-        if not (muscles or simulates):
+        if in_c:
             tell("running it on a Cortex-M4F in QEMU", 0.7)
-        found = None if absent or muscles or simulates else measure(made)
+        found = measure(made) if in_c and not absent else None
     console = make_console()
-    if simulates:
+    if to in SIMULATOR_FILES:
         print_line(console, describe_simulator_model(made))
         return
-    if muscles:
+    if not in_c and to != "fmu":
         print_line(console, f"{made}: {describe_muscles(made, to)}")
         return
     warning = warn_of_export(made)
     if warning:
         print_line(console, warning)
+    if to == "fmu":
+        print_line(console, describe_unit(made))
+        return
     if found is None:
         print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:

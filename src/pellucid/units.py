@@ -187,12 +187,22 @@ def _si_text(unit: str) -> str:
     for text in _SI_TEXTS:
         if _parse(text, "unit")[2] == dimension:
             return text
-    symbols = {"[mass]": "kg", "[length]": "m", "[count]": "count", "[angle]": "rad", "[current]": "A",
-               "[temperature]": "K", "[effort]": "MVC", "[time]": "s"}  # fmt: skip
-    ordered = sorted(dimension, key=lambda item: list(symbols).index(item[0]))
-    up = [symbols[k] + (f"^{p:g}" if p != 1 else "") for k, p in ordered if p > 0]
-    down = [symbols[k] + (f"^{-p:g}" if p != -1 else "") for k, p in ordered if p < 0]
+    powers = base_powers(unit)
+    up = [symbol + (f"^{p:g}" if p != 1 else "") for symbol, p in powers.items() if p > 0]
+    down = [symbol + (f"^{-p:g}" if p != -1 else "") for symbol, p in powers.items() if p < 0]
     return "/".join(["*".join(up) or "1", *down])
+
+
+_BASE_UNITS: Mapping[str, str] = {
+    "[mass]": "kg", "[length]": "m", "[count]": "count", "[angle]": "rad", "[current]": "A", "[temperature]": "K",
+    "[effort]": "MVC", "[time]": "s",
+}  # fmt: skip
+
+
+def base_powers(unit: str) -> dict[str, float]:
+    """Return the power of each base unit in `unit`: ``base_powers("N*m")`` is ``{"kg": 1, "m": 2, "s": -2}``."""
+    dimension = dict(_parse(unit, "unit")[2])
+    return {symbol: dimension[name] for name, symbol in _BASE_UNITS.items() if name in dimension}
 
 
 def _at(where: str) -> str:

@@ -40,6 +40,7 @@ class ExportRequest:
     period: float | None = None
     probe: bool | None = None
     unmeasured: bool = False
+    fmi: int | None = None
     allow_outside: bool = False
     overwrite: bool = False
 

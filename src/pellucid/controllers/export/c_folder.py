@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from ... import _core
 from ..._atomic import write_text_atomically
@@ -77,15 +78,25 @@ def template_folder() -> Path:
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     """Write the folder; files of an earlier export are replaced, all others stay."""
     refuse_other_makefile(out)
+    return write_files(c_files(c_content(study, values), out), out)
+
+
+def c_files(content: Mapping[str, Any], out: Path) -> dict[str, str]:
+    """Return the texts of the controller's files by their paths in the folder; error messages name `out`."""
+    files = header_files(content["headers"]) | render_all("", **content)
+    files |= {template_path(name): render(name, **content) for name in INCIDENT_TEMPLATE_FOLDERS}
+    return files | _output_files(files, out, content["vector"].motion)
+
+
+def c_content(study: str, values: ControllerValues) -> dict[str, Any]:
+    """Return what the templates of a controller of one joint, and of what is built around it, are filled in with."""
     law = LAWS[values.law]
     headers = sorted({*needed_headers(law.header), *needed_headers("incident_recorder.hpp"), "watchdog.hpp"})
-    files = header_files(headers)
 
     def unit(of: Field | LawSensor) -> str:
         return of.unit(values.motion, values.effort_unit)
 
-    vector = replay_vector(values)
-    content = {
+    return {
         "law": law,
         "title": law.title,
         "values": values,
@@ -106,7 +117,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "variants": SUPERVISOR_VARIANTS,
         "study": study,
         "version": version("pellucid"),
-        "vector": vector,
+        "vector": replay_vector(values),
         "headers": headers,
         "unit": unit,
         "coordinate": COORDINATE_UNITS[values.motion],
@@ -114,10 +125,6 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "literal": float_literal,
         "has_incident": True,
     }
-    files |= render_all("", **content)
-    files |= {template_path(name): render(name, **content) for name in INCIDENT_TEMPLATE_FOLDERS}
-    files |= _output_files(files, out, vector.motion)
-    return write_files(files, out)
 
 
 def _output_files(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
@@ -232,8 +239,16 @@ def read_constants(folder: Path) -> dict[str, float]:
     """
     path = Path(folder) / CONSTANTS_FILE
     try:
-        text = read_given(path, MAX_CONSTANTS_BYTES).decode("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return constants_in(read_given(path, MAX_CONSTANTS_BYTES), path)
+    except OSError as error:
+        raise PellucidError(f"{path}: not readable: {error}") from None
+
+
+def constants_in(content: bytes, path: Path) -> dict[str, float]:
+    """Return the numbers in the content of that file; errors name `path`."""
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
         raise PellucidError(f"{path}: not readable: {error}") from None
     found = numbers_in(text, str(path))
     lacking = [name for name in SUPERVISOR_NAMES if name not in found]
@@ -277,15 +292,25 @@ def require_own_folder(folder: Path, owner: Mapping[str, str], names: Iterable[s
                 f"none of these. {_WAY_OUT}"
             )
         return
-    if found != dict(owner):
+    refuse_other_owner(folder, found, owner)
+
+
+def refuse_other_owner(place: Path, found: Mapping[str, str] | None, owner: Mapping[str, str]) -> None:
+    """Raise a PellucidError if what is at `place` does not state the `owner` of what is to be written."""
+    if found is None or found != dict(owner):
         raise PellucidError(
-            f"{folder}: found {_describe_owner(found)}, expected {_describe_owner(owner)} or nothing. {_WAY_OUT}"
+            f"{place}: found {_describe_owner(found or {})}, expected {_describe_owner(owner)} or nothing. {_WAY_OUT}"
         )
 
 
 def mark_own_folder(folder: Path, owner: Mapping[str, str]) -> Path:
     """Write the `owner` into its file in `folder`."""
-    return write_text_atomically(folder / OWNER_FILE, json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n")
+    return write_text_atomically(folder / OWNER_FILE, owner_text(owner))
+
+
+def owner_text(owner: Mapping[str, str]) -> str:
+    """Return the text of an owner file."""
+    return json.dumps(dict(owner), indent=1, ensure_ascii=False) + "\n"
 
 
 _WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (overwrite=True)"
@@ -295,8 +320,16 @@ _WAY_OUT = "Name another folder with --out, or let it be replaced: --overwrite (
 def _owner_of(folder: Path) -> dict[str, str] | None:
     """Return the owner that a folder states; None if it has no readable owner file."""
     try:
-        found = json.loads(read_given(folder / OWNER_FILE, MAX_OWNER_BYTES).decode("utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return parse_owner(read_given(folder / OWNER_FILE, MAX_OWNER_BYTES))
+    except OSError:
+        return None
+
+
+def parse_owner(text: bytes) -> dict[str, str] | None:
+    """Return the owner that the text of an owner file states; None if it states none."""
+    try:
+        found = json.loads(text.decode("utf-8"))
+    except (ValueError, RecursionError):
         return None
     whole = isinstance(found, dict) and all(isinstance(x, str) for x in found.values())
     return found if whole else None

@@ -6,8 +6,9 @@ Exporters of the controllers of one joint, and of a robot of several joints.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -28,16 +29,46 @@ from .c_folder import (
 )
 from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
+from .fmu import FMI_VERSIONS, require_own_file, write_fmu
 from .tree_folder import write_tree_folder
 
 MAX_PERIOD_S = 0.1
 """Largest accepted period of a controller [s]."""
 
 
+@dataclass(frozen=True)
+class LawTarget:
+    """What a law of one joint can be written as: the place, where none is asked for, and how it is written."""
+
+    default_place: str  # in the study's folder
+    write: Callable[[ExportRequest, ControllerValues, Path, dict[str, str]], Path]
+
+
+def _write_c(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
+    with own_folder(out, owner, overwrite=request.overwrite):
+        return write_c_folder(request.study.name, law, out)
+
+
+def _write_fmu(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
+    fmi = FMI_VERSIONS[0] if request.fmi is None else request.fmi
+    if fmi not in FMI_VERSIONS:
+        raise PellucidError(f"export of {request.study.name}: found fmi = {fmi}, expected 3 or 2")
+    require_own_file(out, owner, overwrite=request.overwrite)
+    return write_fmu(request.study.name, law, out, name=owner["controller"], owner=owner, fmi=fmi)
+
+
+LAW_TARGETS: Mapping[str, LawTarget] = {
+    "c": LawTarget("controller", _write_c),
+    "fmu": LawTarget("controller.fmu", _write_fmu),
+}
+"""What a law of one joint can be written as, by the value of `to`."""
+
+
 class ControllerExporter(Exporter):
     """A product in C, which runs with a period."""
 
-    kinds: ClassVar[tuple[str, ...]] = ("c",)
+    kinds: ClassVar[tuple[str, ...]] = tuple(LAW_TARGETS)
+    written: ClassVar[tuple[str, ...]] = ("c",)  # those of them that this product can be written as
 
     def place(self, request: ExportRequest) -> str:
         """Return how an error message names a request."""
@@ -48,6 +79,13 @@ class ControllerExporter(Exporter):
         period = request.period
         if period is not None and not 0.0 < period <= MAX_PERIOD_S:
             raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+        if request.to not in self.written:
+            raise PellucidError(
+                f'export of {request.study.name}: found to = "{request.to}", expected "c": only a law of one joint is '
+                f"written as {request.to}"
+            )
+        if request.fmi is not None and request.to != "fmu":
+            raise PellucidError(f'export of {request.study.name}: found fmi, expected none: it belongs to to = "fmu"')
         super().require_options(request)
 
     def folder(self, request: ExportRequest) -> Path:
@@ -58,6 +96,7 @@ class ControllerExporter(Exporter):
 class LawExporter(ControllerExporter):
     """A control law of one joint."""
 
+    written: ClassVar[tuple[str, ...]] = tuple(LAW_TARGETS)
     default_name: ClassVar[str]
     """Name of the law if the request names none."""
 
@@ -80,28 +119,30 @@ class LawExporter(ControllerExporter):
             )
 
     def export(self, request: ExportRequest) -> Path:
-        """Write the folder of the law."""
-        study, out = request.study, self.folder(request)
+        """Write the law as what the request asks for."""
+        study, target = request.study, LAW_TARGETS[request.to]
+        out = study.place(target.default_place) if request.out is None else Path(request.out)
         law = protect_wearer(
             self.values(request), probe=request.probe, unmeasured=request.unmeasured, place=f"export of {study.name}"
         )
         named = request.controller or self.default_name
         wearer = None if self.named_by_cards else request.participant
-        with own_folder(out, study, named, law.cards, participant=wearer, overwrite=request.overwrite):
-            return write_c_folder(study.name, law, out)
+        return target.write(request, law, out, owner_of(study, named, law.cards, participant=wearer))
 
 
-@contextmanager
-def own_folder(
-    place: Path, study: Study, controller: str, cards: Sequence[str], *, participant: str | None = None, overwrite: bool
-) -> Iterator[None]:
-    """Refuse a folder that holds another controller or other files, and mark it after this controller is written."""
-    owner = {
+def owner_of(study: Study, controller: str, cards: Sequence[str], *, participant: str | None = None) -> dict[str, str]:
+    """Return what marks an export of this controller as its own."""
+    return {
         "controller": controller,
         "participant": participant or "",
         "study": study.name,
         "cards": ", ".join(cards),
     }
+
+
+@contextmanager
+def own_folder(place: Path, owner: dict[str, str], *, overwrite: bool) -> Iterator[None]:
+    """Refuse a folder that holds another controller or other files, and mark it after this controller is written."""
     templates = (*TEMPLATE_FOLDERS, *INCIDENT_TEMPLATE_FOLDERS)
     names = {Path(template_path(name)).parts[0] for name in templates} | {Path(HEADER_FOLDER).parts[0]}
     require_own_folder(place, owner, names, overwrite=overwrite)
@@ -158,5 +199,5 @@ class ArmExporter(ControllerExporter):
             period=DEFAULT_PERIOD_S if request.period is None else request.period,
             allow_outside=request.allow_outside, instruments=[rig_instruments(joint) for joint in study.rig.joints],
         )  # fmt: skip
-        with own_folder(out, study, request.controller or "carried", tree.cards, overwrite=request.overwrite):
+        with own_folder(out, owner_of(study, request.controller or "carried", tree.cards), overwrite=request.overwrite):
             return write_tree_folder(study.name, tree, out)

@@ -14,6 +14,7 @@ from ..supervisor_faults import warn_of_unmeasured_drive
 from .c_folder import read_constants
 from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
+from .fmu import read_unit_constants
 
 
 @with_checked_arguments
@@ -32,6 +33,7 @@ def export(
     period: float | None = None,
     probe: bool | None = None,
     unmeasured: bool = False,
+    fmi: int | None = None,
     allow_outside: bool = False,
     accept_stale: bool = False,
     overwrite: bool = False,
@@ -48,11 +50,12 @@ def export(
     study : Study
         Identified study.
     to : str
-        ``"c"``; ``"mjcf"`` or ``"urdf"`` for a model of the joint or robot in simulators; ``"osim"`` for a copy of
-        the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a CEINMS subject.
+        ``"c"``; ``"fmu"`` for a co-simulation unit of a law of one joint; ``"mjcf"`` or ``"urdf"`` for a model of the
+        joint or robot in simulators; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants;
+        ``"ceinms"`` for a CEINMS subject.
     out : Path or None
-        Folder to create, or for muscles also a file; None for the folder ``controller``, ``mjcf``, ``urdf``, or
-        ``subject`` for muscles, in the study's folder.
+        Folder to create, or for muscles also a file; for a unit the file NAME.fmu. None for the folder ``controller``,
+        ``mjcf``, ``urdf``, or ``subject`` for muscles, or the file ``controller.fmu``, in the study's folder.
     card : str or None
         File name of a joint's or of muscles' card in the study's models folder; None for the best one, or for the one
         with most joints.
@@ -79,6 +82,8 @@ def export(
         the drive is not measured.
     unmeasured : bool
         Whether a law may be written whose drive is neither measured nor asked. Many of its faults are then not found.
+    fmi : int or None
+        Version of FMI of a unit, 3 or 2; None for 3.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
     accept_stale : bool
@@ -111,19 +116,19 @@ def export(
         study = replace(study, accept_stale=True)
     request = ExportRequest(
         study, to, out, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
-        load=load, held=held, period=period, probe=probe, unmeasured=unmeasured, allow_outside=allow_outside,
-        overwrite=overwrite,
+        load=load, held=held, period=period, probe=probe, unmeasured=unmeasured, fmi=fmi,
+        allow_outside=allow_outside, overwrite=overwrite,
     )  # fmt: skip
     return find_exporter(request).export(request)
 
 
-def warn_of_export(folder: Path) -> str:
-    """Return what the supervisor in an exported `folder` finds without a measurement of the drive, and what not.
+def warn_of_export(place: Path) -> str:
+    """Return what the supervisor in an exported folder or unit finds without a measurement of the drive, and what not.
 
-    The text is empty if the drive is measured, and for a folder without the supervisor of one joint.
+    The text is empty if the drive is measured, and for an export without the supervisor of one joint.
     """
     try:
-        numbers = read_constants(folder)
+        numbers = read_unit_constants(place) if place.is_file() else read_constants(place)
     except PellucidError:
         return ""
     return "" if numbers["drive_expected"] == 1.0 else warn_of_unmeasured_drive(numbers["probe_effort"] > 0.0)

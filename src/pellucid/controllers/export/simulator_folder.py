@@ -115,7 +115,7 @@ class SimulatorExporter(Exporter):
     kinds: ClassVar[tuple[str, ...]] = tuple(SIMULATOR_FILES)
     order: ClassVar[int] = 60
     unused: ClassVar[tuple[str, ...]] = (
-        "slider", "participant", "controller", "exponents", "load", "held", "period", "probe", "unmeasured",
+        "slider", "participant", "controller", "exponents", "load", "held", "period", "probe", "unmeasured", "fmi",
     )  # fmt: skip
     why_unused: ClassVar[str] = "a model for simulators has none"
 

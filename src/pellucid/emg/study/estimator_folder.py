@@ -14,7 +14,7 @@ from ... import _core
 from ..._errors import PellucidError
 from ..._printed_command import printed_command
 from ...controllers.export.c_folder import render, render_all
-from ...controllers.export.controller_exporter import ControllerExporter, own_folder
+from ...controllers.export.controller_exporter import ControllerExporter, own_folder, owner_of
 from ...controllers.export.replay_vector import ReplayVector
 from ...models.fields import model_fields
 from ...study.exporter import (
@@ -295,5 +295,6 @@ class EstimatorExporter(ControllerExporter):
             study, card=request.card, controller=request.controller, participant=request.participant,
             allow_outside=request.allow_outside,
         )  # fmt: skip
-        with own_folder(out, study, "torque from EMG", (f"{found.name}.json",), overwrite=request.overwrite):
+        owner = owner_of(study, "torque from EMG", (f"{found.name}.json",))
+        with own_folder(out, owner, overwrite=request.overwrite):
             return write_estimator_folder(study.name, found, out, period=request.period)

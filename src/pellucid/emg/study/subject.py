@@ -142,7 +142,7 @@ class MusclesExporter(Exporter):
     kinds: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
     order: ClassVar[int] = 50
     unused: ClassVar[tuple[str, ...]] = (
-        "slider", "participant", "controller", "exponents", "load", "held", "probe", "unmeasured",
+        "slider", "participant", "controller", "exponents", "load", "held", "probe", "unmeasured", "fmi",
     )  # fmt: skip
     why_unused: ClassVar[str] = "muscles have none"
 
