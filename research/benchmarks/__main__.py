@@ -1,25 +1,24 @@
 """Run the named benchmarks, or every one; print a table with each ratio and its goal, and write benchmarks.json.
 
-With every benchmark, at full size, the page docs/speed.md is written too, in the current folder's docs.
+With ``--write`` every benchmark runs at full size, and the stored results and the page docs/validation/speed.md are
+written, too. ``--page`` measures nothing and only writes the page.
 
 A benchmark is a file of this folder with a function `run()`, which returns rows of name, value, unit and note. The file
 has the name of the timed code.
 """
 
+import argparse
 import json
 import platform
 import sys
 from pathlib import Path
 from types import ModuleType
 
-from ._goals import goal_table, speed_page
+from ._goals import RESULTS_FILE, SPEED_PAGE, goal_table, write_page, write_results
 from ._runner import check_one_thread, limit_to_one_thread, names_in, read_arguments, run_all
 from ._size import is_smallest
 
 NAMES = names_in(Path(__file__).parent)
-
-SPEED_PAGE = Path("docs/speed.md")
-"""The page that is written from the figures of all benchmarks."""
 
 
 def measured(module: ModuleType) -> list[dict]:
@@ -30,7 +29,17 @@ def measured(module: ModuleType) -> list[dict]:
 
 
 def main() -> None:
-    names, out = read_arguments("benchmarks", NAMES, "benchmarks.json")
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--page", action="store_true")
+    asked, others = parser.parse_known_args()
+    if asked.page:
+        write_page()
+        print(f"written to {SPEED_PAGE}")
+        return
+    names, out = read_arguments("benchmarks", NAMES, "benchmarks.json", others)
+    if asked.write and (names != NAMES or is_smallest()):
+        sys.exit("--write: found some of the benchmarks or the smallest size, expected every one at full size")
     limit_to_one_thread()
     rows, failed = run_all("benchmarks", names, measured)
     from pellucid._atomic import write_text_atomically
@@ -42,9 +51,9 @@ def main() -> None:
     write_text_atomically(out, json.dumps({"machine": machine, "figures": rows}, indent=2) + "\n")
     print(goal_table(rows))
     print(f"written to {out}")
-    if names == NAMES and not failed and not is_smallest() and SPEED_PAGE.parent.is_dir():
-        write_text_atomically(SPEED_PAGE, speed_page(rows, machine))
-        print(f"written to {SPEED_PAGE}")
+    if asked.write and not failed:
+        write_results(rows, machine)
+        print(f"written to {RESULTS_FILE} and {SPEED_PAGE}")
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
 
