@@ -18,7 +18,7 @@ BANNED = {
     "the interval covers": r"\bintervals? (holds?|held|that holds?)\b",
     "in addition to, next to": r"\bbeside\b",
     "baseline": r"\brivals?\b",
-    "sampled": r"\bdrawn (people|persons?|participants?|wearers?|robots?|rigs?|joints?|elbows?|knees?|bodies|stud\w+)\b",
+    "sampled": r"\bdrawn (people|persons?|participants?|wearers?|robots?|rigs?|joints?|elbows?|knees?|bod\w+|stud\w+)\b",
     "simulated": r"\bvirtual (people|persons?|participants?|wearers?|ones)\b",
     "results in": r"\bcomes? to (nothing|be)\b",
     "instead of": r"\bin place of\b",
