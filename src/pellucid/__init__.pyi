@@ -25,6 +25,7 @@ from .emg.signals.repetitions import stride_ensemble as stride_ensemble
 from .files.raw_emg import RawEmg as RawEmg
 from .files.readers import read as read
 from .joint.study.fit_joint import fit_joint as fit_joint
+from .models import cards as cards
 from .orthosis.imu.hinge import fit_hinge as fit_hinge
 from .orthosis.strap.identified_strap import fit_strap as fit_strap
 from .orthosis.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function

@@ -609,7 +609,9 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="FORMAT", help="c; fmu for Simulink; mjcf, urdf for simulators; osim, ceinms for muscles."
+            "--to",
+            metavar="FORMAT",
+            help="c; fmu for Simulink; mjcf, urdf, mjx, isaaclab for simulators; osim, ceinms for muscles.",
         ),
     ] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="PLACE", help="Folder or file to create.")] = None,
@@ -646,6 +648,7 @@ def export(
     ] = False,
 ) -> None:
     """Write the controller as C, a simulator's model, or muscles."""
+    from .controllers.export.actuator_folder import ACTUATOR_PROGRAMS, describe_actuators
     from .controllers.export.export import export as run
     from .controllers.export.export import warn_of_export
     from .controllers.export.fmu import describe_unit
@@ -670,6 +673,9 @@ def export(
     console = make_console()
     if to in SIMULATOR_FILES:
         print_line(console, describe_simulator_model(made))
+        return
+    if to in ACTUATOR_PROGRAMS:
+        print_line(console, describe_actuators(made))
         return
     if not in_c and to != "fmu":
         print_line(console, f"{made}: {describe_muscles(made, to)}")

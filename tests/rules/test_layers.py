@@ -253,6 +253,7 @@ OWN_FILES = {
     "_domains": "which domains are there",
     "_given": "what others gave, for whoever parses it",
     "models/card.py": "model cards",
+    "models/cards": "cards that ship with the package",
     "emg/models/muscle_geometry.py": "tables that ship with the package",
     "live": "shared memory, its pages and templates, and the files of a running session",
     "controllers/export": "the core's headers, and checksums of cards",

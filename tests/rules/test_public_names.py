@@ -21,6 +21,7 @@ NAMES = [
     "audit",
     "calibrate",
     "calibrate_muscles",
+    "cards",
     "certify",
     "check",
     "cocontraction",
@@ -114,7 +115,7 @@ def test_importing_every_name_replaces_no_builtin():
 def test_every_public_name_is_there():
     for name in NAMES:
         assert getattr(pellucid, name) is not None
-    assert all(callable(getattr(pellucid, n)) for n in NAMES if n not in ("__version__", "datasets"))
+    assert all(callable(getattr(pellucid, n)) for n in NAMES if n not in ("__version__", "cards", "datasets"))
 
 
 def test_an_unknown_name_lists_the_known_ones():

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..._errors import PellucidError
+from ...models.cards import LibraryCard
 from ...numerics.arguments import with_checked_arguments
 from ...study.exporter import ExportRequest, find_exporter
 from ...study.procedures.registry import as_study
@@ -15,11 +16,12 @@ from .c_folder import read_constants
 from .controller_exporter import LawExporter
 from .controller_values import ControllerValues
 from .fmu import read_unit_constants
+from .simulator_folder import export_library_card
 
 
 @with_checked_arguments
 def export(
-    study: Study,
+    study: Study | LibraryCard,
     to: str = "c",
     out: Path | None = None,
     *,
@@ -47,12 +49,12 @@ def export(
 
     Parameters
     ----------
-    study : Study
-        Identified study.
+    study : Study or LibraryCard
+        Identified study, or a card of `pellucid.cards` for a simulator.
     to : str
         ``"c"``; ``"fmu"`` for a co-simulation unit of a law of one joint; ``"mjcf"`` or ``"urdf"`` for a model of the
-        joint or robot in simulators; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants;
-        ``"ceinms"`` for a CEINMS subject.
+        joint or robot in simulators; ``"isaaclab"`` or ``"mjx"`` for its actuators with ranges; ``"osim"`` for a copy
+        of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a CEINMS subject.
     out : Path or None
         Folder to create, or for muscles also a file; for a unit the file NAME.fmu. None for the folder ``controller``,
         ``mjcf``, ``urdf``, or ``subject`` for muscles, or the file ``controller.fmu``, in the study's folder.
@@ -111,6 +113,8 @@ def export(
     >>> folder.name
     'controller'
     """
+    if isinstance(study, LibraryCard):
+        return export_library_card(study, to, out)
     study = as_study(study, "export")
     if accept_stale:
         study = replace(study, accept_stale=True)

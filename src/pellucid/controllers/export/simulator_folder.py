@@ -9,11 +9,14 @@ from typing import ClassVar
 
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
-from ...models.card import read_card, read_table
-from ...models.tree_card import read_tree_card
+from ...models.card import ModelCard, read_card, read_table
+from ...models.cards import LibraryCard
+from ...models.tree_card import TreeCard, read_tree_card
 from ...study.exporter import Exporter, ExportRequest
 from ...study.procedures.card_sources import require_fresh
 from ...study.study import Study
+from ...study.study_file import JointLimits
+from .actuator_folder import ACTUATOR_PROGRAMS, ACTUATORS_FILE, actuators_of, write_actuators
 from .c_folder import mark_own_folder, require_own_folder
 from .simulator_model import (
     SimulatorModel,
@@ -70,30 +73,48 @@ def write_simulator_folder(model: SimulatorModel, to: str, folder: Path) -> Path
     return folder
 
 
-def simulator_model(study: Study, card: str | None = None) -> tuple[str, SimulatorModel]:
-    """Return the file name of the card that is exported, and its model.
+def write_card_for_simulator(
+    card: ModelCard | TreeCard, to: str, folder: Path, *, limits: JointLimits | None = None, load_inertia: float = 0.0
+) -> Path:
+    """Write what a simulator reads of a card into a folder, and return the folder; see `actuators_of`."""
+    if to in ACTUATOR_PROGRAMS:
+        return write_actuators(actuators_of(card, limits, load_inertia), to, folder)
+    model = (
+        tree_simulator_model(card)
+        if isinstance(card, TreeCard)
+        else joint_simulator_model(card, JointLimits() if limits is None else limits)
+    )
+    return write_simulator_folder(model, to, folder)
+
+
+def export_library_card(card: LibraryCard, to: str, out: Path | None = None) -> Path:
+    """Write what a simulator reads of a card of the library; `out` is a folder, None for one named after the card."""
+    if to not in SimulatorExporter.kinds:
+        names = " or ".join(f'"{name}"' for name in SimulatorExporter.kinds)
+        raise PellucidError(f'export of the card {card.name}: found to = "{to}", expected {names}')
+    folder = Path(f"{card.name}-{to}") if out is None else Path(out)
+    try:
+        return write_card_for_simulator(card.card, to, folder, load_inertia=card.load_inertia)
+    except PellucidError as error:
+        raise PellucidError(f"export of the card {card.name}: {error}") from None
+
+
+def simulated_card(study: Study, card: str | None = None) -> tuple[str, ModelCard | TreeCard]:
+    """Return the file name and the content of the card that is exported.
 
     `card` is a file name in the models folder; None for that of the joint, or for a robot's with consistent inertias.
     """
     if study.has_table("tree"):
         name = card or next((n for n in TREE_CARD_NAMES if study.card(n).is_file()), TREE_CARD_NAMES[0])
         path = study.card(name)
-        tree = require_fresh(study, path, read_tree_card(path))
-        try:
-            return name, tree_simulator_model(tree)
-        except PellucidError as error:
-            raise PellucidError(f"{name}: {error}") from None
+        return name, require_fresh(study, path, read_tree_card(path))
     study.rig.limits  # noqa: B018  # a machine of several joints without [tree] refuses, and says what to do
     name = card or "joint.json"
     path = study.card(name)
     kind = read_table(path).get("kind")
     if kind is not None:
         raise PellucidError(f"{name}: found the card of a {kind}, expected that of a joint or robot")
-    joint = require_fresh(study, path, read_card(path))
-    try:
-        return name, joint_simulator_model(joint, study.rig.limits)
-    except PellucidError as error:
-        raise PellucidError(f"{name}: {error}") from None
+    return name, require_fresh(study, path, read_card(path))
 
 
 def describe_simulator_model(folder: Path) -> str:
@@ -112,7 +133,7 @@ def describe_simulator_model(folder: Path) -> str:
 class SimulatorExporter(Exporter):
     """A model for simulators."""
 
-    kinds: ClassVar[tuple[str, ...]] = tuple(SIMULATOR_FILES)
+    kinds: ClassVar[tuple[str, ...]] = (*SIMULATOR_FILES, *ACTUATOR_PROGRAMS)
     order: ClassVar[int] = 60
     unused: ClassVar[tuple[str, ...]] = (
         "slider", "participant", "controller", "exponents", "load", "held", "period", "probe", "unmeasured", "fmi",
@@ -124,10 +145,15 @@ class SimulatorExporter(Exporter):
         study, to = request.study, request.to
         if request.allow_outside:
             study = replace(study, allow_outside=True)
-        name, model = simulator_model(study, request.card)
+        name, card = simulated_card(study, request.card)
         folder = study.place(to) if request.out is None else Path(request.out)
         owner = {"controller": f"model for simulators, {to}", "participant": "", "study": study.name, "cards": name}
-        require_own_folder(folder, owner, [*SIMULATOR_FILES.values(), *FILES_BESIDE], overwrite=request.overwrite)
-        write_simulator_folder(model, to, folder)
+        names = [*SIMULATOR_FILES.values(), *FILES_BESIDE, *ACTUATOR_PROGRAMS.values(), ACTUATORS_FILE]
+        require_own_folder(folder, owner, names, overwrite=request.overwrite)
+        limits = None if isinstance(card, TreeCard) else study.rig.limits
+        try:
+            write_card_for_simulator(card, to, folder, limits=limits)
+        except PellucidError as error:
+            raise PellucidError(f"{name}: {error}") from None
         mark_own_folder(folder, owner)
         return folder
