@@ -27,7 +27,7 @@ from pellucid_lab.safety.worn_knee import knee_table
 from pellucid_lab.safety.worn_robot import LAWS, WornRobot
 from research.benchmarks._size import sized
 
-from . import _exported, _supervisor_page
+from . import _exported, _simulation_page, _supervisor_page
 from ._arm_faults import ArmOutcome, arm_fault_figures, arm_rows, long_life_rows, long_lives, outcomes
 from ._exported_equal import compare_supervisors
 from ._supervisor_page import FaultFigure, Results, read_results, write_pages, write_results
@@ -352,3 +352,4 @@ if __name__ == "__main__":
     if sys.argv[1:] != ["--page"]:
         write_results(Results(tuple(rows()), tuple(fault_figures())))
     write_pages(read_results())
+    _simulation_page.write_page()
