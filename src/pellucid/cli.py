@@ -611,7 +611,7 @@ def export(
         typer.Option(
             "--to",
             metavar="FORMAT",
-            help="c; fmu for Simulink; mjcf, urdf, mjx, isaaclab for simulators; osim, ceinms for muscles.",
+            help="c; fmu; ros2_control; mjcf, urdf, mjx, isaaclab for simulators; osim, ceinms for muscles.",
         ),
     ] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="PLACE", help="Folder or file to create.")] = None,
@@ -649,10 +649,12 @@ def export(
 ) -> None:
     """Write the controller as C, a simulator's model, or muscles."""
     from .controllers.export.actuator_folder import ACTUATOR_PROGRAMS, describe_actuators
+    from .controllers.export.controller_exporter import LAW_TARGETS
     from .controllers.export.export import export as run
     from .controllers.export.export import warn_of_export
     from .controllers.export.fmu import describe_unit
     from .controllers.export.microcontroller import measure, missing_tools, save_measured
+    from .controllers.export.ros2_package import describe_package
     from .controllers.export.simulator_folder import SIMULATOR_FILES, describe_simulator_model
     from .emg.study.subject import describe_muscles
 
@@ -677,14 +679,14 @@ def export(
     if to in ACTUATOR_PROGRAMS:
         print_line(console, describe_actuators(made))
         return
-    if not in_c and to != "fmu":
+    if to not in LAW_TARGETS:
         print_line(console, f"{made}: {describe_muscles(made, to)}")
         return
     warning = warn_of_export(made)
     if warning:
         print_line(console, warning)
-    if to == "fmu":
-        print_line(console, describe_unit(made))
+    if to in ("fmu", "ros2_control"):
+        print_line(console, describe_unit(made) if to == "fmu" else describe_package(made))
         return
     if found is None:
         print_line(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")

@@ -30,6 +30,7 @@ from .c_folder import (
 from .controller_values import ControllerValues, joint_values, protect_wearer, tree_values
 from .elbow_values import elbow_values
 from .fmu import FMI_VERSIONS, require_own_file, write_fmu
+from .ros2_package import C_FOLDER, PACKAGE_TEMPLATES, write_ros2_package
 from .tree_folder import write_tree_folder
 
 MAX_PERIOD_S = 0.1
@@ -57,9 +58,18 @@ def _write_fmu(request: ExportRequest, law: ControllerValues, out: Path, owner: 
     return write_fmu(request.study.name, law, out, name=owner["controller"], owner=owner, fmi=fmi)
 
 
+def _write_ros2(request: ExportRequest, law: ControllerValues, out: Path, owner: dict[str, str]) -> Path:
+    require_own_folder(out, owner, [*PACKAGE_TEMPLATES, C_FOLDER], overwrite=request.overwrite)
+    joint = request.study.rig.joint
+    write_ros2_package(request.study.name, law, out, controller=owner["controller"], joint=joint)
+    mark_own_folder(out, owner)
+    return out
+
+
 LAW_TARGETS: Mapping[str, LawTarget] = {
     "c": LawTarget("controller", _write_c),
     "fmu": LawTarget("controller.fmu", _write_fmu),
+    "ros2_control": LawTarget("ros2_control", _write_ros2),
 }
 """What a law of one joint can be written as, by the value of `to`."""
 

@@ -52,12 +52,13 @@ def export(
     study : Study or LibraryCard
         Identified study, or a card of `pellucid.cards` for a simulator.
     to : str
-        ``"c"``; ``"fmu"`` for a co-simulation unit of a law of one joint; ``"mjcf"`` or ``"urdf"`` for a model of the
-        joint or robot in simulators; ``"isaaclab"`` or ``"mjx"`` for its actuators with ranges; ``"osim"`` for a copy
-        of the study's OpenSim model with the calibrated constants; ``"ceinms"`` for a CEINMS subject.
+        ``"c"``; ``"fmu"`` for a co-simulation unit and ``"ros2_control"`` for a ROS 2 package of a law of one joint;
+        ``"mjcf"`` or ``"urdf"`` for a model of the joint or robot in simulators; ``"isaaclab"`` or ``"mjx"`` for its
+        actuators with ranges; ``"osim"`` for a copy of the study's OpenSim model with the calibrated constants;
+        ``"ceinms"`` for a CEINMS subject.
     out : Path or None
-        Folder to create, or for muscles also a file; for a unit the file NAME.fmu. None for the folder ``controller``,
-        ``mjcf``, ``urdf``, or ``subject`` for muscles, or the file ``controller.fmu``, in the study's folder.
+        Folder to create, or for muscles also a file; for a unit the file NAME.fmu. None for a place in the study's
+        folder: ``controller`` for C, ``controller.fmu``, ``subject`` for muscles, and else a folder named like `to`.
     card : str or None
         File name of a joint's or of muscles' card in the study's models folder; None for the best one, or for the one
         with most joints.
