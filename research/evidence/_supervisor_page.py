@@ -185,12 +185,12 @@ def happens(fault: FaultFigure) -> str:
 
 
 def cell(fault: FaultFigure | None, time: float | None) -> str:
-    """Return detection rate, a time to detection and the largest excess energy of a fault."""
+    """Return detection rate unless it is 100 %, a time to detection and the largest excess energy of a fault."""
     if fault is None:
         return ""
-    rate = f"{fault.rate:.0f} %" if fault.effective else "no effect"
+    rate = f"{fault.rate:.0f} %, " if fault.detected < fault.effective else "" if fault.effective else "no effect, "
     after = "" if time is None else f"{milliseconds(time)}, "
-    return f"{rate}, {after}{fault.excess:.2f} J"
+    return f"{rate}{after}{fault.excess:.2f} J"
 
 
 def robot_table(results: Results) -> Iterator[str]:
@@ -348,8 +348,8 @@ wearer's own faults, such as a spasm, are excluded here.
 
 TABLE_TEXT = """## All faults
 
-Each cell gives detection rate, longest time to detection and largest excess energy. A star marks a fault that no sensor
-of a robot with one encoder can show.
+Each cell gives longest time to detection and largest excess energy, with the detection rate first where it is below
+100 %. A star marks a fault that no sensor of a robot with one encoder can show.
 """
 """Text before the table of faults."""
 

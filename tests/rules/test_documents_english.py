@@ -35,7 +35,7 @@ HIDDEN_SUBJECT = re.compile(r"^#+ (What|Where|Who|And|Of|How sure|Which)\b.*", r
 SEED = re.compile(r"\b20[2-3]\d(0[1-9]|1[0-2])[0-3]\d\b")
 BARE_DECIMAL = re.compile(r"(?<![\d.\w/*\])])\.\d")
 MAX_SENTENCE_WORDS = 30
-MAX_LONG_SENTENCES = 80
+MAX_LONG_SENTENCES = 75
 """Sentences above `MAX_SENTENCE_WORDS` in all documents; this number only falls."""
 MAX_WORDS = 70_000
 MAX_PAGE_WORDS = {"tutorials": 1000, "how-to": 400, "explanation": 2000}
