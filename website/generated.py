@@ -36,27 +36,27 @@ from pellucid.study.study_file import CHANNEL_UNITS, UNITS_BY_PART, json_schema
 from pellucid_lab.ranking.transparency_indices import TRANSPARENCY_INDICES
 
 MODELS = {
-    "joint": "A joint, as identification finds it",
+    "joint": "A joint",
     "presliding": "Friction below slip",
     "geared_joint": "A motor and a link behind a compliant transmission",
     "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
     "reaching": "A person who reaches",
     "postural": "A person who reaches and then holds",
     "optimal": "A person who reaches by optimal feedback",
-    "link": "A link of a tree, and the joint by which it hangs",
+    "link": "A link of a tree and its joint",
     "cuff": "A cuff between a robot's link and a limb's",
     "posture_servo": "Muscles that follow a motion, and their reflex",
-    "muscle": "A muscle from its EMG envelope on",
-    "emg_channel": "A channel of EMG of the estimator of torque",
-    "watched_channel": "A channel as it was in the calibration",
+    "muscle": "A muscle",
+    "emg_channel": "A channel of EMG in the estimator of torque",
+    "watched_channel": "Statistics of a channel in the calibration",
     "watched_angle": "Range of an angle in the calibration",
-    "estimated_joint": "A joint that it gives a torque of, beside its muscles",
-    "short_range": "Stiffness of a muscle at once",
-    "strap_estimator": "A strap learnt while it is worn",
-    "tree_law_joint": "What a law of several joints does at each",
-    "tree_law_whole": "Parameters shared by all joints of a law of several joints",
-    "tree_watch_joint": "What its supervisor watches of each joint",
-    "tree_watch_whole": "What its supervisor watches of all joints together",
+    "estimated_joint": "A joint of the estimator of torque",
+    "short_range": "Short-range stiffness of a muscle",
+    "strap_estimator": "Estimator of a worn strap",
+    "tree_law_joint": "Each joint of a control law of several joints",
+    "tree_law_whole": "Parameters shared by all joints of a control law",
+    "tree_watch_joint": "Supervision of each joint",
+    "tree_watch_whole": "Supervision of all joints together",
 }
 """Models of the core that have tables of parameters, with their headings."""
 
@@ -97,14 +97,15 @@ def parameters() -> Iterator[str]:
     )
     for name, title in MODELS.items():
         yield f"## {title}\n\n{parameter_table(model_fields(name))}"
-    yield f"## The safety gate, with which every law ends\n\n{parameter_table(model_fields('gate'))}"
+    yield f"## Safety gate of every control law\n\n{parameter_table(model_fields('gate'))}"
     supervisor = parameter_table(model_fields("supervisor"))
-    yield f"## The supervisor, which the lab and exports put around every law\n\n{supervisor}"
+    yield f"## Supervisor of every control law\n\n{supervisor}"
     gate = {field.name for field in model_fields("gate")}
     for law in LAWS.values():
         reads = ", ".join(f"`{s.name}` [{s.unit()}]{'' if s.required else ' (optional)'}" for s in law.sensors)
         own = parameter_table(field for field in law.fields if field.name not in gate)
-        yield f"## `{law.name}`: {_sentence(law.title)}\n\nReads {reads}. Then the gate's.\n\n{own}"
+        title = f"## `{law.name}`: {_sentence(law.title)}"
+        yield f"{title}\n\nSensors: {reads}. Further parameters are those of the safety gate.\n\n{own}"
 
 
 # Commands ------------------------------------------------------------------------------------------------------------

@@ -117,13 +117,13 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
     ),
     SupervisorFault(
         ("ringing",),
-        "the effort goes to and fro faster than a person moves",
+        "the effort oscillates faster than a person moves",
         _POWER_OFF,
         "Lower the gains of the law, or measure the delay of the loop; then reset.",
     ),
     SupervisorFault(
         ("shaking",),
-        "the joint goes to and fro for seconds, faster than a person reaches",
+        "the joint oscillates for seconds, faster than a person reaches",
         _POWER_OFF,
         "Ask the wearer whether they shook the robot; if not, check the drive before it is worn again.",
     ),
@@ -131,7 +131,7 @@ SUPERVISOR_FAULTS: tuple[SupervisorFault, ...] = (
         ("unexplained_energy",),
         "the joint gains energy that neither the command nor the force sensor explains",
         _POWER_OFF,
-        "Ask whether somebody pushed the robot beside its force sensor; if not, check drive and force sensor.",
+        "Ask whether somebody pushed the robot outside its force sensor; if not, check drive and force sensor.",
     ),
     SupervisorFault(
         ("stopped",), "you called `pellucid_stop`", _DAMPED_STOP, "Reset when the reason for which you stopped is gone."

@@ -21,7 +21,7 @@ PROCEDURE_ENTRIES = (
         find="calibrate:calibrate",
         draw="calibration_page:page",
         find_inputs="emg_torque_table:card_and_muscle_files",
-        brings=Command("calibrate", "Estimate torque from EMG, and judge it held out.", reads_cards=True),
+        brings=Command("calibrate", "Estimate torque from EMG, and test it on held-out data.", reads_cards=True),
         whole=True,
         shortest_piece=MIN_PIECE_S,
         cost=20.0,

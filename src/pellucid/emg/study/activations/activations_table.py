@@ -12,7 +12,7 @@ from ..emg_torque.emg_torque_table import EmgTorqueTable
 
 
 class ActivationsTable(ProcedureTable):
-    """Settings of activations: ``[activations]``, beside ``[emg_torque]``, which says where EMG and torque are.
+    """Settings of activations: ``[activations]``. It requires ``[emg_torque]``, which states EMG and torque.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ class EmgForceTable(EnvelopeTable):
     Attributes
     ----------
     agonists : dict of str to str
-        Muscle that pulls in each task, by the recordings' condition; it is told first.
+        Muscle that pulls in each task, by the recordings' condition; results list it first.
     force : str
         Channel of the force, in every recording's own file.
     follows : float

@@ -46,7 +46,7 @@ class EmgTorqueTable(ProcedureTable):
     lowpass : float or None
         Cut-off of the envelope's low-pass [Hz]; by default as published.
     rms_window : float or None
-        Length of the window whose root mean square is the envelope [s], in place of a low-pass.
+        Length of the window whose root mean square is the envelope [s], instead of a low-pass.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
     largest_moment : dict of str to float
@@ -70,7 +70,7 @@ class EmgTorqueTable(ProcedureTable):
     worthwhile_gain : float
         Gain in R² over angles alone from which EMG counts as worth it.
     posterior : bool
-        Whether a posterior of all joints' muscles together is computed beside their intervals.
+        Whether a posterior of all joints' muscles is sampled in addition to their intervals.
     """
 
     joints: tuple[Word, ...] = Field(min_length=1)
