@@ -805,7 +805,7 @@ def audit(
     from .study.procedures.audit import audit as run
     from .study.procedures.audit_page import write_audit_page
 
-    _show_audit(run(files, rate=rate), write_audit_page, out, json)
+    _show_audit(lambda tell: run(files, rate=rate, on_progress=tell), write_audit_page, out, json)
 
 
 @emg_app.command("quality", rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid emg quality recordings/*.c3d"))
@@ -825,14 +825,18 @@ def emg_quality(
     from .emg.study.emg_files import audit_emg
     from .study.procedures.audit_page import write_audit_page
 
-    _show_audit(audit_emg(files, rate=rate), write_audit_page, out, json)
+    _show_audit(lambda tell: audit_emg(files, rate=rate, on_progress=tell), write_audit_page, out, json)
 
 
-def _show_audit(found: Audit, write_page: Callable[[Audit, Path], Path], out: Path, json: bool) -> None:
-    """Write the page of an audit, print it, and end with status 1 if a channel is unsound."""
+def _show_audit(
+    run: Callable[[Callable], Audit], write_page: Callable[[Audit, Path], Path], out: Path, json: bool
+) -> None:
+    """Run an audit, write its page and print it; end with status 1 if a channel is unsound."""
     from .study.pages.quantities import typeset_quantities
 
-    page = write_page(found, out)
+    with show_progress() as tell:
+        found = run(tell)
+        page = write_page(found, out)
     if json:
         _echo_json(found.table())
     else:

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 import pellucid as pl
 from pellucid.cli import app
+from pellucid.files.log import VERDICT_WORDS
 from pellucid.files.quantity import joint_words, quantity_of
-from pellucid.study.procedures.audit_page import write_audit_page
+from pellucid.study.procedures.audit_page import audited_channels, write_audit_page
 
 RATE = 500.0
 COUNT = 6000
@@ -253,3 +254,37 @@ def test_notes_on_the_file_stay_beside_a_clock_with_gaps(tmp_path):
     path.write_text("\n".join([*lines[:900], "12.0,broken", *lines[900:]]) + "\n", encoding="utf-8")
     (clock,) = [v for v in pl.audit(path).verdicts if v.channel == "time [s]"]
     assert {f.kind for _, f in clock.findings} == {"clock", "damaged_rows"}
+
+
+def test_an_audit_names_alike_channels_in_one_step_and_asks_for_a_rate(tmp_path):
+    log = clean_log()
+    del log["time [s]"]
+    for name in ("angle [rad]", "torque_meas [N*m]"):
+        log[name] = 0.0 * log[name]
+    steps = pl.audit(written(tmp_path, log)).answer.following
+    assert steps == (
+        "Give the rate of files without a column of time by --rate HZ.",
+        "Record again, or leave out of the study: angle [rad], torque_meas [N*m] (dead).",
+        "Then audit the files again.",
+    )
+
+
+def test_an_audit_tells_its_progress_file_by_file(tmp_path):
+    paths = [written(tmp_path, clean_log(seed), f"log{seed}.csv") for seed in range(2)]
+    told = []
+    pl.audit(paths, on_progress=lambda text, share: told.append((text, share)))
+    assert [text for text, _ in told] == ["checking log0.csv", "checking log1.csv", "writing the page"]
+    shares = [share for _, share in told]
+    assert shares[0] == 0.0 < shares[1] < shares[2] < 1.0
+
+
+def test_the_figure_of_an_unsound_channel_is_of_a_file_with_its_verdict(tmp_path):
+    """A finding of another kind was larger, and its file was drawn under a verdict that it does not have."""
+    dead, cut = clean_log(0), clean_log(1)
+    dead["torque_meas [N*m]"] = 0.0 * dead["torque_meas [N*m]"]
+    cut["torque_meas [N*m]"] = np.clip(cut["torque_meas [N*m]"], -1.0, 1.0)
+    found = pl.audit([written(tmp_path, dead, "dead.csv"), written(tmp_path, cut, "cut.csv")])
+    (torque,) = [each for each in found.alarms if each.channel == "torque_meas [N*m]"]
+    assert {name for name, _ in torque.findings} == {"dead.csv", "cut.csv"}
+    for verdict, name, _, _ in audited_channels(found):
+        assert verdict.verdict in {VERDICT_WORDS[f.kind] for file, f in verdict.findings if file == name}

@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..._errors import PellucidError
+from ..._given import visible_text
 from ...study.procedures.audit import Audit, audit
+from ...study.procedures.procedure import Progress, quiet
 from ...study.procedures.registry import open_study
 from ...study.study import STUDY_FILE
 
@@ -16,8 +18,10 @@ QUALITY_QUESTION = "May this EMG be used as it is?"
 """Question of `pellucid emg quality`."""
 
 
-def audit_emg(files: Iterable[str | os.PathLike], *, rate: float | None = None) -> Audit:
-    """Return the audit of the channels of EMG alone.
+def audit_emg(
+    files: Iterable[str | os.PathLike], *, rate: float | None = None, on_progress: Progress = quiet
+) -> Audit:
+    """Return the audit of the channels of EMG alone, and of the files that have such channels.
 
     Parameters
     ----------
@@ -25,6 +29,8 @@ def audit_emg(files: Iterable[str | os.PathLike], *, rate: float | None = None) 
         Files of any format, folders of them, or folders of studies, of which the recordings are read.
     rate : float, optional
         Sampling rate of files without a column of time [Hz].
+    on_progress : callable
+        Called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -35,12 +41,14 @@ def audit_emg(files: Iterable[str | os.PathLike], *, rate: float | None = None) 
     PellucidError
         If no channel of EMG is found.
     """
-    found = audit(_recordings_of(files), rate=rate)
+    found = audit(_recordings_of(files), rate=rate, on_progress=on_progress)
     verdicts = tuple(v for v in found.verdicts if v.holds.split(",")[0].split(" ")[0] == "emg")
     if not verdicts:
         names = ", ".join(v.channel for v in found.verdicts)
         raise PellucidError(f"emg quality: found no channel of EMG among {names}, expected one or more")
-    return replace(found, verdicts=verdicts, question=QUALITY_QUESTION)
+    named = {v.channel for v in verdicts}
+    having = tuple(f for f in found.files if f.log is None or any(visible_text(c.name) in named for c in f.log.channels))
+    return replace(found, files=having, verdicts=verdicts, question=QUALITY_QUESTION)
 
 
 def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:

@@ -19,6 +19,7 @@ from ...files.readers.read import read_columns, readers_by_ending
 from ...numerics.arguments import with_checked_arguments
 from ..answer import Answer, AnswerPart, Basis, Step
 from ..pages.quantities import unit_text
+from .procedure import Progress, quiet
 
 SOUND_VERDICT = "sound"
 """Verdict on a channel of which nothing was found."""
@@ -28,6 +29,12 @@ MAX_LISTED_FILES = 3
 
 TEXT_FILE_STEMS = ("README", "LICENSE", "LICENCE", "NOTICE", "CHANGELOG", "ATTRIBUTION")
 """Stems of files other than logs in a folder of logs."""
+
+CORRECTIONS = {VERDICT_WORDS["no_time"]: "Give the rate of files without a column of time by --rate HZ"}
+"""Corrections that need no new recording, by verdict."""
+
+READING_SHARE = 0.9
+"""Share of reading and checking in the time of an audit; the rest draws its page."""
 
 CHANNEL_FREE_KINDS = ("personal", "text", "truncated", "damaged_rows", "short")
 """Kinds of findings that do not depend on a channel's samples."""
@@ -166,8 +173,12 @@ class Audit:
         """Return what to do next: make a study, or correct what is unsound."""
         if self.is_sound:
             return (Step("Make a study of it", line=printed_command("init", "my-study", "--from", *self.paths)),)
+        alike: dict[str, list[str]] = {}
+        for verdict in self.alarms:
+            alike.setdefault(verdict.verdict, []).append(verdict.channel)
         steps = [
-            Step(f"Record {v.channel} again ({v.verdict}), or leave it out of the study") for v in self.alarms
+            Step(CORRECTIONS.get(kind) or f"Record again, or leave out of the study: {', '.join(names)} ({kind})")
+            for kind, names in alike.items()
         ]
         steps += [Step(f"{file.name} cannot be read: {file.unread}") for file in self.unread]
         return (*steps, Step("Then audit the files again"))
@@ -200,7 +211,12 @@ class Audit:
 
 
 @with_checked_arguments
-def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float | None = None) -> Audit:
+def audit(
+    files: str | os.PathLike | Iterable[str | os.PathLike],
+    *,
+    rate: float | None = None,
+    on_progress: Progress = quiet,
+) -> Audit:
     """Say of any log what is wrong with each channel, without a study.
 
     Parameters
@@ -209,6 +225,8 @@ def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float
         Files of any format that `pellucid.read` reads, or folders of them. Channels of one name are one channel.
     rate : float, optional
         Sampling rate of files without a column of time [Hz].
+    on_progress : callable
+        Called with a text and the share done, 0 to 1.
 
     Returns
     -------
@@ -236,13 +254,16 @@ def audit(files: str | os.PathLike | Iterable[str | os.PathLike], *, rate: float
     paths = _paths_of(files)
     names = _short_names(paths)
     audited = []
-    for path, name in zip(paths, names, strict=True):
+    sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
+    for i, (path, name) in enumerate(zip(paths, names, strict=True)):
+        on_progress(f"checking {name}", READING_SHARE * sum(sizes[:i]) / max(sum(sizes), 1))
         try:
             log = log_of(read_columns(path), rate)
         except RecordingError as error:
             audited.append(AuditedFile(name, None, unread=visible_text(str(error))))
             continue
         audited.append(AuditedFile(name, log, _log_findings(log)))
+    on_progress("writing the page", READING_SHARE)
     if all(file.unread for file in audited):
         raise RecordingError("\n".join(file.unread for file in audited))
     return Audit(tuple(audited), tuple(_verdicts(audited)), tuple(map(str, paths)))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...files.log import ALARM_LEVEL, Log, LogChannel
+from ...files.log import ALARM_LEVEL, VERDICT_WORDS, Log, LogChannel, LogFinding
 from ..drawing.drawing import Drawing, Head, draw, heads, line, tidy
 from ..drawing.style import FIGURE_WIDTH, colour
 from ..pages.forest import Row, Table
@@ -34,12 +34,17 @@ def audited_channels(audit: Audit) -> list[tuple[ChannelVerdict, str, Log, LogCh
     logs = {file.name: file.log for file in audit.files if file.log is not None}
     drawn = []
     for verdict in audit.verdicts:
-        for name, finding in sorted(verdict.findings, key=lambda each: finding_size(each[1]), reverse=True):
+        for name, finding in sorted(verdict.findings, key=lambda each: _gravity(verdict, each[1]), reverse=True):
             channel = next((c for c in logs[name].channels if c.name == finding.channel), None)
             if channel is not None and finding.level == ALARM_LEVEL and np.isfinite(channel.samples).any():
                 drawn.append((verdict, name, logs[name], channel))
                 break
     return drawn[:MAX_PANELS]
+
+
+def _gravity(verdict: ChannelVerdict, finding: LogFinding) -> tuple[bool, float]:
+    """Return how much a finding shows of a verdict: one of its kind first, then the largest."""
+    return VERDICT_WORDS[finding.kind] == verdict.verdict, finding_size(finding)
 
 
 def first_channels(audit: Audit) -> Drawing:
