@@ -447,11 +447,10 @@ def plan(
 
     study, console = _opened(folder, None, allow_outside), make_console()
     with cluster(scheduler) as executor, show_progress() as tell:
-        tell("simulating studies", 0.0)
         people, noise = (None, None) if pilot is None else pilot_changes(_opened(pilot, None, allow_outside))
         found = run(
             study, power=power, participants=participants, pilot=people, noise_shares=noise, studies=studies,
-            executor=executor,
+            executor=executor, on_progress=tell,
         )  # fmt: skip
     answer = found.answer.in_folder(folder)
     print_answer(console, answer)
@@ -460,7 +459,8 @@ def plan(
     print_short_table(console, found.heads, rows, 30)
     print_line(console, found.note)
     print_line(console, register(study))
-    print_line(console, f"Next: {answer.next_command}")
+    for text in answer.following:
+        print_line(console, text.replace("`", ""))
 
 
 @app.command(rich_help_panel=PEOPLE_GROUP, epilog=example("pellucid certificate my-people"))
@@ -596,8 +596,8 @@ def compare(
         for row in found.rows
     ]
     out = make_console()
-    print_line(out, f"{found.family} friction; A is {a}, B is {b}")
     print_answer(out, found.answer)
+    print_line(out, f"A is {a}, B is {b}; {found.family} friction.")
     print_short_table(out, ("parameter", ">A", ">B", ">B − A", "unit", ">p", ""), rows, 24)
     print_line(out, f"Next: {found.answer.next_command}")
     exit_unless_answered([found.answer])

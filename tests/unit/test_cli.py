@@ -265,6 +265,9 @@ def test_identified_studies_compare(bench):
     result = run(cli.app, ["compare", str(bench.folder), str(bench.folder)])
     assert result.exit_code == 0, result.output
     assert "No parameter changed" in result.output
+    question, _, basis = result.output.splitlines()[:3]
+    assert question == "Did the joint change from A to B?"
+    assert basis == "Based on 2 model cards, measured; numbers are of what each model was fitted to."
 
 
 def test_demo_prints_its_story(tmp_path, monkeypatch):

@@ -10,7 +10,11 @@ from pellucid.controllers.study.incident import IncidentAccount, account_table
 from pellucid.controllers.study.incident_page import write_incident_page
 from pellucid.live.session.running_indices import RunningVerdict
 from pellucid.people.study.plan import _plan_answer
+from pellucid.study.answer import Basis
 from pellucid.study.procedures.compare import ComparedParameter, _answer, _half_widths, holm
+
+CARDS = Basis(2, 2, "model card")
+EXPERIMENTS = Basis(200, 200, "experiment", is_simulated=True)
 
 
 def compared(differences, errors, values, level=0.95):
@@ -35,7 +39,7 @@ def test_an_interval_of_a_comparison_excludes_zero_exactly_where_its_test_finds_
     for row in rows:
         low, high = row.interval
         assert row.changed == (low > 0.0 or high < 0.0)
-    answer = _answer(rows, 0.5, 0.95, ("A", "B"))
+    answer = _answer(rows, 0.5, 0.95, ("A", "B"), CARDS)
     assert (answer.verdict == "yes") == any(row.changed for row in rows)
     assert (answer.reason == "") == (answer.verdict == "yes")
     assert all(row.name in answer.sentence for row in rows if row.changed)
@@ -53,7 +57,7 @@ def test_an_interval_of_a_comparison_excludes_zero_exactly_where_its_test_finds_
 def test_a_comparison_that_would_have_missed_a_change_cannot_say(error, joint_p, verdict, reason):
     """It said that no parameter changed, however little the recordings showed."""
     rows = compared([0.2 * error, -0.1 * error], [error, error], [1.0, 1.0])
-    answer = _answer(rows, joint_p, 0.95, ("A", "B"))
+    answer = _answer(rows, joint_p, 0.95, ("A", "B"), CARDS)
     assert answer.verdict == verdict
     assert reason in answer.reason
 
@@ -88,16 +92,25 @@ def plan_rows(*needed, powers=()):
 
 
 def test_a_plan_says_whether_people_can_show_it():
-    answer = _plan_answer(plan_rows(12, 18, ">128"), 0.9, None)
+    answer = _plan_answer(plan_rows(12, 18, ">128"), 0.9, None, EXPERIMENTS)
     assert (answer.verdict, [number.value for number in answer.numbers]) == ("yes", [12, 18])
-    assert _plan_answer(plan_rows(">128", ">128", ">128"), 0.9, None).verdict == "no"
+    assert _plan_answer(plan_rows(">128", ">128", ">128"), 0.9, None, EXPERIMENTS).verdict == "no"
 
 
 @pytest.mark.parametrize(("reached", "verdict"), [(93, "yes"), (90, "yes"), (71, "no")])
 def test_a_plan_says_whether_the_number_decided_on_is_enough(reached, verdict):
-    answer = _plan_answer(plan_rows(12, 18, 40, powers=(reached, 60, 20)), 0.9, 12)
+    answer = _plan_answer(plan_rows(12, 18, 40, powers=(reached, 60, 20)), 0.9, 12, EXPERIMENTS)
     assert answer.verdict == verdict
     assert f"{reached} %" in answer.sentence
+
+
+def test_a_plan_that_is_not_enough_ends_with_one_that_is():
+    few = _plan_answer(plan_rows(16, 18, 40, powers=(71, 60, 20)), 0.9, 12, EXPERIMENTS).in_folder("people")
+    assert few.next_command == "pellucid plan people --participants 16"
+    enough = _plan_answer(plan_rows(12, 18, 40, powers=(93, 60, 20)), 0.9, 12, EXPERIMENTS).in_folder("people")
+    assert "Record these people" in enough.following[0]
+    none = _plan_answer(plan_rows(">128", ">128", ">128"), 0.9, None, EXPERIMENTS)
+    assert "wider margins" in none.following[0]
 
 
 @pytest.mark.parametrize(

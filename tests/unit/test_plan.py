@@ -84,7 +84,7 @@ def test_a_number_of_people_that_cannot_certify_is_refused(study):
     with pytest.raises(StudyError, match="found 8 participants, expected at least 12"):
         plan(study(), participants=8, studies=200)
     found = plan(study(), participants=20, studies=200)
-    assert found.heads[-1] == "Power with 20 %"
+    assert found.heads[-1] == "Power with 20 people (%)"
     assert found.rows[0][-1] > found.rows[-1][-1]
 
 
@@ -97,3 +97,14 @@ def test_a_pilots_own_people_may_take_the_place_of_normal_ones(study):
     assert "drawn from the pilot's 12" in found.note
     with pytest.raises(StudyError, match="expected end_absolute too"):
         plan(study(), pilot={"duration_median": skewed[:, 0]}, studies=200)
+
+
+def test_a_plan_tells_its_progress_and_what_it_is_based_on(study):
+    shares = []
+    found = plan(study(), studies=100, participants=20, on_progress=lambda text, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert len(set(shares)) > 10
+    assert shares[-1] < 1.0
+    assert found.answer.basis.sentence == (
+        "Based on 100 experiments, simulated; numbers are of people sampled from the spreads that study.toml states."
+    )

@@ -260,15 +260,23 @@ class InlineExecutor:
         return outcome
 
 
-def run_parts(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
+def run_parts(
+    function: Callable, arguments: list[tuple], executor: Any, size: int, on_done: Callable[[float], None] | None = None
+) -> list:
     """Return the results of `function` for each of `arguments`, in order.
 
-    They run in this process if the `size` is small, otherwise in the `executor` or in worker processes.
+    They run in this process if the `size` is small, otherwise in the `executor` or in worker processes. `on_done`
+    receives the share that is done after each.
     """
     if executor is None and size <= MAX_INLINE_DRAWS:
-        return [function(*each) for each in arguments]
+        executor = InlineExecutor()
+    results = []
     with processes() if executor is None else nullcontext(executor) as used:
-        return [future.result() for future in [used.submit(function, *each) for each in arguments]]
+        for future in [used.submit(function, *each) for each in arguments]:
+            results.append(future.result())
+            if on_done is not None:
+                on_done(len(results) / len(arguments))
+    return results
 
 
 def _count_significant_studies(n, studies, seed, mean, factor, test, control, compared, alpha) -> int:
@@ -609,12 +617,13 @@ def participants_for_changes(
     studies: int = 2000,
     seed: int = 1,
     executor: Any = None,
+    on_done: Callable[[float], None] | None = None,
 ) -> tuple[list[list[int | None]], list[list[int | None]]]:
     """Return the fewest participants for all end points together, and for each end point alone.
 
     Rows are true changes, as `shares` of every margin's upper end. Columns are `correlations` of people's changes over
     end points, or single end points. `spreads`, (m,), are standard deviations of people's changes. Each search is a job
-    of its own, on every core or through the `executor`.
+    of its own, on every core or through the `executor`; `on_done` receives the share that is done after each.
     """
     if len(spreads) != len(margins) or not margins or not all(s > 0.0 for s in spreads):
         raise PellucidError(
@@ -630,7 +639,7 @@ def participants_for_changes(
             jobs.append((spread[i : i + 1, None] ** 2, [margin], share * ends[i : i + 1]))
     arguments = [(*job, power, alpha, active, studies, seed) for job in jobs]
     found = run_parts(
-        _search_participants, arguments, executor, SEARCH_DRAWS_PER_STUDY * studies * len(jobs) * len(margins)
+        _search_participants, arguments, executor, SEARCH_DRAWS_PER_STUDY * studies * len(jobs) * len(margins), on_done
     )
     rows = [
         found[i : i + len(correlations) + len(margins)] for i in range(0, len(found), len(correlations) + len(margins))

@@ -98,8 +98,8 @@ class Basis:
         Counted unit, in the singular: ``"recording"``, ``"participant"``, ``"file"``.
     judged : str
         Data that the numbers were computed on, in words, such as ``"held-out recordings"``; "" without any.
-    is_simulated : bool
-        Whether the recordings were simulated.
+    is_simulated : bool, optional
+        Whether the recordings were simulated; None where that is not known, or not the same for all.
     is_worn : bool
         Whether somebody wears the machine that was identified.
     """
@@ -108,7 +108,7 @@ class Basis:
     recorded: int
     counted: str = "recording"
     judged: str = ""
-    is_simulated: bool = False
+    is_simulated: bool | None = False
     is_worn: bool = False
 
     @property
@@ -116,7 +116,8 @@ class Basis:
         """What the answer is based on, in a sentence."""
         noun = self.counted if self.recorded == 1 else f"{self.counted}s"
         text = f"{self.used} of {self.recorded}" if self.used != self.recorded else f"{self.recorded}"
-        origin = "simulated" if self.is_simulated else "measured"
+        known = {True: "simulated", False: "measured", None: "measured or simulated"}
+        origin = known[self.is_simulated]
         origin += f", of {WORN_TOGETHER}" if self.is_worn else ""
         return f"Based on {text} {noun}, {origin}{f'; numbers are of {self.judged}' if self.judged else ''}."
 

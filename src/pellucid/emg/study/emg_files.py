@@ -47,8 +47,8 @@ def audit_emg(
         names = ", ".join(v.channel for v in found.verdicts)
         raise PellucidError(f"emg quality: found no channel of EMG among {names}, expected one or more")
     named = {v.channel for v in verdicts}
-    having = tuple(f for f in found.files if f.log is None or any(visible_text(c.name) in named for c in f.log.channels))
-    return replace(found, files=having, verdicts=verdicts, question=QUALITY_QUESTION)
+    files = tuple(f for f in found.files if f.log is None or any(visible_text(c.name) in named for c in f.log.channels))
+    return replace(found, files=files, verdicts=verdicts, question=QUALITY_QUESTION)
 
 
 def _recordings_of(files: Iterable[str | os.PathLike]) -> list[Path]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..._errors import PellucidError, StudyError
-from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Assumption, Step
+from ...study.answer import Answer, AnswerNumber, AnswerVerdict, Assumption, Basis, Step
+from ...study.procedures.procedure import Progress, quiet
 from ...study.study import Study
 from ...units import COORDINATES_BY_UNIT
 from ..analysis import EndPoint, Estimand
@@ -34,6 +35,12 @@ TRUE_CHANGE_SHARES = {0.0: "none", 0.25: "a quarter", 1.0 / 3.0: "a third", 0.5:
 END_POINT_CORRELATIONS = (0.0, 0.5)
 """Correlations of people's changes between end points. Correlated end points pass together more often."""
 
+SIMULATING = "simulating experiments"
+"""What a plan does, as its progress names it."""
+
+SEARCH_SHARE = 0.9
+"""Share of the search for numbers of people in the time of a plan with a number that was decided on."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -55,6 +62,7 @@ def plan(
     noise_shares: Mapping[str, float] | None = None,
     studies: int = 2000,
     executor: Any = None,
+    on_progress: Progress = quiet,
 ) -> Plan:
     """Plan the participants needed for the margins and spreads of a study with [assessment].
 
@@ -62,6 +70,7 @@ def plan(
     holds people's changes by end point, (n,), as a pilot study's certificate has them: people are then drawn from it.
     `noise_shares` are the shares of the variance of these changes that are noise of single movements.
     """
+    on_progress(SIMULATING, 0.0)
     spec = study.find_table(AssessmentTable)
     where = f"{study.folder}, study.toml"
     if spec is None or not spec.analysis.margins:
@@ -81,7 +90,7 @@ def plan(
     active = Active.of(analysis, order=ordered, learning=True, noise=noise)
     options = {"alpha": spec.false_transparent, "active": active, "studies": studies, "executor": executor}
     if pilot is not None:
-        return _of_pilot(points, pilot, margins, power, participants, options)
+        return _of_pilot(points, pilot, margins, power, participants, options, on_progress)
     if set(spec.spreads) != set(points):
         raise StudyError(
             f"{where}: found [assessment.spreads] of {', '.join(spec.spreads) or 'nothing'}, expected those of "
@@ -95,7 +104,8 @@ def plan(
     except PellucidError as error:
         raise StudyError(str(error)) from None
     joint, alone = participants_for_changes(
-        spreads, margins, tuple(TRUE_CHANGE_SHARES), END_POINT_CORRELATIONS, power=power, **options
+        spreads, margins, tuple(TRUE_CHANGE_SHARES), END_POINT_CORRELATIONS, power=power, **options,
+        on_done=lambda share: on_progress(SIMULATING, SEARCH_SHARE * share),
     )
     heads = ["True change", "All together", "Going together", *(p.index.short for p in points.values())]
     rows = [
@@ -103,9 +113,10 @@ def plan(
         for words, together, each in zip(TRUE_CHANGE_SHARES.values(), joint, alone, strict=True)
     ]
     if participants is not None:
-        heads.append(f"Power with {participants} %")
+        heads.append(f"Power with {participants} people (%)")
         ends = np.array([margin.high for margin in margins])
-        for row, share in zip(rows, TRUE_CHANGE_SHARES, strict=True):
+        for i, (row, share) in enumerate(zip(rows, TRUE_CHANGE_SHARES, strict=True)):
+            on_progress(SIMULATING, SEARCH_SHARE + (1.0 - SEARCH_SHARE) * i / len(rows))
             found = planned_power(points, np.array(spreads), share * ends, (participants,), **options)
             row.append(round(100.0 * found.power[0]))
     return Plan(
@@ -115,12 +126,20 @@ def plan(
         f"{_tested(analysis.estimand, analysis.people, spec.false_transparent)}, people's changes normal; going "
         f"together: correlated by {END_POINT_CORRELATIONS[1]:g} over end points. {_active_words(ordered)} {studies} "
         "studies simulated for each number of people.",
-        _plan_answer(rows, power, participants, Assumption("people's changes", "normal", is_question=False)),
+        _plan_answer(
+            rows, power, participants, _basis(studies, "people sampled from the spreads that study.toml states"),
+            Assumption("people's changes", "normal", is_question=False),
+        ),
     )
 
 
+def _basis(studies: int, people: str) -> Basis:
+    """Return the basis of a plan: experiments that were simulated for each number of people."""
+    return Basis(studies, studies, "experiment", people, is_simulated=True)
+
+
 def _plan_answer(
-    rows: Sequence[Sequence[str | int]], power: float, participants: int | None, *assumed: Assumption
+    rows: Sequence[Sequence[str | int]], power: float, participants: int | None, basis: Basis, *assumed: Assumption
 ) -> Answer:
     """Return whether the number of people that was decided on, or any that was tried, certifies in enough studies.
 
@@ -149,8 +168,13 @@ def _plan_answer(
         for words, count, *_ in rows
         if isinstance(count, int)
     ]
-    step = Step("Record these people, add their recordings to study.toml, then run `pellucid assess` on the study")
-    return Answer(question, verdict, said, reason, numbers=tuple(numbers), assumed=assumed, next=(step,))
+    if verdict == "yes":
+        step = Step("Record these people and add their recordings to study.toml; then check them", "check")
+    elif isinstance(needed, int):
+        step = Step("Plan as many people as are needed", "plan", ("--participants", str(needed)))
+    else:
+        step = Step("Measure more finely, or state wider margins in study.toml; then plan again")
+    return Answer(question, verdict, said, reason, numbers=tuple(numbers), basis=basis, assumed=assumed, next=(step,))
 
 
 def pilot_changes(pilot: Study) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -195,7 +219,7 @@ def _tested(estimand: Estimand, people: float | None, alpha: float) -> str:
 
 def _of_pilot(
     points: Mapping[str, EndPoint], pilot: Mapping[str, np.ndarray], margins: list[Margin], power: float,
-    participants: int | None, options: dict[str, Any],
+    participants: int | None, options: dict[str, Any], on_progress: Progress,
 ) -> Plan:  # fmt: skip
     """Plan with people drawn from a pilot's own, all end points of a person together."""
     lacking = [name for name in points if name not in pilot]
@@ -207,9 +231,12 @@ def _of_pilot(
     if len(people) < 3 or not np.isfinite(people).all():
         raise StudyError(f"plan: found {len(people)} people in the pilot, expected at least 3 with finite changes")
     covariance, ends = np.atleast_2d(np.cov(people, rowvar=False)), np.array([margin.high for margin in margins])
-    heads = ["True change", "All together", *([f"Power with {participants} %"] if participants is not None else [])]
+    heads = ["True change", "All together"]
+    if participants is not None:
+        heads.append(f"Power with {participants} people (%)")
     rows = []
-    for share, words in TRUE_CHANGE_SHARES.items():
+    for i, (share, words) in enumerate(TRUE_CHANGE_SHARES.items()):
+        on_progress(SIMULATING, i / len(TRUE_CHANGE_SHARES))
         own = {**options, "pilot": people, "change": share * ends}
         row: list[str | int] = [words, _people(find_equivalence_participants(covariance, margins, power=power, **own))]
         if participants is not None:
@@ -224,7 +251,9 @@ def _of_pilot(
         f"moved to the true change. {_active_words(active.order)} {options['studies']} studies simulated for each "
         "number of people. "
         f"{_noise_words(active)}What so few people show of a distribution is itself uncertain.",
-        _plan_answer(rows, power, participants),
+        _plan_answer(
+            rows, power, participants, _basis(options["studies"], f"people sampled from the pilot's {len(people)}")
+        ),
     )
 
 

@@ -16,8 +16,8 @@ from ...models.slider_joint import read_slider_card
 from ...models.tree_card import TreeCard, read_tree_card
 from ...numerics.arguments import with_checked_arguments
 from ...numerics.block_test import holm
-from ..answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Step, begun
-from ..study import STUDY_FILE
+from ..answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step, begun
+from ..study import STUDY_FILE, Study
 from .card_sources import require_fresh
 from .registry import open_study
 
@@ -26,6 +26,9 @@ DETECTABLE_STANDARD_ERRORS = 2.8
 
 CHANGE_QUESTION = "Did the joint change from A to B?"
 """Question that a comparison answers."""
+
+COMPARED_ESTIMATES = "what each model was fitted to"
+"""Data that compared parameters were computed on."""
 
 MAX_UNSEEN_CHANGE = 0.5
 """A comparison that would have missed this change of every parameter, as a share, cannot say that nothing changed."""
@@ -149,7 +152,7 @@ def compare(
     free = sd > 0.0
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
     joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
-    answer = _answer(rows, joint_p, level, (str(a), str(b)))
+    answer = _answer(rows, joint_p, level, (str(a), str(b)), _basis(Path(a), Path(b), allow_outside))
     return Comparison(one.family, rows, statistic, joint_p, (_verdict(answer),), answer)
 
 
@@ -170,6 +173,21 @@ def _fresh_card(path: Path, family: str | None, allow_outside: bool, accept_stal
         return card
     study = open_study(path, allow_outside=allow_outside, accept_stale=accept_stale)
     return require_fresh(study, path / "models", card)
+
+
+def _basis(a: Path, b: Path, allow_outside: bool) -> Basis:
+    """Return the basis of a comparison: two cards, and what the studies that they stand in state of their origin."""
+    studies = [_study_of(path, allow_outside) for path in (a, b)]
+    simulated = {None if each is None else each.config.simulated for each in studies}
+    worn = any(each is not None and each.config.worn for each in studies)
+    known = simulated.pop() if len(simulated) == 1 else None
+    return Basis(2, 2, "model card", COMPARED_ESTIMATES, is_simulated=known, is_worn=worn)
+
+
+def _study_of(path: Path, allow_outside: bool) -> Study | None:
+    """Return the study of a folder, or the one in whose folder a card stands; None without one."""
+    folder = next((each for each in (path, path.parent.parent) if (each / STUDY_FILE).is_file()), None)
+    return None if folder is None else open_study(folder, allow_outside=allow_outside)
 
 
 def _card(path: Path, family: str | None) -> Card | TreeCard:
@@ -201,7 +219,9 @@ def _part(card: Card | TreeCard, names: list[str]) -> np.ndarray:
     return np.array(card.statistical or card.covariance)[np.ix_(index, index)]
 
 
-def _answer(rows: tuple[ComparedParameter, ...], p_value: float, level: float, compared: tuple[str, str]) -> Answer:
+def _answer(
+    rows: tuple[ComparedParameter, ...], p_value: float, level: float, compared: tuple[str, str], basis: Basis
+) -> Answer:
     """Return whether the joint changed between two cards.
 
     Where no single parameter did, the answer is no if a change of `MAX_UNSEEN_CHANGE` would have shown in some
@@ -234,7 +254,7 @@ def _answer(rows: tuple[ComparedParameter, ...], p_value: float, level: float, c
     else:
         step = Step("Draw the page of the later one", line=printed_command("report", compared[1]))
         step = step if (Path(compared[1]) / STUDY_FILE).is_file() else Step("Compare again", line=_typed(compared))
-    return Answer(CHANGE_QUESTION, verdict, said, reason, parts, numbers, next=(step,))
+    return Answer(CHANGE_QUESTION, verdict, said, reason, parts, numbers, basis, next=(step,))
 
 
 def _typed(compared: tuple[str, str]) -> str:
