@@ -15,10 +15,13 @@ from ..equivalence import BEYOND_MARGIN, UNDECIDED, WITHIN_MARGIN
 from ..indices import index_names
 from ..power import CANDIDATE_SIZES
 from .certified_rows import beside_table, certificate_rows, certificate_table, curve_table, doubt_table
-from .primary_change import ESTIMAND_WORDS, primary_change
+from .primary_change import ESTIMAND_WORDS, PrimaryChange, primary_change
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
+
+RANK_TEST_WORDS = {True: "ranks differ", False: "not in ranks"}
+"""What a test of ranks says where the interval of the change does not agree, by whether the test finds a difference."""
 
 COMMAND_NAME = "assess"
 """Name of the command that writes these results."""
@@ -175,19 +178,28 @@ def change_table(found: AssessmentResult) -> FigureTable:
                 continue
             interval = f" ({change.interval})" if change.interval else ""
             cell = f"{change.figure}{interval} {change.unit}".rstrip().replace("-", MINUS_SIGN)
-            rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, own.condition)))
+            rows.append((each.table.index.short, own.condition, cell, _test_text(found, each, change, own.condition)))
     level = f"{100 * found.confidence:g} % interval"
     title = f"Changes from {found.control}: {ESTIMAND_WORDS[found.estimand]} ({level})"
+    if any(row[-1] in RANK_TEST_WORDS.values() for row in rows):
+        title += "; tests compare ranks, which may differ where the interval includes no change, or the reverse"
     return FigureTable(title, ("Index", "Condition", "Change", "Test result"), tuple(rows))
 
 
-def _test_text(found: AssessmentResult, each: Assessed, condition: str) -> str | None:
-    """Say what the test of an index says of a condition: the certificate's, or whether it differs from control."""
+def _test_text(found: AssessmentResult, each: Assessed, change: PrimaryChange, condition: str) -> str | None:
+    """Say what the test of an index says of a condition: the certificate's, or whether it differs from control.
+
+    A test of ranks that the interval of the change does not agree with is named.
+    """
     said = found.said_of(each.name, condition)
     if said is not None:
         return {WITHIN_MARGIN: "within margin", BEYOND_MARGIN: "beyond margin", UNDECIDED: "undecided"}[said]
     differs = each.differs(condition, found.control, 1.0 - found.confidence)
-    return None if differs is None else "differs" if differs else "not shown"
+    if differs is None:
+        return None
+    if change.excludes_zero is not None and change.excludes_zero != differs:
+        return RANK_TEST_WORDS[differs]
+    return "differs" if differs else "not shown"
 
 
 def summary_table(found: AssessmentResult) -> FigureTable:

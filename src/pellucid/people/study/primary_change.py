@@ -53,6 +53,11 @@ class PrimaryChange:
         return ("at least " if self.at_least else "") + change_figure(self.value, self.unit)
 
     @property
+    def excludes_zero(self) -> bool | None:
+        """Whether the interval excludes no change; None without an interval."""
+        return None if not self.interval else not self.low <= 0.0 <= self.high
+
+    @property
     def interval(self) -> str:
         """The interval without its unit; "" where there is none."""
         if not (np.isfinite(self.value) and np.isfinite(self.low) and np.isfinite(self.high)):
