@@ -281,12 +281,16 @@ def test_demo_prints_its_story(tmp_path, monkeypatch):
         return made
 
     monkeypatch.setitem(sys.modules, "pellucid_lab.demonstration.demo", SimpleNamespace(demo=demo))
-    story = SimpleNamespace(chapter_sentences=lambda made: [("Worn", "People wore it.")])
+    answer = Answer("Does it predict?", "yes", "it errs by 3 %", next=(Step("Try your own", line="pellucid init DIR"),))
+    story = SimpleNamespace(
+        chapter_sentences=lambda made: [("Worn", "People wore it.")], demonstration_answer=lambda made: answer
+    )
     monkeypatch.setitem(sys.modules, "pellucid_lab.demonstration.story", story)
     result = run(cli.app, ["demo", "--out", str(tmp_path / "demo")])
     assert result.exit_code == 0, result.output
     assert asked == [tmp_path / "demo"]
-    for said in ("People wore it.", "94.5", "no network", str(page)):
+    assert result.output.splitlines()[:2] == ["Does it predict?", "Yes. It errs by 3 %."]
+    for said in ("People wore it.", "94.5", "no network", str(page), "Try your own: pellucid init DIR."):
         assert said in result.output
 
 

@@ -110,11 +110,12 @@ def demo(
 ) -> None:
     """Run the whole workflow on examples, in about a minute."""
     from .demonstration.demo import demo as run
-    from .demonstration.story import chapter_sentences
+    from .demonstration.story import chapter_sentences, demonstration_answer
 
     with show_progress() as tell:
         made = run(out, on_progress=tell)
-    console = make_console()
+    console, answer = make_console(), demonstration_answer(made)
+    print_answer(console, answer)
     for chapter, said in chapter_sentences(made):
         console.print(f"\n{chapter}")
         print_items(console, [("good", said)])
@@ -127,6 +128,7 @@ def demo(
     console.print(table)
     print_items(console, [("note", note) for note in made.notes])
     print_line(console, f"The story, with pictures and every report: {made.page}")
+    print_lines(console, [text.replace("`", "") for text in answer.following], 4, "further step")
 
 
 def reproduce(

@@ -17,14 +17,15 @@ MAX_LISTED_COLUMNS = 12
 
 
 def tried_lines(tried: TriedLog) -> tuple[list[str], tuple[tuple[str, ...], list[tuple[str, ...]]], list[str]]:
-    """Return the lines on what was understood, heads and rows of the parameters, and the lines on what was assumed."""
+    """Return the answer and what was understood in lines, heads and rows of the parameters, and lines on what was
+    assumed."""
     proposal = tried.proposal
     kind = "force" if (proposal.motion, proposal.drive) == ("prismatic", "torque") else proposal.drive
     drive = f", driven by a measured {kind}" if kind else ""
     before = [
+        *answer_lines(tried.answer),
         f"{tried.study.name}: {proposal.motion} motion{drive}; {proposal.summary}.",
         *(line for layout in (proposal.main, *proposal.streams) for line in _columns(layout)),
-        *answer_lines(tried.answer),
         *([tried.robot_advice.replace("`", "")] if tried.robot_advice else []),
     ]
     assumed = [f"assumed {assumption.sentence}" for assumption in tried.assumptions]

@@ -60,7 +60,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
     page = Page(
         title="Pellucid, from a recording to a transparent robot",
         kicker="pellucid demo",
-        answer=_answer(made),
+        answer=demonstration_answer(made),
         figure=answer_figure(made.real_fit),
         tiles=_tiles(made),
         sections=tuple(sections),
@@ -83,7 +83,7 @@ def _headline(made: Demonstration) -> str:
     )
 
 
-def _answer(made: Demonstration) -> Answer:
+def demonstration_answer(made: Demonstration) -> Answer:
     """Return the answer of the real machine's report, with what the robot leaves people."""
     step = Step("Try your own recordings", line="pellucid init my-joint --from recordings")
     return replace(made.real_fit.answer, said=_headline(made), next=(step,))
