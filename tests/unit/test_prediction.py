@@ -174,6 +174,10 @@ def test_the_command_tells_intervals_and_keeps_them(tmp_path, monkeypatch):
     assert named
     assert named <= {row.id for row in read_rows(tmp_path / "these" / PREDICTION_FILE)}
     assert told.exit_code == 0, told.output
+    # The terminal asked "May these figures be used?" where the page answered what the command is for.
+    assert " ".join(told.output.split()).startswith("these: Do these controllers change people's movement (duration")
+    assert "robot-person pairs, simulated; numbers are of studies of 6 people." in " ".join(told.output.split())
+    assert told.output.splitlines()[-1] == "Next: pellucid init my-session --session elbow"
     assert "80 % of studies of 6 people" in told.output
     assert (asked["people"], asked["robots"], len(asked["rigs"])) == (7, 5, 2)
     rows = {row.id: row for row in read_rows(tmp_path / "these" / PREDICTION_FILE)}

@@ -99,10 +99,12 @@ def predict(
         page = write_prediction_page(folders[0], found)
     if json:
         print_json(found)
-        return
-    out = make_console()
-    print_result(out, found, brief=not is_verbose())
-    print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}. Page: {page}")
+    else:
+        out = make_console()
+        print_result(out, found, brief=not is_verbose())
+        print_line(out, f"Every figure in {folders[0] / PREDICTION_FILE}. Page: {page}")
+        print_line(out, f"Next: {found.answer.next_command}")
+    exit_unless_answered([found.answer])
 
 
 def demo(

@@ -10,11 +10,14 @@ from pathlib import Path
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS, stated_load
+from pellucid.study.answer import Answer, AnswerNumber, AnswerPart, Basis, Step
+from pellucid.study.pages.quantities import number
+from pellucid.study.pages.values import Value
 from pellucid.study.procedures.result import FigureTable, Result
 from pellucid.study.results import ResultRow, write_rows
 
 from .known_rigs import parse_rig
-from .pointing.predicted_indices import PREDICTED_INDICES
+from .pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
 from .pointing.prediction import (
     CARRYING_CONTROLLERS,
     NOTHING_CARRIED,
@@ -44,13 +47,20 @@ class Predicted(Result):
         Indices of movement of every pair of a person and a robot.
     studies : DrawnStudies
         Virtual studies that were drawn from these pairs.
+    participants : int
+        Number of people in a simulated study.
     carried : CarriedWeight
         Load on the robot, load in the hand, and share of the limb that controllers carry.
     """
 
     prediction: Prediction = field(repr=False)
     studies: DrawnStudies = field(repr=False)
+    participants: int = 0
     carried: CarriedWeight = NOTHING_CARRIED
+
+    def make_answer(self) -> Answer:
+        """Return whether controllers change the leading index."""
+        return _answer(self)
 
 
 def predict(
@@ -219,5 +229,46 @@ def _make_result(
     return Predicted(
         study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
         rows=tuple(rows), cards={}, checksums={}, confidence=STUDY_INTERVAL_SHARE, command="predict",
-        prediction=made, studies=studies, carried=carried,
+        prediction=made, studies=studies, participants=participants, carried=carried,
     )  # fmt: skip
+
+
+def _answer(found: Predicted) -> Answer:
+    """Return whether controllers change the leading index: each whose interval leaves out zero does."""
+    index = PREDICTED_INDICES[0]
+    parts, numbers = [], []
+    for law in found.prediction.laws:
+        low, middle, high = found.studies.interval(index.name, law)
+        told = low > 0.0 or high < 0.0
+        words = condition_words(law)
+        parts.append(AnswerPart(words, "yes" if told else "cannot say", f"{middle:+.3g} % ({low:+.3g} to {high:+.3g})"))
+        numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), row_id(found, index, law)))
+    pairs = len(found.prediction.worn) * found.prediction.people
+    told = any(part.verdict == "yes" for part in parts)
+    return Answer(
+        f"Do these controllers change people's movement ({index.words}) relative to no robot?",
+        "yes" if told else "cannot say",
+        _headline(found, index, f"{100.0 * found.confidence:.0f} % of simulated studies"),
+        "" if told else "every interval contains 0",
+        tuple(parts),
+        tuple(numbers),
+        Basis(pairs, pairs, "robot-person pair", f"studies of {found.participants} people", is_simulated=True),
+        next=(Step("Record people of your own", line="pellucid init my-session --session elbow"),),
+    )
+
+
+def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
+    """Return the change of an index under each controller with its interval."""
+    parts = []
+    for law in found.prediction.laws:
+        low, middle, high = found.studies.interval(index.name, law)
+        row = row_id(found, index, law)
+        ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
+        told = " to ".join(map(str, ends))
+        parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
+    return f"Change from no robot ({index.words}), with what {share} find: {'; '.join(parts)}."
+
+
+def row_id(found: Predicted, index: PredictedIndex, law: str) -> str:
+    """Return the id of a change's row in lab/prediction.json."""
+    return f"{found.study}.predicted.{index.name}.{law.lower()}"

@@ -6,17 +6,15 @@ from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
 
-from pellucid.study.answer import Answer, AnswerNumber, AnswerPart, Step
 from pellucid.study.drawing.drawing import Drawing, draw
 from pellucid.study.pages.forest import Estimate, Row, Table, forest
 from pellucid.study.pages.page import Page, Section, write_page
 from pellucid.study.pages.quantities import cell_text, number
-from pellucid.study.pages.values import Value
 from pellucid.study.procedures.result_tables import FigureTable
 
 from ..pointing.predicted_indices import PREDICTED_INDICES, PredictedIndex
 from ..pointing.prediction import NOTHING_CARRIED, condition_words
-from ..predict import Predicted
+from ..predict import Predicted, row_id
 
 PREDICTION_PAGE_FOLDER = Path("lab") / "prediction"
 """Folder of the page, relative to the study's folder."""
@@ -31,7 +29,7 @@ def write_prediction_page(folder: Path, found: Predicted) -> Path:
     page = Page(
         title=f"{found.study}: predicted effects",
         kicker="pellucid predict",
-        answer=prediction_answer(found),
+        answer=found.answer,
         figure=_figure(found, leading, share),
         sections=(
             Section(
@@ -65,54 +63,15 @@ def _carried_paragraph(found: Predicted) -> tuple[str, ...]:
     )
 
 
-def prediction_answer(found: Predicted) -> Answer:
-    """Return whether controllers change the leading index: each whose interval leaves out zero does."""
-    index = PREDICTED_INDICES[0]
-    parts, numbers = [], []
-    for law in found.prediction.laws:
-        low, middle, high = found.studies.interval(index.name, law)
-        told = low > 0.0 or high < 0.0
-        words = condition_words(law)
-        parts.append(AnswerPart(words, "yes" if told else "cannot say", f"{middle:+.3g} % ({low:+.3g} to {high:+.3g})"))
-        numbers.append(AnswerNumber(f"{index.words}, {words}", middle, "%", (low, high), _row_id(found, index, law)))
-    told = any(part.verdict == "yes" for part in parts)
-    return Answer(
-        f"Do these controllers change people's movement ({index.words}) relative to no robot?",
-        "yes" if told else "cannot say",
-        _headline(found, index, f"{100.0 * found.confidence:.0f} % of simulated studies"),
-        "" if told else "every interval contains 0",
-        tuple(parts),
-        tuple(numbers),
-        next=(Step("Record people of your own", line="pellucid init my-session --session elbow"),),
-    )
-
-
-def _headline(found: Predicted, index: PredictedIndex, share: str) -> str:
-    """Return the change of an index under each controller with its interval."""
-    parts = []
-    for law in found.prediction.laws:
-        low, middle, high = found.studies.interval(index.name, law)
-        row = _row_id(found, index, law)
-        ends = (Value(f"{row}{end}", x, number(x, digits=3)) for end, x in ((".low", low), (".high", high)))
-        told = " to ".join(map(str, ends))
-        parts.append(f"{condition_words(law)} {Value(row, middle, number(middle, digits=3))} % ({told})")
-    return f"Change from no robot ({index.words}), with what {share} find: {'; '.join(parts)}."
-
-
 def _figure(found: Predicted, index: PredictedIndex, share: str) -> Drawing:
     """Return the changes of an index under each controller with their intervals."""
     estimates = []
     for law in found.prediction.laws:
         low, middle, high = found.studies.interval(index.name, law)
         if isfinite(middle):
-            row, text = _row_id(found, index, law), number(middle, digits=3)
+            row, text = row_id(found, index, law), number(middle, digits=3)
             estimates.append(Estimate(condition_words(law), middle, low, high, text=text, id=row))
     return draw(
         forest, estimates, f"predicted-{index.name.replace('_', '-')}", f"{index.words}: change from no robot (%)",
         caption=f"Median change from no robot ({index.words}), and the interval of {share}. Simulated.",
     )  # fmt: skip
-
-
-def _row_id(found: Predicted, index: PredictedIndex, law: str) -> str:
-    """Return the id of a change's row in lab/prediction.json."""
-    return f"{found.study}.predicted.{index.name}.{law.lower()}"
