@@ -28,6 +28,12 @@ def test_a_notebook_was_executed_from_top_to_bottom(notebook):
     assert not any(output["output_type"] == "error" for cell in cells for output in cell["outputs"])
 
 
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_shows_a_figure(notebook):
+    kinds = {kind for cell in code_cells(notebook) for output in cell["outputs"] for kind in output.get("data", {})}
+    assert "image/png" in kinds
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_code_of_a_notebook_runs(notebook, tmp_path):
