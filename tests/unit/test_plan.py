@@ -6,11 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from pellucid._errors import PellucidError, StudyError
+from pellucid._errors import PellucidError, RecordingError, StudyError
 from pellucid.people.equivalence import Margin
 from pellucid.people.power import Active, find_equivalence_participants, participants_for_changes
 from pellucid.people.study.plan import plan
 from pellucid.study.procedures.registry import open_study
+from pellucid.study.procedures.run import check
 
 STUDY = """name = "planned"
 [rig]
@@ -108,3 +109,9 @@ def test_a_plan_tells_its_progress_and_what_it_is_based_on(study):
     assert found.answer.basis.sentence == (
         "Based on 100 experiments, simulated; numbers are of people sampled from the spreads that study.toml states."
     )
+
+
+def test_a_study_without_a_recording_is_not_fit(study):
+    """A plan has no recordings yet; `check` said that they are fit."""
+    with pytest.raises(RecordingError, match="has no recording, expected one or more"):
+        check(study())

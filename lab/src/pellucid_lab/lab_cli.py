@@ -146,6 +146,7 @@ def reproduce(
     print_answer(console, made.answer)
     print_lines(console, made.lines, 40, "further figure")
     print_line(console, f"Page: {made.page}")
+    print_lines(console, [text.replace("`", "") for text in made.answer.following], 4, "further step")
     exit_unless_answered([made.answer])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...study.answer import Answer, AnswerNumber, AnswerPart, AnswerVerdict, Basis, Step
 from ...study.pages.quantities import MINUS_SIGN
 from ...study.pages.values import Value
-from ..certificate import FAIL, PASS
+from ..certificate import CANNOT_SAY, FAIL, PASS
 from ..equivalence import BEYOND_MARGIN
 from ..indices import leading_index
 from ..power import CERTIFICATE_SIZES, MIN_FORECAST_PEOPLE
@@ -43,14 +43,16 @@ def certificate_answer(found: AssessmentResult) -> Answer:
     is_post_hoc = any(each.certificate.post_hoc for each in found.certified)
     if is_post_hoc:
         question += " Post hoc: this is not the registered analysis."
-    reason = "" if verdict == "yes" else "; ".join(part.reason for part in parts if part.verdict == verdict)
+    reason = "" if verdict == "yes" else "; ".join(
+        part.reason.replace(f": {CANNOT_SAY}. ", ": ", 1) for part in parts if part.verdict == verdict
+    )
     steps = [_recording_step(each) for each in found.certified if each.certificate.verdict not in (PASS, FAIL)]
-    statements = "".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}. " for one in found.certified)
+    stated = "; ".join(f"{one.condition.replace('_', ' ')}: {one.certificate.statement}" for one in found.certified)
     beyond = "".join(f"{_beyond_text(each)} " for each in found.certified if each.certificate.verdict == FAIL)
     reviewed = Step("Write the certificate's page for a reviewer", "certificate")
     following = steps if verdict == "cannot say" else [reviewed]
     return Answer(
-        question, verdict, f"{statements}{beyond}{_changes_text(found)}", reason, tuple(parts),
+        question, verdict, f"{stated}. {beyond}{_changes_text(found)}", reason, tuple(parts),
         tuple(_numbers(found)), _basis(found), next=tuple(dict.fromkeys(following)),
         qualifier="post hoc" if is_post_hoc else "",
     )  # fmt: skip

@@ -77,6 +77,8 @@ def check(study: Study, *, on_progress: Callable[[str, float], None] | None = No
     study, tell = as_study(study, "check"), on_progress or quiet
     tell("reading recordings", 0.0)
     recordings = study.recordings(on_progress=lambda text, share: tell(text, CHECK_READING_SHARE * share))
+    if not recordings:
+        raise RecordingError(f"{study.folder}: study.toml has no recording, expected one or more in [[recordings]]")
     faults = find_duplicates(recordings)
     procedures = list(reversed(asked(study)))
     for i, procedure in enumerate(procedures):
