@@ -16,8 +16,3 @@ def printed_command(name: str, folder: str | os.PathLike, *options: str) -> str:
     if path.startswith("-"):
         path = os.path.join(os.curdir, path)  # a name that begins with a dash would be read as an option
     return shlex.join(["pellucid", *name.split(), path, *options])
-
-
-def printed_commands(names: list[str] | tuple[str, ...], folder: str | os.PathLike) -> str:
-    """Return several commands on one folder as one line that a shell runs one after another."""
-    return " && ".join(printed_command(name, folder) for name in names)

@@ -13,8 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from pellucid import cli
-from pellucid._printed_command import printed_command, printed_commands
+from pellucid._printed_command import printed_command
 from pellucid.study.drawn_report import ReportPlace
+from pellucid.study.procedures.procedure import typed_commands
 
 SOURCES = Path(__file__).parents[2] / "src" / "pellucid"
 
@@ -62,7 +63,9 @@ def test_a_folder_is_one_word_of_the_shell(folder):
 
 
 def test_several_commands_are_one_line():
-    assert printed_commands(["identify", "assess"], "a b") == "pellucid identify 'a b' && pellucid assess 'a b'"
+    assert typed_commands(["identify", "assess"], "a b") == "pellucid identify 'a b' && pellucid assess 'a b'"
+    # The hidden name of earlier versions was printed.
+    assert typed_commands(["onset", "emg-force"], "a") == "pellucid emg onset a && pellucid emg force a"
 
 
 def test_no_message_makes_its_own_command_of_a_folder():

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from ..._errors import PellucidError
-from ..._printed_command import printed_commands
 from ...study.exporter import HEADER_FOLDER, Exporter, ExportRequest
+from ...study.procedures.procedure import typed_commands
 from ...study.procedures.registry import asked
 from ...study.study import Study
 from ..joint_compensation import DEFAULT_PERIOD_S
@@ -125,7 +125,7 @@ class LawExporter(ControllerExporter):
             others = tuple(dict.fromkeys(procedure.command for procedure in asked(study)))
             raise PellucidError(
                 f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
-                f"for this one there is: {printed_commands(others, study.folder)}"
+                f"for this one there is: {typed_commands(others, study.folder)}"
             )
 
     def export(self, request: ExportRequest) -> Path:

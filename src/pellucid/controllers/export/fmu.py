@@ -255,7 +255,7 @@ def description_text(
     token_name, version = ("guid", "2.0") if fmi == 2 else ("instantiationToken", "3.0")
     root = ElementTree.Element("fmiModelDescription", {
         "fmiVersion": version, "modelName": f"{content['title']}, study {content['study']}", token_name: token,
-        "description": f"{content['title']} with its supervisor, by pellucid from {', '.join(values.cards)}",
+        "description": f"{content['title']} with its supervisor, by Pellucid from {', '.join(values.cards)}",
         "generationTool": f"pellucid {content['version']}", "variableNamingConvention": "structured",
         **({"numberOfEventIndicators": "0"} if fmi == 2 else {}),
     })  # fmt: skip

@@ -6,6 +6,7 @@ ask for.
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from ..._domains import find_domains, load_reference
 from ..._errors import RecordingError
 from ..._plugins import load_plugins, require_attributes
+from ..._printed_command import printed_command
 
 if TYPE_CHECKING:
     from ...files.fault import Fault
@@ -248,6 +250,11 @@ def described_procedures() -> tuple[ProcedureEntry | ModuleType, ...]:
 def typed_command(name: str) -> str:
     """Return what is typed after ``pellucid`` for a command of procedures: "emg force" for "emg-force"."""
     return next((" ".join(command.words) for command in procedure_commands() if command.name == name), name)
+
+
+def typed_commands(names: Iterable[str], folder: str | os.PathLike) -> str:
+    """Return the commands of procedures on one folder as one line that a shell runs one after another."""
+    return " && ".join(printed_command(typed_command(name), folder) for name in names)
 
 
 def procedure_commands() -> tuple[Command, ...]:

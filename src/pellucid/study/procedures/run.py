@@ -18,7 +18,6 @@ import numpy as np
 
 from ..._domains import array_function
 from ..._errors import ArgumentError, IdentificationError, PellucidError, RecordingError, UnfitRecordingError
-from ..._printed_command import printed_commands
 from ..._processes import finished_results, with_one_blas_thread
 from ...files.duplicates import find_duplicates
 from ...files.fault import Fault, grouped_messages
@@ -31,7 +30,7 @@ from ..study import Study
 from . import registry
 from .card_sources import found_by
 from .complete_answer import complete_answer
-from .procedure import CostedSteps, Procedure, Progress, quiet
+from .procedure import CostedSteps, Procedure, Progress, quiet, typed_command, typed_commands
 from .registry import as_study, asked, is_study
 from .result import CombinedResult, ParameterTable, Result
 
@@ -529,7 +528,7 @@ def report(
 
     missing: list[str] = []
     pages = [page for _, page in each_page(study, result, on_progress or quiet, missing if only_kept else None)]
-    commands = printed_commands(tuple(dict.fromkeys(missing)), study.folder)
+    commands = typed_commands(dict.fromkeys(missing), study.folder)
     if not pages:
         raise PellucidError(f"{study.folder}: found nothing that was kept and is fresh; make it with: {commands}")
     page = _one_page(pages)
@@ -660,8 +659,8 @@ def _required(study: Study, name: str | None) -> tuple[Procedure, ...]:
     wanted = ["[rig.drive]"] if name == "identify" else dict.fromkeys(tables)
     others = tuple(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
-        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that {name} does; use: "
-        f"{printed_commands(others, study.folder)}"
+        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that "
+        f"{typed_command(name or '')} does; use: {typed_commands(others, study.folder)}"
     )
 
 

@@ -30,7 +30,7 @@ DRAWN_STRETCH_S = 6.0
 """Duration of the drawn stretch of a recording [s]."""
 
 NO_MAXIMAL_CONTRACTION = (
-    "No maximal contraction was recorded: envelopes are relative to the largest effort seen, and an index hangs on "
+    "No maximal contraction was recorded: envelopes are relative to the largest effort seen, and an index depends on "
     "which effort that was. Compare conditions of one participant, not participants."
 )
 """Warning where envelopes have no maximal contraction as their scale."""
