@@ -33,7 +33,7 @@ def init(
     ask: Callable[[Question], str] | None = None,
     session: str | None = None,
 ) -> Study | Path | ProposedStudy:
-    """Make a study's folder: of own files, a public data set, a virtual rig, a robot of one's own, or a live session.
+    """Make a study's folder from files, a public data set, a simulated rig, a robot's URDF, or a live session.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def init(
 
         rigs = _rig_source()
         raise StudyError(
-            "init needs --from FILES or --dataset NAME or --rig NAME or --urdf FILE or --session NAME, one of them; "
-            f"known: {', '.join(datasets.names())}; "
+            "init needs exactly one of --from FILES, --dataset NAME, --rig NAME, --urdf FILE and --session NAME; "
+            f"datasets: {', '.join(datasets.names())}; "
             f"rigs: {', '.join(rigs.value.study_names()) if rigs else 'none installed'}; "
             f"sessions: {', '.join(SHIPPED_SESSIONS)}"
         )

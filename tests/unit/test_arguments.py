@@ -105,7 +105,7 @@ def test_an_assessment_that_plans_with_no_study_is_refused(make_study, studies):
         (["init", "new", "--dataset", "nothing"], 'no data set "nothing", found emps'),
         (["init", "new", "--rig", "nothing"], "unknown rig 'nothing'; known: "),
         (["init", "new", "--session", "nothing"], "found the session 'nothing', expected one of elbow"),
-        (["init", "new", "--rig", "able-elbow", "--dataset", "emps"], "one of them; known: "),
+        (["init", "new", "--rig", "able-elbow", "--dataset", "emps"], "exactly one of --from FILES, "),
         (["init", "new", "--from", "nothing.csv"], "nothing.csv: no such file, expected a recording or a folder"),
         (["compare", "nowhere", "nothing"], "nowhere/models"),
         (["paper", "nowhere"], "nowhere/study.toml: no such file"),

@@ -175,19 +175,19 @@ def test_moments_are_judged_on_what_was_held_out(calibrated):
     assert 0.0 <= min(said) <= max(said) <= 1.0
     assert [trace.recording for trace in found.traces] == ["judged", "rest"]
     # How well torque is estimated comes first, then whether EMG adds to angles.
-    assert found.headline.startswith("knee: off by ")
-    assert " EMG is worth it over angles alone for knee on judged" in found.headline
+    assert found.headline.startswith("knee: RMS error ")
+    assert " EMG improves on joint angles alone for knee on judged" in found.headline
     assert found.answer.verdict == "yes"
     assert [part.verdict for part in found.answer.parts] == ["yes"] * 3
     assert {number.unit for number in found.answer.numbers} == {"N*m", "1"}
-    assert " by ridge regression" in found.headline
+    assert " with ridge regression" in found.headline
     # Every recording that judges is told of, not the first alone.
-    assert "on the 2 recordings that were not fitted" in found.headline
+    assert "on the 2 held-out recordings" in found.headline
     ridge = [rows[f"leg.knee.ridge.r2{tail}"].value for tail in ("", ".rest")]
     assert all(f"(R² {r2:.3f})" in found.headline for r2 in ridge)
     assert "judged on" not in " ".join(v.text for v in found.verdicts)
     worth_tile, tile = page(study, found).tiles
-    assert worth_tile.what == "R² that EMG adds to angles"
+    assert worth_tile.what == "Gain in R² from EMG"
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
 
 
@@ -246,9 +246,9 @@ def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
     study = leg(tmp_path / "leg")
     trials = [trial for trial in moment_trials(study, "knee") if trial.name != "rest"]
     said = [v.text for v in module.calibration_verdicts(study, [told("ridge", 1.0, "judged")], trials)]
-    assert next(text for text in said if "to be judged on, and nothing was" in text).startswith("rest: ")
+    assert next(text for text in said if "no torque was recorded there" in text).startswith("rest: ")
     said = list(module.calibration_verdicts(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials))
-    assert not any("to be judged on" in v.text for v in said)
+    assert not any("no torque was recorded there" in v.text for v in said)
 
 
 def test_where_trials_are_left_out_the_others_choose():
@@ -445,7 +445,7 @@ def test_the_page_shows_what_was_found(tmp_path, calibrated):
     text = write_page(tmp_path / "report", page(study, found)).read_text(encoding="utf-8")
     for words in (
         "Torque from EMG: knee, judged",
-        "What each map sees",
+        "Inputs of each estimator",
         "ridge regression without EMG",
         "fig-torque_1",
         "fig-errors",

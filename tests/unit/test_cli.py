@@ -310,8 +310,8 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
     code, out, err = as_program(monkeypatch, capsys, "init", tmp_path / "new")
     assert code == 2
     assert out == ""
-    ways = "--from FILES or --dataset NAME or --rig NAME or --urdf FILE or --session NAME"
-    assert err.startswith(f"pellucid: init needs {ways}, one of them")
+    ways = "--from FILES, --dataset NAME, --rig NAME, --urdf FILE and --session NAME"
+    assert err.startswith(f"pellucid: init needs exactly one of {ways}; datasets: ")
     code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
     assert code == 2
     known = "able-arm, able-elbow, bench-joint, elbow-participants, elbow-people, knee-orthosis, knee-participants, "

@@ -99,8 +99,8 @@ def test_nothing_is_claimed_of_what_few_trials_are_left(fitted, lost, is_founded
     worth = EmgWorth(0.36, 0.30, 0.42, margin=0.05, blocks=9, is_founded=is_founded)
     assert worth.answer == ("worth it" if is_founded else "cannot say")
     said = worth_sentence([RecordingWorth("knee", "held", worth)])
-    assert said.startswith("Fewer than 3 trials are left to fit") is not is_founded
-    assert ("EMG is worth it over angles alone" in said) is is_founded
+    assert said.startswith("Fewer than 3 trials were fitted") is not is_founded
+    assert ("EMG improves on joint angles alone" in said) is is_founded
 
 
 def test_pieces_of_a_recording_are_one_trial_of_an_interval():

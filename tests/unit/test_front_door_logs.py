@@ -184,7 +184,7 @@ def test_each_joint_may_have_a_drive_constant(tmp_path):
 def test_an_effort_without_its_sign_is_refused(tmp_path):
     t, q, _, tau = swing()
     path = written(tmp_path / "log.csv", "t_s,q_rad,motor_torque_Nm", [t, q, np.abs(tau)])
-    with pytest.raises(pl.PellucidError, match="both signs of the effort"):
+    with pytest.raises(pl.PellucidError, match="needs an effort of both signs"):
         require_signed_effort(proposed(path))
     require_signed_effort(proposed(written(tmp_path / "signed.csv", "t_s,q_rad,motor_torque_Nm", [t, q, tau])))
     # A joint that only ever lifts has an effort of one sign.

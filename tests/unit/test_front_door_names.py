@@ -139,7 +139,7 @@ def test_emg_without_an_angle_is_no_study(tmp_path):
     t, _, _, tau = controlled()
     emg = np.random.default_rng(0).standard_normal((2, len(t)))
     path = written(tmp_path / "pull.csv", "time_s,force_N,emg_biceps_mV,emg_triceps_mV", [t, 20.0 + tau, *emg])
-    assert "no angle" in missing_part(proposed(path))
+    assert "no joint angle" in missing_part(proposed(path))
 
 
 def test_a_further_position_in_counts_passes_the_check(tmp_path):

@@ -149,7 +149,8 @@ def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(fil
     made = study(files)
     found = pellucid.calibrate(made)
     assert "MVC" in found.headline
-    assert any("relative to the largest of each muscle in maximal contractions: mvc" in v.text for v in found.verdicts)
+    said = "relative to each muscle's largest value in maximal contractions: mvc"
+    assert any(said in v.text for v in found.verdicts)
     assert any("in shares of a maximal contraction" in v.text for v in found.verdicts)
     ridge = next(r for r in found.rows if r.id == "isometric.knee.ridge.rmse")
     assert ridge.unit == "MVC"
@@ -159,11 +160,10 @@ def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(fil
     assert {p.unit for p in card.parameters if p.name == "offset"} == {"MVC"}
     assert "Error (MVC)" in pellucid.report(made, found).read_text(encoding="utf-8")
     # Another angle than the one that was held.
-    assert "No estimate holds on others" in found.headline
-    # Where no estimate holds, no band is stated or drawn.
-    assert "and no band is stated there" in found.headline
+    assert "No estimate is valid on others" in found.headline
+    # Where no estimate is valid, no band is stated or drawn.
     assert all(not trace.half_width for trace in found.traces if trace.recording == "others")
-    (named,) = (t for t in found.tables if t.title == "Named first")
+    (named,) = (t for t in found.tables if t.title == "Recommended estimators")
     assert [r[-1] for r in named.rows if r[0] == "knee, others"] == ["none stated"]
 
 

@@ -103,4 +103,4 @@ def test_tables_rows_and_cards(found, stiffness):
     assert card["slope.posture_4"].value == stiffness[0].postures[3].value["slope"]
     assert card.settings["posture_1.low"] == stiffness[0].postures[0].low
     (verdict,) = stiffness_findings.stiffness_verdicts(stiffness)
-    assert "Nothing was perturbed" in verdict.said
+    assert "No perturbation was applied" in verdict.said

@@ -257,7 +257,7 @@ def test_a_reversed_effort_is_among_the_assumptions(tmp_path):
         proposal = proposed(tmp_path, header, [T, q, -tau])
         files = {id(r.table): "log.csv" for r in proposal.recordings}
         told = [a.sentence for a in assumptions_of(proposal, study_text(proposal, files))]
-        assert any("counts against" in sentence for sentence in told)
+        assert any("its sign is reversed" in sentence for sentence in told)
 
 
 def test_a_sweep_is_held_out_by_pieces_and_an_even_motion_at_its_end(tmp_path):

@@ -169,7 +169,7 @@ ARGUMENTS = {
     "nothing": (([],), {}, "propose: data: found list, expected"),
     "mixed": ((["log.csv", {"a": [1.0]}],), {}, "propose: data: found str, expected"),
     "plain array": ((np.zeros((50, 3)),), {}, "propose: data: found ndarray, expected"),
-    "short": (({"a": [1.0, 2.0]},), {}, "propose: data: found no column of at least 8 numbers"),
+    "short": (({"a": [1.0, 2.0]},), {}, "propose: data: found no column with at least 8 numbers"),
     "complex": (({"a": 1j * np.arange(50)},), {}, 'propose: data: column "a": found complex128'),
     "cube": (({"a": np.zeros((9, 9, 9))},), {}, 'propose: data: column "a": found an array of shape'),
     "units": ((swung(800),), {"units": ["rad"]}, "propose: units: found list, expected a mapping"),

@@ -171,7 +171,7 @@ def test_a_channel_that_a_study_can_do_without_is_left_out_if_its_unit_is_unknow
     t, q, v, tau = swing()
     path = write(tmp_path / "log.csv", ["time [s]", "q [rad]", "velocity [foo]", "tau [Nm]"], [t, q, v, tau])
     text = pl.init(tmp_path / "study", files=[path]).study_file.read_text()
-    assert 'velocity [foo]: the file states "foo", which is no unit that is known' in text
+    assert 'velocity [foo]: the file states the unknown unit "foo"' in text
 
 
 def test_a_remark_in_brackets_is_no_unit():

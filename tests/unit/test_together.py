@@ -121,7 +121,7 @@ def test_cards_keep_one_set_of_muscles_for_both_joints(found):
 
 def test_tables_and_figures_have_every_joint(found):
     figures, parameters = together_tables(found, [])
-    words = [*FIT_WORDS.values(), "together, with muscles that had no electrode"]
+    words = [*FIT_WORDS.values(), "muscles of all joints, with muscles that had no electrode"]
     assert [row[:3] for row in figures.rows] == [(j, "judged", w) for j in ("knee", "ankle") for w in words]
     assert len(parameters.parameters) == len(found.fits["hill"].parameters)
     shown = together_figure_data(found)
@@ -150,7 +150,7 @@ def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeyp
     said = [v.said for v in together_verdicts(made, alone)]
     rows = {row.id: row.value for row in together_rows("made", made, alone, [])}
     names = [table.title for table in together_tables(made, [])]
-    assert any(name.startswith("Posterior of muscles together: knee and ankle") for name in names)
+    assert any(name.startswith("Posterior of the muscles of knee and ankle") for name in names)
     assert min(rows["made.together.posterior.told"], 12) == len(together_figure_data(made).told)
     assert any("has not settled" in text for text in said) == (not settled)
     assert any("of the posterior's draws" in text for text in said) == settled

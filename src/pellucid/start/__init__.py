@@ -1,1 +1,1 @@
-"""A study proposed from a lab's own files: what they hold, what is asked, study.toml, and the page that shows why."""
+"""A study proposed from a lab's own files: roles of their columns, open questions, study.toml, and a report page."""

@@ -17,7 +17,7 @@ _GUESS_BEHIND_LINE = re.compile(rf"(?P<line>[^#\s].*?)  # {MARK_GUESS}(?:: (?P<w
 _GUESS_ABOVE_LINE = re.compile(rf"# {MARK_GUESS}: (?P<why>.*)")
 
 _PROPOSAL_FIGURE = " (the page shows the spectrum)"
-"""Remark that only holds beside the page of the proposal."""
+"""Remark that refers to a figure of the proposal's page and is removed elsewhere."""
 
 
 def assumptions_of(proposal: Proposal, text: str) -> tuple[Assumption, ...]:

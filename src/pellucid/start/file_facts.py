@@ -1,4 +1,4 @@
-"""Read settings that a file states above its table or beside it: sampling rate, torque constant, gear ratio, supply."""
+"""Read settings stated in a file's header or in an accompanying file: rate, torque constant, gear ratio, supply."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def find_rate(facts: Mapping[str, str]) -> FileFact | None:
 
 
 def _rate_in_texts(facts: Mapping[str, str]) -> FileFact | None:
-    """Return the largest rate that a sentence states: what was held or extrapolated stands at the file's own rate."""
+    """Return the largest rate that a sentence states, because resampled data are stored at the file's own rate."""
     found = [
         (number, label)
         for label, text in facts.items()

@@ -51,7 +51,7 @@ _FILE_WORDS_BY_QUANTITY = {
 }
 
 QUANTITY_BY_FILE_WORD = {word: kind for kind, words in _FILE_WORDS_BY_QUANTITY.items() for word in words.split()}
-"""Quantities by words of files' and folders' names, beside those of columns."""
+"""Quantities by words in the names of files and folders, which complement the names of columns."""
 
 
 _TRIAL_NAME = re.compile(
@@ -152,7 +152,7 @@ def _expand(files: Iterable[str | os.PathLike]) -> list[Path]:
 
 
 def tables_of_columns(columns: Columns) -> list[GivenTable]:
-    """Return the tables that the columns of one file form; columns of text are named and left out."""
+    """Return the tables that the columns of one file form; columns of text are listed and excluded."""
     path = columns.path
     numeric = {name: np.asarray(x, float) for name, x in columns.values.items() if not isinstance(x, str)}
     for name, x in columns.values.items():

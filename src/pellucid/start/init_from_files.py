@@ -57,24 +57,24 @@ def _missing_parts(proposal: Proposal) -> Iterator[str]:
     if proposal.drive is None and not quantities & {*EFFORT_QUANTITIES, "emg"}:
         yield (
             "no effort was recorded: found no column with a torque, force, current, voltage or duty cycle, "
-            "expected one beside the motion"
+            "expected one in addition to the motion"
         )
     elif proposal.drive is None and "emg" not in quantities:
         yield (
-            "found joint moments of a person and no EMG, expected EMG beside the moments, or the effort of a drive "
-            "(torque, force, current, voltage or duty cycle)"
+            "found joint moments of a person but no EMG, expected EMG, or the effort of a drive (torque, force, "
+            "current, voltage or duty cycle)"
         )
     elif not has_task(proposal):
         yield (
-            "found EMG and an effort of a person and no angle of the joint, expected its angle in degrees beside them, "
-            "or the angle and the effort of a drive"
+            "found EMG and joint moments of a person but no joint angle, expected the joint angle in degrees, or the "
+            "angle and the effort of a drive"
         )
     for role in channels:
         if not has_accepted_unit(role):
             units = " or ".join(accepted_units(role))
             yield (
-                f'the column "{role.column}" is taken for {role.quantity} and states the unit "{role.unit}", expected '
-                f"{units} or a multiple: export the column in such a unit"
+                f'the column "{role.column}" seems to be the {role.quantity} but has the unit "{role.unit}", expected '
+                f"{units} or a multiple. Export the column in one of these units"
             )
 
 
@@ -90,7 +90,7 @@ PAGE_FOLDER = "proposal"
 
 @dataclass(frozen=True, eq=False)
 class ProposedStudy:
-    """A study that was made of a lab's own files.
+    """A study proposed from a lab's own files.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class ProposedStudy:
     study_file : Path
         Its study.toml.
     page : Path or None
-        Page with every channel drawn beside its proposed role; None if it was not drawn.
+        Page that plots every channel with its proposed role; None if it was not drawn.
     proposal : Proposal
         Roles of all columns with their reasons, recordings, questions and answers.
     faults : tuple of Fault
@@ -375,5 +375,5 @@ def proposal_lines(made: ProposedStudy) -> list[str]:
     for question in proposal.asked:
         lines.append(question_line(question, proposal.answers.get(question.key)))
     lines += [f"note: {text}" for text in proposal.remarks]
-    lines.append(f"{made.page}: every channel drawn beside its role. {made.study_file} marks each guess.")
+    lines.append(f"{made.page} plots every channel with its role. {made.study_file} marks each guess.")
     return lines

@@ -314,7 +314,7 @@ def _given(data: object) -> tuple[GivenFiles, dict[Path, Columns]]:
     read = [columns_of_arrays(part, name, "propose") for part, name in zip(parts, names, strict=True)]
     tables = [table for columns in read for table in tables_of_columns(columns)]
     if not tables:
-        raise PellucidError("propose: data: found no column of at least 8 numbers, expected one")
+        raise PellucidError("propose: data: found no column with at least 8 numbers, expected one or more")
     return GivenFiles(tuple(tables), (), (), ()), {columns.path: columns for columns in read}
 
 
@@ -341,7 +341,7 @@ def _require_rate(proposal: Proposal, rate: float | None) -> None:
     if rate is None or found is None or column is None or abs(found / rate - 1.0) <= MAX_RATE_MISMATCH:
         return
     raise PellucidError(
-        f'propose: rate: found {rate:g} Hz, but the column "{column}" advances at {found:.5g} Hz, expected one of both'
+        f'propose: rate: found {rate:g} Hz, but the column "{column}" gives {found:.5g} Hz, expected the same rate'
     )
 
 

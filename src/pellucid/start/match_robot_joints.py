@@ -1,8 +1,8 @@
 """Match the joints of recordings with those of a robot's file: by their names, then by their order.
 
-A match is checked by the torques that the file's bodies need: if another order explains the recorded efforts much
-better, the match is refused. What the recordings do not tell of a joint of the file must not matter: it is held where
-it was recorded, or it carries nothing that was recorded to move.
+The torques that the file's bodies need check a match: if another order explains the recorded efforts much better, the
+match is rejected. A joint of the file without a recording is accepted only if its position is known or if it carries no
+joint that moved.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def match_robot_joints(path: Path, roles: TableRoles, tables: Sequence[Mapping[s
 
     def refuse(why: str) -> StudyError:
         return StudyError(
-            f"{path.name}: found the joints {', '.join(names)}, and in the recordings {', '.join(logged)}: {why}"
+            f"{path.name}: found the joints {', '.join(names)}, but the recordings have {', '.join(logged)}: {why}"
         )
 
     pairs, remarks = match_names(logged, names), []
@@ -106,47 +106,47 @@ def match_robot_joints(path: Path, roles: TableRoles, tables: Sequence[Mapping[s
         remarks += [text] if text else []
     if not pairs:
         if _are_numbers(logged):
-            raise refuse(f"expected columns of as many joints, not {len(logged)} for {len(names)}")
-        raise refuse("expected the same names, or columns without names in the order of the joints")
+            raise refuse(f"expected columns for {len(names)} joints, not for {len(logged)}")
+        raise refuse("expected the same names, or numbered columns in the order of the joints")
     left_logged = [name for name in logged if name not in pairs]
     missing = [joint for joint in chain if joint.name not in pairs.values()]
     moving = [joint for joint in recorded if joint.name in left_logged and not joint.rests]
     if missing and moving and not _are_end_effectors([*left_logged, *(joint.name for joint in missing)]):
         raise refuse(
-            f"expected names that agree: {', '.join(j.name for j in moving)} is none of the robot's joints, and "
-            f"nothing was recorded of {', '.join(joint.name for joint in missing)}"
+            f"expected the same names: the robot has no joint {', '.join(j.name for j in moving)}, and the recordings "
+            f"have no column for {', '.join(joint.name for joint in missing)}"
         )
     held = {}
     for joint in missing:
         place = _constant_place(joint, roles, tables)
         if place is None and _carries(joint, robot, set(pairs.values())):
             raise refuse(
-                f"expected a column of {joint.name}, which carries joints that moved; if it did not move, record "
-                "where it was"
+                f"expected a column with the position of {joint.name}, which carries joints that moved; if it did not "
+                "move, add a constant column"
             )
         held[joint.name] = place or _within_limits(joint, robot)
-        where = "its column is constant" if place else "nothing was recorded of it, and it carries no joint that was"
-        remarks.append(f"{path.name}: {joint.name} is held at {held[joint.name]}: {where}")
+        where = "its column is constant" if place else "it was not recorded and carries no joint that was"
+        remarks.append(f"{path.name}: {joint.name} is fixed at {held[joint.name]}: {where}")
     kinds = {joint.name: joint.kind for joint in chain}
     by_name = {joint.name: joint for joint in recorded}
     for own, other in list(pairs.items()):
         if by_name[own].slides is not None and by_name[own].slides != (kinds[other] == "prismatic"):
-            does = "slides" if by_name[own].slides else "turns"
-            raise refuse(f"expected joints of one kind: {own} {does} in the recordings, and {other} does not")
+            does = ("prismatic", "rotary") if by_name[own].slides else ("rotary", "prismatic")
+            raise refuse(f"expected joints of one type: {own} is {does[0]} in the recordings, {other} is {does[1]}")
         if by_name[own].rests:
             # A joint that rests has no unit of its own evidence: the file says whether it turns.
             held[other] = f"{0.5 * sum(by_name[own].ranges):.6g} {'m' if kinds[other] == 'prismatic' else 'rad'}"
-            remarks.append(f"{path.name}: {other} is held at {held[other]}: it never moves in the recordings")
+            remarks.append(f"{path.name}: {other} is fixed at {held[other]}: it never moves in the recordings")
             del pairs[own]
     if not pairs:
         raise refuse("expected at least one joint that moves")
-    remarks += [f"{name}: left out: {path.name} has no such joint" for name in left_logged]
+    remarks += [f"{name}: excluded, because {path.name} has no such joint" for name in left_logged]
     better = _better_order(robot, held, [by_name[own] for own in pairs], list(pairs.values()), roles.rate)
     if better is not None:
         order = ", ".join(f"{own} for {other}" for own, other in zip(pairs, better, strict=True))
         raise refuse(
-            f"{', '.join(f'{own} was taken for {other}' for own, other in pairs.items())}, but the bodies of the file "
-            f"explain the efforts much better with {order}: expected columns in the order of their names"
+            f"{', '.join(f'{own} was matched with {other}' for own, other in pairs.items())}, but the bodies of the "
+            f"file explain the efforts much better with {order}. Expected columns in the order of their names"
         )
     slides = {own: "prismatic" if kinds[other] == "prismatic" else "rotary" for own, other in pairs.items()}
     return RobotJoints(pairs, slides, held, tuple(remarks))
@@ -157,12 +157,12 @@ def joints_remarks(robots: Sequence[Path], matched: RobotJoints | None, joints: 
     if matched is not None:
         return list(matched.remarks)
     if robots:
-        return [f"{robots[0].name}: not used: it is for recordings of several joints, and one was recorded"]
+        return [f"{robots[0].name}: not used, because only one joint was recorded"]
     if len(joints) < 2:
         return []
     return [
-        f"{len(joints)} joints ({', '.join(joints)}) and no URDF: each is identified on its own; does one act on "
-        "another? With the robot's URDF (--urdf FILE) all are identified together"
+        f"{len(joints)} joints ({', '.join(joints)}) and no URDF: each joint is identified separately. If the joints "
+        "act on each other, pass the robot's URDF (--urdf FILE) to identify one model of all of them"
     ]
 
 
@@ -267,7 +267,7 @@ def _with_order(pairs: dict[str, str], logged: Sequence[str], names: Sequence[st
 
 
 def _order_text(pairs: Mapping[str, str]) -> str:
-    return "taken by their order, since names do not tell: " + ", ".join(f"{a} for {b}" for a, b in pairs.items())
+    return "matched by order, because names do not match: " + ", ".join(f"{a} for {b}" for a, b in pairs.items())
 
 
 def _are_end_effectors(names: Sequence[str]) -> bool:

@@ -35,7 +35,7 @@ MAX_DRAWN_ROWS = 100_000
 
 
 def channel_figures(layout: Layout, table: GivenTable, name: str, marks: dict[str, str]) -> list[Drawing]:
-    """Draw every column of a table beside its role; `marks` say which roles are guesses, by column."""
+    """Plot every column of a table with its role; `marks` says by column which roles are guesses."""
     roles = [role for role in layout.roles.roles if role.column in table.columns][:MAX_PANELS]
     figures = []
     for start in range(0, len(roles), MAX_PANELS_IN_FIGURE):
@@ -70,8 +70,8 @@ def _panels(
     return Drawing(
         name,
         figure,
-        f"Columns of {table.path.name}, in the file's own numbers, with their proposed roles. Blue: by evidence. "
-        "Orange: a guess, or it depends on a question. Grey: not used.",
+        f"Columns of {table.path.name} as stored in the file, with their proposed roles. Blue: decided by evidence. "
+        "Orange: a guess, or depends on a question. Grey: not used.",
     )
 
 
@@ -92,8 +92,9 @@ def spectrum_figure(choice: ProcessingChoice, rate: float, name: str) -> Drawing
     return Drawing(
         name,
         figure,
-        "Spectrum of the acceleration that follows from the position. It falls while motion ends and rises again where "
-        "quanta and noise, differentiated twice, outweigh it. The proposed low-pass stands where the fall ends.",
+        "Spectrum of the acceleration computed from the position. It falls where the motion ends, and rises where "
+        "quantization and noise of the twice differentiated position dominate. The proposed low-pass frequency is at "
+        "the minimum.",
     )
 
 
@@ -122,7 +123,7 @@ def proposal_page(proposal: Proposal, folder: Path) -> Page:
     page = _page(proposal, "study.toml has a comment for each of these lines.")
     return _with_answer(
         page,
-        "Do the files say all that a study needs?",
+        "Do the files contain everything that a study needs?",
         "no" if open_questions or _guess_count(proposal) else "yes",
         (
             *(Step(f"Answer: {q.text}") for q in open_questions[:3]),
@@ -137,7 +138,7 @@ def unmade_page(proposal: Proposal, reason: str) -> Page:
     open_questions = [q for q in proposal.asked if q.key not in proposal.answers]
     return _with_answer(
         replace(page, headline=_sentence(reason)),
-        "Can a study be made of these files?",
+        "Can a study be made from these files?",
         "no",
         tuple(Step(f"{q.text} Answer with `--answer {q.key}=...`") for q in open_questions[:3]),
     )
@@ -197,7 +198,7 @@ def _guess_count(proposal: Proposal) -> int:
 
 
 def _with_answer(page: Page, question: str, verdict: AnswerVerdict, following: tuple[Step, ...]) -> Page:
-    """Return a page whose headline answers a question, with its first figure beside it and not in its section."""
+    """Return a page whose headline answers a question, with the first figure moved from its section to the top."""
     figure = next((drawing for section in page.sections for drawing in section.drawings), None)
     sections = page.sections if figure is None else without_drawing(page.sections, figure.name)
     answer = Answer(question, verdict, page.headline, "" if verdict == "yes" else page.headline, next=following)
@@ -208,11 +209,11 @@ def _headline(proposal: Proposal, count: int, guesses: int) -> str:
     joints, decided = len(proposal.main.roles.joints), count - guesses
     what = f"a joint with a {proposal.drive} drive" if proposal.drive else "motion"
     what = "a person's joints" if proposal.is_person else f"{joints} joints" if joints > 1 else what
-    said = f"{decided} of them decided by evidence and {guesses} to be confirmed"
+    said = f"{decided} identified from the data, {guesses} to be confirmed"
     open_ones = sum(q.key not in proposal.answers for q in proposal.asked)
     questions = "1 question" if open_ones == 1 else f"{open_ones} questions"
-    asked = f" {questions} open: a default is taken for each." if open_ones else ""
-    return f"The files hold {what}: {count} channels, {said}.{asked}"
+    asked = f" {questions} open; a default is assumed for each." if open_ones else ""
+    return f"The files contain {what}: {count} channels, {said}.{asked}"
 
 
 def _question_sections(proposal: Proposal) -> list[Section]:

@@ -1,6 +1,6 @@
-"""Propose a study for given files: which are recordings of one layout, what their columns are, what must be asked.
+"""Propose a study for given files: recordings of one layout, the roles of their columns, and open questions.
 
-At most five questions are asked, those first on whose answers most depends; each has a default.
+The proposal asks at most five questions, the most important first; each has a default.
 """
 
 from __future__ import annotations
@@ -61,37 +61,37 @@ from .inference.processing_choice import ProcessingChoice, bridge_losses, choose
 from .match_robot_joints import RobotJoints, joints_remarks, match_robot_joints
 
 MAX_QUESTION_COUNT = 5
-"""At most so many questions are asked; what else is uncertain is marked in study.toml."""
+"""Largest number of questions that are asked; study.toml marks every other uncertain choice."""
 
 QUESTION_ORDER = (
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
     "lever_arm", "command_followed", "emg_unit", "worn", "drive_constant", "payload", "angle_zero",
 )  # fmt: skip
-"""Questions by how much hangs on their answer."""
+"""Questions in order of importance: the first changes the results most."""
 
 SCALE_QUESTIONS = frozenset({
     "rate", "effort", "rated", "position_unit", "counts_per_turn", "gear_turns", "full_duty", "supply_voltage",
     "command_followed",
 })  # fmt: skip
-"""Questions on whose answers every figure depends: with another unit it would be another number."""
+"""Questions that decide the scale of every result."""
 
 
 NO_ANSWERS = ("not certain", "unknown")
 """Answers that leave a question open, as its default does."""
 
 CHOSEN_KEYS = frozenset({"command_followed", "worn", "angle_zero"})
-"""Questions that have no other answers than their choices."""
+"""Questions that accept only the listed choices as answers."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """Something that the files cannot tell."""
+    """Question about a fact that the files do not contain."""
 
-    key: str  # short name of the question, by which an answer is given
+    key: str  # short name of the question, used with --answer
     text: str  # the question
     default: str  # answer that --yes takes
-    consequence: str  # what hangs on the answer
-    choices: tuple[str, ...] = ()  # answers that are possible; empty for any
+    consequence: str  # results that depend on the answer
+    choices: tuple[str, ...] = ()  # accepted answers; empty for any
 
 
 def select_questions(questions: Iterable[Question]) -> tuple[tuple[Question, ...], tuple[Question, ...]]:
@@ -102,43 +102,43 @@ def select_questions(questions: Iterable[Question]) -> tuple[tuple[Question, ...
 
 @dataclass(frozen=True)
 class ProposalLimits:
-    """How many tables are examined, what is held out, and when a proposal decides."""
+    """Limits of a proposal: tables examined, recordings held out, and thresholds of its decisions."""
 
-    # Rate that --yes takes, and marks, where no file states one and no spectrum tells it [Hz].
+    # Rate that --yes takes and marks if no file states one and no spectrum shows it [Hz].
     default_rate_hz: float = 100.0
-    # Roles are found in at most so many recordings of a layout: what is constant in one may move in another.
+    # Largest number of recordings of a layout in which roles are looked for: a column that is constant in one may
+    # move in another.
     max_representatives: int = 3
-    # A joint moves where it is at least this share as fast as it mostly is.
+    # A joint moves if its speed is at least this share of its usual speed.
     min_moving_share: float = 0.1
-    # Two parts of a recording move both ways alike unless the shares of forward motion differ by more than this.
+    # Largest difference between the shares of forward motion in two parts of a recording that count as alike.
     max_direction_difference: float = 0.6
-    # Cells of one file are looked at together if there are at least so many.
+    # Smallest number of cells of one file that are examined together.
     min_pooled_tables: int = 20
-    # At most so many cells are looked at together.
+    # Largest number of cells that are examined together.
     max_pooled_tables: int = 100
-    # A proposal names at most so many recordings.
+    # Largest number of recordings in a proposal.
     max_recordings: int = 400
-    # About this share of the recordings is held out; of a single one, the last part.
+    # Share of the recordings that is held out; of a single recording, its last part.
     held_out_share: float = 0.25
-    # This first share of a single recording is fitted.
+    # First share of a single recording that is used to fit.
     single_fit_share: float = 0.6
-    # Where it moves at other speeds than the rest, by more than this ratio, pieces are held out by turns.
+    # Above this ratio between the speeds of the two parts, alternate pieces are held out instead of the last part.
     max_speed_ratio: float = 1.5
-    # The quantile of a part's speeds that is compared.
+    # Quantile of a part's speeds that is compared.
     speed_quantile: float = 0.9
-    # Each of the pieces has at least this duration [s], so that filters and the beginning of a motion are little of it.
+    # Smallest duration of a piece [s], so that filter transients and the start of a motion are a small part of it.
     min_piece_s: float = 2.0
-    # A joint is weighed by gravity if the sine of its angle explains this share of the effort beside inertia and
+    # Gravity acts on a joint if the sine of its angle explains this share of the effort in addition to inertia and
     # friction.
     min_gravity_share: float = 0.02
-    # Inertia and friction leave at most this share of the effort of a map of friction.
+    # Largest share of the effort that inertia and friction leave unexplained in a friction map.
     max_unexplained_map: float = 0.1
-    # Recordings of one motion with another effort are looked for among at least so many.
+    # Smallest number of recordings among which a repeated motion with another effort is looked for.
     min_times_compared: int = 2
-    # A duty cycle with larger numbers is no share of 1: it counts in units of its own.
+    # A duty cycle with larger numbers is not a fraction of 1: it has a scale of its own.
     max_duty_share: float = 1.5
-    # Numbers that are usually 100 %: a byte, and tenths of a percent. The first one that no sample exceeds is
-    # guessed.
+    # Usual numbers for 100 %: a byte, and tenths of a percent. The guess is the first that no sample exceeds.
     full_duties: tuple[float, ...] = (255.0, 1000.0)
 
 
@@ -147,8 +147,8 @@ PROPOSAL_LIMITS = ProposalLimits()
 SAID_BY_LAB = "said by the lab"
 """Source of a value that an answer gives."""
 
-UNKNOWN_SUPPLY = FileFact(1.0, "V", "the supply voltage is unknown: efforts are shares of the full duty")
-"""Supply of a duty cycle whose supply voltage nothing states."""
+UNKNOWN_SUPPLY = FileFact(1.0, "V", "the supply voltage is unknown: efforts are fractions of the full duty cycle")
+"""Supply of a duty cycle if no file states its voltage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,9 +232,9 @@ class Proposal:
 
     @property
     def summary(self) -> str:
-        """Number of recordings and their rate, in words; parts of one recording are told as such."""
+        """Number of recordings and their rate, in words, and the number of parts if one recording is split."""
         whole = len({id(recording.table) for recording in self.recordings})
-        rate = f"{self.rate:.5g} Hz" if self.rate else "a rate that no file states"
+        rate = f"{self.rate:.5g} Hz" if self.rate else "an unknown sampling rate"
         parts = f", in {len(self.recordings)} parts" if len(self.recordings) > whole else ""
         return f"{whole} recording{'' if whole == 1 else 's'} at {rate}{parts}"
 
@@ -353,10 +353,10 @@ def require_known_units(proposal: Proposal) -> None:
         for column, unit, key in stated:
             if not unit:
                 continue
-            answer = f"; or state it with --answer {key}=..." if key else ""
+            answer = f"; or state the unit with --answer {key}=..." if key else ""
             raise StudyError(
-                f'{table.path.name}: column "{column}": found the unknown unit "{unit}", expected one such as "N*m", '
-                f'"N*mm", "deg", "rad/s" or "mA"{answer}'
+                f'{table.path.name}: column "{column}": found the unknown unit "{unit}", expected a unit such as '
+                f'"N*m", "N*mm", "deg", "rad/s" or "mA"{answer}'
             )
 
 
@@ -389,8 +389,8 @@ def require_turns_of_motors(proposal: Proposal) -> None:
     if role is None:
         return
     raise StudyError(
-        f'{proposal.main.tables[0].path.name}: column "{role.column}": found a motor\'s position, which turns too '
-        "often for a joint's; expected its turns for a turn of the joint: --answer gear_turns=..."
+        f'{proposal.main.tables[0].path.name}: column "{role.column}": found the position of a motor: its range is too '
+        "large for a joint. Expected the gear ratio (motor turns per turn of the joint): --answer gear_turns=..."
     )
 
 
@@ -407,18 +407,19 @@ def require_agreeing_units(proposal: Proposal) -> None:
                 continue
             ways = " or ".join(f'"{of}" with "{by}"' for of, by in fitting)
             answer = next((of for of, by in fitting if by == stated[1] and not columns[pair.of].unit_is_certain), None)
-            said = "" if answer is None else f'; or say which it is: --answer "position_unit={answer}"'
+            said = "" if answer is None else f', or state the unit: --answer "position_unit={answer}"'
             raise StudyError(
                 f'{table.path.name}: columns "{pair.of}" and "{pair.by}": found the units "{stated[0]}" and '
-                f'"{stated[1]}", but the second is {pair.ratio:.4g} times the derivative of the first, expected '
-                f"{known[0]:.4g}; correct one unit in the file: {ways} would fit{said}"
+                f'"{stated[1]}", which contradict the data: "{pair.by}" is {pair.ratio:.4g} times the derivative of '
+                f'"{pair.of}", expected {known[0]:.4g} times. These units agree with the data: {ways}. Correct one '
+                f"unit in the file{said}"
             )
         refuted = next((role for role in layout.channels if role.fitting_unit), None)
         if refuted is not None and "position_unit" not in proposal.answers:
             raise StudyError(
                 f'{layout.tables[0].path.name}: column "{refuted.column}": found the unit "{refuted.unit}" '
-                f"({refuted.unit_why}), expected {refuted.fitting_unit}; correct the unit in the file, or say which it "
-                f'is: --answer "position_unit={refuted.fitting_unit}"'
+                f"({refuted.unit_why}), expected {refuted.fitting_unit}. Correct the unit in the file, or state it: "
+                f'--answer "position_unit={refuted.fitting_unit}"'
             )
 
 
@@ -442,10 +443,10 @@ def require_possible_clock(proposal: Proposal) -> None:
                 continue
             per = "m/s^2" if proposal.motion == "prismatic" else "rad/s^2"
             raise StudyError(
-                f'{main.tables[0].path.name}: column "{clock.column}": found the unit "{clock.unit}", by which it has '
-                f'{clock.rate:.3g} samples a second, and the usual size of "{role.column}" would accelerate the joint '
-                f'by {stated:.2g} {per}; expected "{unit}", by which both are usual ({rate:.4g} Hz, {fits:.3g} {per}); '
-                f'correct the unit in the file, or say which it is: --answer "time_unit={unit}"'
+                f'{main.tables[0].path.name}: column "{clock.column}": found the unit "{clock.unit}", which gives '
+                f'{clock.rate:.3g} samples a second; the usual size of "{role.column}" would then accelerate the joint '
+                f'by {stated:.2g} {per}. Expected "{unit}", which gives usual values ({rate:.4g} Hz, {fits:.3g} '
+                f'{per}). Correct the unit in the file, or state it: --answer "time_unit={unit}"'
             )
 
 
@@ -471,8 +472,8 @@ def require_delivered_effort(proposal: Proposal) -> None:
     role = _commanded_effort((proposal.main, *proposal.streams), proposal.drive)
     if role is not None and proposal.answers.get("command_followed") == "no":
         raise StudyError(
-            f'{proposal.main.tables[0].path.name}: no effort was recorded: found "{role.column}", a command that the '
-            "drive does not deliver, expected the torque, force or current that was measured"
+            f'{proposal.main.tables[0].path.name}: no effort was recorded: found only "{role.column}", a '
+            "command that the drive does not follow, expected a measured torque, force or current"
         )
 
 
@@ -598,11 +599,11 @@ def _without_laboratory(roles: TableRoles, table: GivenTable) -> TableRoles:
         # Without a stated unit, three axes are a marker's, unless a model computed them.
         is_marker = unit in ("m", "mm", "cm") or (unit is None and axes <= set(table.columns))
         if _MARKER_AXIS.fullmatch(role.column) and is_marker and not _COMPUTED_AXIS.fullmatch(role.column):
-            why = "a marker's coordinate, and no joint's"
+            why = "a marker coordinate, not a joint's"
         elif _PLATE_CHANNEL.fullmatch(role.column):
-            why = "a force plate's, and no joint's"
+            why = "a force plate's channel, not a joint's"
         elif role.quantity in ("voltage", "current", "duty"):
-            why = "a voltage of an analog input, and no drive's"
+            why = "the voltage of an analog input, not a drive's"
         return replace(role, quantity=None, label="", why=why) if why else role
 
     return replace(roles, roles=tuple(map(kept, roles.roles)))
@@ -637,14 +638,14 @@ def has_accepted_unit(role: ColumnRole) -> bool:
 def _without_contradicted(roles: TableRoles) -> TableRoles:
     """Return roles without those that only a name suggests and the column's own unit contradicts.
 
-    An effort stays, because a study without one cannot be made: its unit is told.
+    An effort stays, because a study needs one; its unit is reported.
     """
 
     def kept(role: ColumnRole) -> ColumnRole:
         if role.quantity is None or role.quantity in DRIVE_QUANTITIES or has_accepted_unit(role):
             return role
         return replace(
-            role, quantity=None, label="", why=f'{role.why}, and its unit "{role.unit}" is of something else'
+            role, quantity=None, label="", why=f'{role.why}, but its unit "{role.unit}" is that of another quantity'
         )
 
     return replace(roles, roles=tuple(map(kept, roles.roles)))
@@ -659,19 +660,19 @@ def _own_names(table: GivenTable, named: GivenTable) -> dict[str, np.ndarray]:
 
 
 PERSON_ENDINGS = (".sto", ".mot", ".c3d", ".trc", ".osim")
-"""Endings of files of motion capture and of musculoskeletal models."""
+"""File name endings of motion capture and musculoskeletal models."""
 
 PERSON_WORDS = frozenset({"moment", "moments", "grf", "pelvis", "subtalar", "mtp"})
-"""Words of names that motion capture gives, and hardly a machine."""
+"""Words in the names of motion-capture channels that machines rarely use."""
 
 MOVEMENT_WORDS = frozenset({
     "flexion", "extension", "abduction", "adduction", "dorsiflexion", "plantarflexion", "pronation", "supination",
     "tilt", "lumbar",
 })  # fmt: skip
-"""Words of joints' movements, after which wearable robots name their joints, too: a person's where no effort is."""
+"""Words for joint movements. Wearable robots use them too, so that they mean a person only without an effort."""
 
 MOMENT_WORDS = frozenset({"moment", "moments"})
-"""Of these, the words that may stand for the torque of a machine."""
+"""Words for a person's moments that may also name the torque of a machine."""
 
 
 def _shows_people(tables: Sequence[GivenTable]) -> bool:
@@ -759,19 +760,18 @@ def is_about_muscles(layouts: Sequence[Layout]) -> bool:
 
 
 def _of_muscles(layout: Layout, remarks: list[str]) -> Layout:
-    """Return a layout of a study of muscles: positions are angles of the person, and all but EMG and they is left
-    out."""
+    """Return a layout of a study of muscles, which keeps EMG and the angles of the person only."""
     others = [r for r in layout.channels if r.quantity not in ("emg", "position", "angle")]
     if others:
         remarks.append(
-            f"{layout.tables[0].path.name}: {len(others)} channels of inertial sensors and other inputs are left out: "
-            "no joint's effort was recorded that they would be compared with"
+            f"{layout.tables[0].path.name}: {len(others)} channels of inertial sensors and other inputs are excluded, "
+            "because no joint effort was recorded with which to compare them"
         )
     taken: set[str] = set()
 
     def of_person(role: ColumnRole) -> ColumnRole:
         if role in others:
-            return replace(role, quantity=None, label="", why="neither EMG nor an angle, in a study of muscles")
+            return replace(role, quantity=None, label="", why="neither EMG nor an angle, which a study of muscles uses")
         if role.quantity != "position":
             return role
         label = read_name(role.column).joint or role.label or _own_quantity(role) or "joint"
@@ -798,11 +798,11 @@ def _match(
     streams: list[Layout] = []
     for layout in sorted(others, key=lambda other: -_merit(other)):
         if not layout.channels:
-            _remark_left(layout, "none of its columns is a channel", remarks)
+            _remark_left(layout, "none of its columns could be assigned to a channel", remarks)
             continue
         matched = {id(table): _table_of(table, layout, main) for table in main.tables}
         if not any(matched.values()):
-            _remark_left(layout, "another layout, which belongs to none of the recordings", remarks)
+            _remark_left(layout, "its columns differ from the recordings', and it belongs to none of them", remarks)
             continue
         stream = _stream_name(layout, {s.stream for s in streams}, person)
         streams.append(_named_plainly(replace(layout, stream=stream), main))
@@ -848,7 +848,7 @@ def _own_quantity(role: ColumnRole) -> str:
 def _remark_left(layout: Layout, why: str, remarks: list[str]) -> None:
     names = ", ".join(sorted({table.path.name for table in layout.tables})[:4])
     more = f" and {len(layout.tables) - 4} more" if len(layout.tables) > 4 else ""
-    remarks.append(f"{names}{more}: left out: {why}")
+    remarks.append(f"{names}{more}: excluded: {why}")
 
 
 def _extras(table: GivenTable, main: Layout) -> tuple[ColumnRole, ...]:
@@ -997,16 +997,16 @@ def _protocol(path: Path) -> str | None:
 
 
 def _all_fitted(recordings: Sequence[ProposedRecording]) -> list[ProposedRecording]:
-    """Return the recordings of a study without an effort: nothing is fitted, so that nothing is held out."""
+    """Return the recordings of a study without an effort: nothing is fitted, so that no test set is needed."""
     return [replace(recording, use="fit") for recording in recordings]
 
 
 def _held_out(recordings: Sequence[ProposedRecording], main: Layout) -> list[ProposedRecording]:
-    """Return the recordings with what is held out: whole recordings if there are several, else the last part."""
+    """Return the recordings with the test set marked: whole recordings if there are several, else the last part."""
     maximal = [r for r in recordings if r.protocol == MAXIMAL_PROTOCOL]
     if maximal:
         others = [r for r in recordings if r.protocol != MAXIMAL_PROTOCOL]
-        why = "a maximal contraction by its name: its largest envelopes are the scale, and it is fitted by nothing else"
+        why = "a maximal contraction, by its name: it scales the EMG envelopes and is not used to fit"
         return [*(replace(r, why=why) for r in maximal), *(_held_out(others, main) if others else ())]
     if len(recordings) == 1:
         return _split_single(recordings[0], main)
@@ -1014,7 +1014,7 @@ def _held_out(recordings: Sequence[ProposedRecording], main: Layout) -> list[Pro
     step = len(recordings) / count
     chosen = {len(recordings) - 1 - round(i * step) for i in range(count)}
     return [
-        replace(r, use="validate", why="held out: it is never fitted, and judges what is found") if i in chosen else r
+        replace(r, use="validate", why="held out: used only to test the model") if i in chosen else r
         for i, r in enumerate(recordings)
     ]
 
@@ -1037,7 +1037,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
     share = PROPOSAL_LIMITS.single_fit_share
     piece = (end - begin) / PIECES
     if piece >= PROPOSAL_LIMITS.min_piece_s and not _moves_alike(columns, main.roles, rate, share):
-        why = "one recording, whose speeds change: pieces of it are held out by turns and judge what is found"
+        why = "one recording whose speed changes: alternate pieces are held out to test the model"
         edges = [begin + i * piece for i in PIECE_EDGES] + [end + step]
         uses = ["validate" if i % 2 else "fit" for i in range(len(edges) - 1)]
         return [
@@ -1045,7 +1045,7 @@ def _split_single(recording: ProposedRecording, main: Layout) -> list[ProposedRe
             for i, use in enumerate(uses)
         ]
     middle = begin + share * (end - begin)
-    why = "one recording, named twice: the last part is held out and judges what is found"
+    why = "one recording in two parts: the last part is held out to test the model"
     return [
         replace(recording, name=f"{recording.name}_first", window=(begin, middle), why=why),
         replace(recording, name=f"{recording.name}_last", window=(middle, end + step), use="validate", why=why),
@@ -1115,7 +1115,7 @@ def _with_measured_drive(main: Layout) -> Layout:
         return main
 
     def asked_for(role: ColumnRole) -> ColumnRole:
-        why = f"{role.why}; a measured current explains the motion, and this was asked for"
+        why = f"{role.why}; it is a command, because a measured current explains the motion"
         if role.column not in commanded:
             return role
         return replace(role, quantity=f"desired_{role.quantity}", is_command=True, why=why)
@@ -1235,7 +1235,8 @@ def _in_metres(main: Layout) -> Layout:
     def slid(role: ColumnRole) -> ColumnRole:
         if role.quantity not in moving or role.unit_is_certain or role.unit not in units:
             return role
-        return replace(role, unit=units[role.unit], unit_why="little travel, and no weight: it seems to slide")
+        why = "small travel and no effect of gravity: the joint seems to slide"
+        return replace(role, unit=units[role.unit], unit_why=why)
 
     return main.with_each(slid)
 
@@ -1277,9 +1278,9 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
         fact = facts.get(f"rated_{quantity}")
         if fact is not None:
             keys = {**role.keys, "scale": share * fact.value}
-            return replace(role, unit=fact.unit, keys=keys, unit_why=f'a share of "{fact.label}", {fact.text}')
+            return replace(role, unit=fact.unit, keys=keys, unit_why=f'a fraction of "{fact.label}", {fact.text}')
         kind = "current" if quantity == role.quantity else "desired_current"
-        why = f"a share of the rated {quantity}, which no file states: 1 A stands for 100 %"
+        why = f"a fraction of the rated {quantity}, which no file states: 1 A stands for 100 %"
         return replace(
             role, quantity=kind, unit="A", keys={**role.keys, "scale": share, "rated": quantity}, unit_why=why,
             unit_is_certain=False,
@@ -1289,9 +1290,9 @@ def _with_rated_efforts(layout: Layout, facts: Mapping[str, FileFact]) -> Layout
 
 
 def _with_stated_counts(layout: Layout) -> Layout:
-    """Return a layout in which open counts of a turn are those that a file states of its encoder.
+    """Return a layout in which unknown counts per turn are those that a file states for its encoder.
 
-    They stay a default: whether the encoder stands before a gear or behind it, such a line does not say.
+    They stay a default, because such a line does not state whether the encoder is on the motor or on the joint.
     """
     fact = find_encoder_counts({k: v for table in layout.tables for k, v in table.facts.items()})
     if fact is None:
@@ -1300,7 +1301,7 @@ def _with_stated_counts(layout: Layout) -> Layout:
     def counted(role: ColumnRole) -> ColumnRole:
         if not has_open_counts(role):
             return role
-        why = f'the file states {fact.value:.12g} counts of a turn in "{fact.label}"'
+        why = f'the file states {fact.value:.12g} counts per turn in "{fact.label}"'
         keys = {**role.keys, "counts_per_turn": round(fact.value)}
         return replace(role, keys=keys, unit_why=why, unit_is_certain=False)
 
@@ -1318,12 +1319,12 @@ def _force_on_lever(main: Layout, drive: str | None) -> ColumnRole | None:
 
 
 def require_lever_arm(proposal: Proposal) -> None:
-    """Raise a StudyError if a force drives a joint that turns and nothing says at which distance from its axis."""
+    """Raise a StudyError if a force drives a rotary joint and its lever arm is unknown."""
     role = _force_on_lever(proposal.main, proposal.drive)
     if role is not None:
         raise StudyError(
-            f'{proposal.main.tables[0].path.name}: column "{role.column}": found a force in {role.unit} on a joint '
-            'that turns, expected a torque, or the distance from the axis at which it acts: --answer "lever_arm=0.3 m"'
+            f'{proposal.main.tables[0].path.name}: column "{role.column}": found a force in {role.unit} on a rotary '
+            'joint, expected a torque, or the lever arm of the force: --answer "lever_arm=0.3 m"'
         )
 
 
@@ -1385,8 +1386,8 @@ def _with_effort_signs(main: Layout, drive: str | None, remarks: list[str]) -> L
     for role, position, effort, motion in _moved_efforts(main, drive):
         if "sign" in role.keys or not is_reversed(effort, motion):
             continue
-        why = f'it counts against "{position.column}": inertia and friction would be negative'
-        remarks.append(f'"{role.column}" {why[3:]}; its sign is reversed')
+        why = f'it is positive against the direction of "{position.column}", so that its sign is reversed'
+        remarks.append(f'"{role.column}": {why}; otherwise inertia and friction would be negative')
         turned[role.column] = replace(role, keys={**role.keys, "sign": -1}, why=f"{role.why}; {why}")
     return main.with_each(lambda role: turned.get(role.column, role))
 
@@ -1398,9 +1399,9 @@ def require_signed_effort(proposal: Proposal) -> None:
         turn = FULL_TURNS.get(position.unit)
         if is_magnitude(effort, motion, None if turn is None else 2.0 * np.pi / turn):
             raise StudyError(
-                f'{proposal.main.tables[0].path.name}: column "{role.column}": found no negative number, although the '
-                f'motion "{position.column}" asks for both signs of the effort; expected the effort with its sign, not '
-                "its size: record it so, or leave the column out"
+                f'{proposal.main.tables[0].path.name}: column "{role.column}": found no negative number, but the '
+                f'motion "{position.column}" needs an effort of both signs; expected the effort with its sign. Record '
+                "the effort with its sign, or remove the column"
             )
 
 
@@ -1414,11 +1415,11 @@ def _with_limit(main: Layout, drive: str | None) -> tuple[Layout, FileFact | Non
     limit = find_resting_limit(recordings)
     if limit is None or not _is_drives_limit(main, role, recordings):
         return main, None
-    said = f'"{role.column}" rests at {limit:.6g} again and again'
+    said = f'"{role.column}" saturates at {limit:.6g} repeatedly'
     if role.quantity != "duty" or "scale" not in role.keys:
         return main, FileFact(limit, role.unit, said)
     scaled = {**role.keys, "scale": 1.0 / limit}
-    main = main.with_changes(lambda r: r is role, keys=scaled, unit_why=f"{said}: it is taken for 100 %")
+    main = main.with_changes(lambda r: r is role, keys=scaled, unit_why=f"{said}, which is taken as 100 %")
     return main, FileFact(100.0, "%", said)
 
 
@@ -1457,8 +1458,8 @@ def _with_torque(main: Layout) -> Layout:
         if role.quantity != "force" or role.unit_is_certain:
             return role
         return replace(
-            role, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="nothing states a unit",
-            is_certain=False, why=f"{role.why}, and of a joint that turns it is a torque",
+            role, quantity="torque", unit="N*m", unit_is_certain=False, unit_why="no unit is stated",
+            is_certain=False, why=f"{role.why}, and a rotary joint needs a torque",
         )  # fmt: skip
 
     return main.with_each(turned)
@@ -1470,7 +1471,7 @@ def _repeated(recordings: Sequence[ProposedRecording], main: Layout, drive: str 
     positions = [r for r in main.channels if r.quantity == "position"]
     if effort is None or not positions or len(recordings) < PROPOSAL_LIMITS.min_times_compared:
         return None
-    # A joint that gravity weighs tells a payload; the one with the largest effort is such a joint.
+    # Only a joint that carries weight shows a payload; the joint with the largest effort does.
     efforts = [r for r in main.channels if r.quantity == effort[1].quantity]
     largest = max(efforts, key=lambda r: float(np.std(_decoded(main.tables[0], r))))
     position = next((r for r in positions if r.label == largest.label), positions[0])
@@ -1490,10 +1491,10 @@ def _with_gear(main: Layout, gear: FoundGear | None, answers: Mapping[str, str],
     def geared(role: ColumnRole) -> ColumnRole:
         if role.column in gear.speeds:
             times = gear.speeds[role.column]
-            why = f"it is {times:.4g} times the joint's, as of a motor before a gear"
+            why = f"it is {times:.4g} times the joint's speed, as that of a motor before a gear"
             return _scaled(role, 1.0 / times, why)
         if role.column in gear.efforts and turns != 1.0:
-            return _scaled(role, turns, f"a motor's, which turns {turns:.6g} times for a turn of the joint")
+            return _scaled(role, turns, f"a motor's torque, with a gear ratio of {turns:.6g}")
         return role
 
     found = _main_effort([main], "torque")
@@ -1516,13 +1517,13 @@ def _gear_turns(gear: FoundGear, answers: Mapping[str, str], facts: Mapping[str,
 
 
 def _questions(main, streams, recordings, drive, facts, person, repeated, gravity, gear, has_robot):
-    """Yield what only the lab can answer, with defaults."""
+    """Yield the questions that only the lab can answer, with defaults."""
     layouts = [main, *streams]
     if any(layout.roles.rate is None for layout in layouts):
         guess, why = _rate_guess(main)
         yield Question(
             "rate",
-            "No column is a time, and no file states the sampling rate. What is it?",
+            "What is the sampling rate? No column is a time, and no file states the rate.",
             f"{guess:g} Hz",
             f"all speeds, filters and inertias; {why}",
         )
@@ -1532,27 +1533,27 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
         if found is not None and kind is not None:
             yield Question(
                 "rated",
-                f'What is the rated {kind} of the drive, of which "{found[1].column}" is a share, such as '
-                f"{'2.4 N*m' if kind == 'torque' else '3.5 A'}?",
+                f'What is the rated {kind} of the drive, such as {"2.4 N*m" if kind == "torque" else "3.5 A"}? Column '
+                f'"{found[1].column}" is a fraction of it.',
                 "unknown",
-                "whether results are in N*m: without it, they are shares of the rated effort",
+                "whether results are in N*m or only relative to the rated effort",
             )
         elif found is not None and not (found[1].is_certain and found[1].unit_is_certain):
             role = found[1]
             yield Question(
                 "effort",
-                f'What does "{role.column}" hold, in which unit?',
+                f'Which quantity does the column "{role.column}" hold, and in which unit?',
                 f"{role.quantity} in {role.unit}",
-                f"whether results are torques at all ({role.why})",
+                f"whether results are torques ({role.why})",
                 ("torque in N*m", "current in A", "voltage in V", "duty in 1", "force in N"),
             )
         asked_for = _commanded_effort(layouts, drive)
         if asked_for is not None:
             yield Question(
                 "command_followed",
-                f'Only a command of the effort was recorded, "{asked_for.column}". Does the drive deliver it?',
+                f'Does the drive deliver the commanded effort "{asked_for.column}"? No measured effort was recorded.',
                 "not certain",
-                "every parameter: gain, limits and delay of the drive are taken for the joint's",
+                "every parameter: gain, limits and delay of the drive are attributed to the joint",
                 ("yes", "no", "not certain"),
             )
     positions = [
@@ -1566,7 +1567,7 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     elif unsure:
         yield Question(
             "position_unit",
-            f'In which unit is the position "{unsure[0].column}": does it turn, or slide?',
+            f'In which unit is the position "{unsure[0].column}", an angle or a length?',
             unsure[0].unit,
             "inertia, gravity and friction, and whether efforts are torques or forces",
             ("deg", "rad", "turn", "counts", "m", "mm"),
@@ -1574,26 +1575,27 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
     if not _measures_joint(main) and any(r.quantity == "motor_position" for r in main.channels):
         yield Question(
             "gear_turns",
-            "The positions are motors'. How often does a motor turn for a turn of its joint (1 without a gear)?",
+            "What is the gear ratio: how many motor turns make one turn of the joint (1 without a gear)? The positions "
+            "are those of motors.",
             f"{_motor_turns({}, facts):g}",
             "every angle, inertia and torque of the joints",
         )
     elif gear is not None and gear.efforts and not (gear.is_named and "gear_ratio" in facts):
         times = next(iter(gear.speeds.items()), None)
-        seen = "" if times is None else f'"{times[0]}" is {times[1]:.4g} times the derivative of the position. '
+        seen = "" if times is None else f' "{times[0]}" is {times[1]:.4g} times the derivative of the position.'
         yield Question(
             "gear_turns",
-            f'{seen}Is "{gear.efforts[0]}" the torque of the motor, and the position the joint\'s? How often does the '
-            "motor then turn for a turn of the joint (1 if the torque is the joint's)?",
+            f'What is the gear ratio, if "{gear.efforts[0]}" is the torque of the motor and the position is the '
+            f"joint's? Answer 1 if the torque is the joint's.{seen}",
             f"{_gear_turns(gear, {}, facts):.6g}",
-            "the scale of all efforts, and with it every parameter",
+            "the scale of all efforts and of every parameter",
         )
     if any(r.quantity == "duty" and "scale" in r.keys and not r.unit_is_certain for r in main.channels):
         yield Question(
             "full_duty",
-            "Which number of the duty's column is 100 %?",
+            "Which number in the duty cycle's column stands for 100 %?",
             f"{1.0 / next(float(str(r.keys['scale'])) for r in main.channels if r.quantity == 'duty'):.6g}",
-            "the effort's scale: torques are too large or too small by as much",
+            "the scale of all efforts and of every parameter",
         )
     lever = _force_on_lever(main, drive)
     if lever is not None:
@@ -1601,32 +1603,33 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             "lever_arm",
             f'At which distance from the axis does the force "{lever.column}" act, such as 0.3 m?',
             "unknown",
-            "the torque about the joint, and with it every parameter",
+            "the torque about the joint and every parameter",
         )
     duty = duty_without_supply(layouts, drive, facts)
     if duty is not None:
         yield Question(
             "supply_voltage",
-            f'Which supply voltage does the drive have, of which "{duty.column}" is a share, such as 12 V?',
+            f'What is the supply voltage of the drive, such as 12 V? The duty cycle "{duty.column}" is a fraction of '
+            "it.",
             "unknown",
-            "the scale of all efforts; without it, they are shares of the full duty, as if the supply had 1 V",
+            "the scale of all efforts; if it is unknown, they are relative to the full duty cycle (as for 1 V)",
         )
     emg = [r for layout in layouts for r in layout.channels if r.quantity == "emg"]
     if any(not r.unit_is_certain for r in emg):
         yield Question(
             "emg_unit",
-            "In which unit is EMG?",
+            "In which unit is EMG recorded?",
             next(r.unit for r in emg if not r.unit_is_certain),
-            "only amplitudes that are reported; envelopes are relative to a maximum",
+            "reported amplitudes only; envelopes are relative to a maximum",
             ("V", "mV", "uV", "1", "%"),
         )
     hints = _worn_evidence(layouts, recordings)
     if not person and drive is not None:
         yield Question(
             "worn",
-            "Is somebody wearing the machine in these recordings?",
+            "Was the robot worn during these recordings?",
             "yes" if hints else "no",
-            "inertia and friction are then those of machine and limb together" + (f" ({hints})" if hints else ""),
+            "whether inertia and friction include the wearer's limb" + (f" ({hints})" if hints else ""),
             ("yes", "no"),
         )
     has_constant = bool({"torque_constant", "force_constant"} & set(facts))
@@ -1639,23 +1642,24 @@ def _questions(main, streams, recordings, drive, facts, person, repeated, gravit
             f"{'motor' if 'gear_ratio' in facts else 'joint, behind a gear'}, such as 0.06 N*m/A"
             + (", or one for each joint, such as 9, 7, 3 N*m/A?" if len(main.roles.joints) > 1 else "?"),
             "unknown",
-            "whether results are in N*m or stay per ampere or per volt, which they then say",
+            "whether results are in N*m or per ampere or volt (their units say which)",
         )
     if repeated is not None:
         yield Question(
             "payload",
             f"{repeated.heavier} repeats the motion of {repeated.lighter} with {repeated.ratio:.2f} times the effort. "
-            "What was carried, such as 2 kg at 0.3 m?",
+            "Which payload was carried, such as 2 kg at 0.3 m?",
             "unknown",
-            "a known mass gives the drive's constant; an unknown one must not be fitted together with the rest",
+            "the drive's constant, which a known payload determines; a recording with an unknown payload must not be "
+            "fitted together with the others",
         )
     # A robot's file has the zero of each joint.
     if gravity == "sine+cosine" and drive is not None and _measures_angle(main) and not has_robot:
         yield Question(
             "angle_zero",
-            "Does the joint hang at the angle 0?",
+            "Does the joint hang straight down at the angle 0?",
             "not certain",
-            "whether the zero is found from the weight (two numbers) or taken as it is (one)",
+            "whether the direction of gravity is estimated (two gravity parameters) or taken from the angle (one)",
             ("yes", "not certain"),
         )
 
@@ -1673,7 +1677,7 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
     """Return a guess of the rate where nothing states it, with its reason: EMG is filtered to 500 Hz as a rule."""
     emg = [r for r in main.channels if r.quantity == "emg"]
     if not emg:
-        return PROPOSAL_LIMITS.default_rate_hz, "nothing in the files tells it: the default is a mere placeholder"
+        return PROPOSAL_LIMITS.default_rate_hz, "the files do not show it, and the default is only a placeholder"
     from scipy.signal import welch  # it loads all of scipy.stats
 
     edges = []
@@ -1684,11 +1688,11 @@ def _rate_guess(main: Layout) -> tuple[float, str]:
         edges.append(float(frequency[np.searchsorted(np.cumsum(power), 0.95 * power.sum())]))
     edge = float(np.median(edges))
     best = min((1000.0, 1024.0, 1500.0, 2000.0, 2048.0, 4000.0), key=lambda rate: abs(np.log(edge * rate / 250.0)))
-    return best, f"95 % of EMG's power usually lies below some 250 Hz, here below {edge:.3g} of the rate"
+    return best, f"95 % of EMG power usually lies below 250 Hz, here below {edge:.3g} times the sampling rate"
 
 
 def _tells_wearer(table: GivenTable) -> bool:
-    """Whether a file tells a person who may wear the machine: a patient, a subject, and not who recorded."""
+    """Whether a file names a person who may wear the machine: a patient or subject, and not the experimenter."""
     return any(
         not person.is_of_staff and set(words_of(person.label)) - {"name", "a", "line"} for person in table.personal
     )
@@ -1702,9 +1706,9 @@ def _worn_evidence(layouts: Sequence[Layout], recordings: Sequence[ProposedRecor
         return "an effort between machine and person was recorded"
     people = {r.participant for r in recordings if r.participant}
     if len(people) >= 2:
-        return f"the files' names tell {len(people)} participants"
+        return f"the file names show {len(people)} participants"
     if any(_tells_wearer(table) for layout in layouts for table in layout.tables):
-        return "a file tells a person's name"
+        return "a file contains a person's name"
     return ""
 
 
@@ -1778,7 +1782,7 @@ def _with_drive_constants(main: Layout, answer: str, drive: str | None, motion: 
     unit = re.sub(r"^[-+.\de]+\s*", "", parts[-1])
     if len(parts) != len(efforts):
         raise StudyError(
-            f'drive_constant: found {len(parts)} numbers in "{answer}", expected one, or {len(efforts)}: '
+            f'drive_constant: found {len(parts)} numbers in "{answer}", expected one number, or {len(efforts)}, for '
             f"{', '.join(role.column for role in efforts)}"
         )
     sizes = {
@@ -1804,8 +1808,8 @@ def _effort_answer(answer: str) -> tuple[str, str, dict[str, float]]:
     expected = units.get(quantity.strip())
     if expected is None or unit is None or not is_known_unit(unit, expected):
         raise StudyError(
-            f'effort: found "{answer}", expected a quantity ({", ".join(units)}) in a unit of it, such as "torque in '
-            'lbf*in", "current in mA", or with the size of one stored number, "current in 2.69 mA"'
+            f'effort: found "{answer}", expected a quantity ({", ".join(units)}) and its unit, such as "torque in '
+            'lbf*in" or "current in mA", or the size of one stored number, such as "current in 2.69 mA"'
         )
     return quantity.strip(), unit, {} if scale == 1.0 else {"scale": scale}
 
@@ -1836,7 +1840,7 @@ def _position_answer(answer: str) -> str:
 
 
 def _with_speeds_of(layout: Layout, unit: str) -> Layout:
-    """Return a layout whose speeds without a certain unit follow from the position's, by the ratio of both."""
+    """Return a layout whose uncertain speed units follow from the position's unit, by the ratio of both."""
     ratios = {(of, by): ratio for of, by, ratio in UNIT_RATIOS}
     units = {}
     for pair in layout.roles.pairs:
@@ -1848,16 +1852,16 @@ def _with_speeds_of(layout: Layout, unit: str) -> Layout:
         if role.quantity not in ("velocity", "desired_velocity") or role.unit_is_certain:
             return role
         if role.column not in units:
-            return replace(role, unit=f"{unit}/s", unit_why="as the position, per second", unit_is_certain=True)
+            return replace(role, unit=f"{unit}/s", unit_why="the position's unit per second", unit_is_certain=True)
         keys = {key: value for key, value in role.keys.items() if key != "scale"}
-        why = "by its ratio to the position's derivative"
+        why = "from its ratio to the position's derivative"
         return replace(role, unit=units[role.column], keys=keys, unit_why=why, unit_is_certain=True)
 
     return layout.with_each(timed)
 
 
 def has_open_counts(role: ColumnRole) -> bool:
-    """Whether a position is in counts of which nothing certain tells how many make a turn."""
+    """Whether a position is in counts and the counts per turn are uncertain."""
     return role.unit == "counts" and ("counts_per_turn" not in role.keys or not role.unit_is_certain)
 
 
@@ -1913,8 +1917,8 @@ def _remarks(given: GivenFiles, main: Layout) -> list[str]:
     for table in given.tables:
         for person in table.personal:
             said.append(
-                f"{table.path.name}: {person.place} tells who was recorded ({person.kind}): it is left out; the copy "
-                "of the file still holds it, so take it out before you pass the study on"
+                f"{table.path.name}: {person.place} identifies a person ({person.kind}). The study does not contain "
+                "it, but the copy of the file does: remove it before you share the study"
             )
     for table in main.tables:
         role = next((r for r in main.channels if r.quantity == "position" and r.column in table.columns), None)
@@ -1922,13 +1926,13 @@ def _remarks(given: GivenFiles, main: Layout) -> list[str]:
             held = find_postures(_decoded(table, role), main.roles.rate)
             if held.is_static:
                 said.append(
-                    f"{table.path.name}: it holds {len(held.positions)} postures ({100 * held.still_share:.0f} % of "
-                    "the time still): holds weigh the joint without inertia, and identify uses them for gravity"
+                    f"{table.path.name}: the joint holds {len(held.positions)} postures and is at rest for "
+                    f"{100 * held.still_share:.0f} % of the time; identify uses these holds to estimate gravity"
                 )
     if main.roles.clock.first_sound:
         said.append(
-            f"the first {main.roles.clock.first_sound} rows of {main.tables[0].path.name} are stale: time falls back "
-            "after them, so that they are no samples"
+            f"{main.tables[0].path.name}: the first {main.roles.clock.first_sound} rows are excluded, because time "
+            "jumps back after them (old samples of a buffer)"
         )
     return said
 
@@ -1938,8 +1942,8 @@ def _pair_columns_with_sheets(
 ) -> tuple[list[GivenTable], dict[Path, tuple[GivenTable, dict[str, str]]]]:
     """Return the tables, and sheets whose columns belong to one other sheet each, by their file.
 
-    Of a workbook with a sheet of EMG for each task, the sheet that has one column for each task holds what was measured
-    beside EMG.
+    In a workbook with one sheet of EMG for each task, the sheet with one column for each task holds the other
+    measurements.
     """
     by_file: dict[Path, list[GivenTable]] = {}
     for table in tables:
@@ -1994,8 +1998,8 @@ def _with_paired_roles(main: Layout, paired) -> Layout:
     stated = read_name(column).unit
     role = ColumnRole(
         column, "force", stated or "N",
-            f'the sheet "{sheet.key}" has one column for each sheet of EMG, as long as that',
-            "the file states it" if stated else "nothing tells it",
+            f'the sheet "{sheet.key}" has one column for each sheet of EMG, of the same length',
+            "the file states it" if stated else "the file does not state it",
         is_certain=False, unit_is_certain=stated is not None,
     )  # fmt: skip
     labels = _labels_by_sheet(main)

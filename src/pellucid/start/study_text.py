@@ -40,9 +40,9 @@ MARK_ASKED = "ASKED"
 """Word that begins the comment of a line that depends on a question whose default was taken."""
 
 LENGTH_UNITS = ("m", "mm", "cm", "um")
-"""Units of the position of a joint that slides."""
+"""Units of the position of a prismatic joint."""
 
-DEAD_BAND_WHY = "slower, friction has no certain sign"
+DEAD_BAND_WHY = "below this speed the sign of friction is uncertain"
 """Comment of a dead band."""
 
 MAX_JOINTS_IN_TABLE = 40
@@ -52,8 +52,8 @@ MAX_JOINTS_IN_TABLE = 40
 def study_text(proposal: Proposal, files: Mapping[int, str]) -> str:
     """Return the text of study.toml; `files` are the tables' paths in the study's folder, by the tables' ids."""
     parts = [
-        f"# Proposed by pellucid init --from. Lines marked {MARK_GUESS} are not decided by the files; lines marked",
-        f"# {MARK_ASKED} hang on a question whose default was taken. proposal/index.html shows every channel and why.",
+        f"# Proposed by pellucid init --from. Lines marked {MARK_GUESS} are guesses; lines marked {MARK_ASKED} depend",
+        "# on a question whose default was taken. proposal/index.html shows every channel and the reasons.",
         "# docs/reference/index.md lists all keys.",
         "",
         f"name = {_text(proposal.name)}",
@@ -108,7 +108,7 @@ def channel_mark(role: ColumnRole, proposal: Proposal) -> str:
 
 
 def is_turned_effort(role: ColumnRole) -> bool:
-    """Whether a role is an effort whose sign was reversed: whoever made the log must see it."""
+    """Whether a role is an effort whose sign was reversed; the report must show this to the author of the log."""
     return role.quantity in DRIVE_QUANTITIES and role.keys.get("sign") == -1
 
 
@@ -124,7 +124,7 @@ def _notes(proposal: Proposal) -> list[str]:
     if "rate" in unsaid_defaults(proposal):
         notes.append(f"No file states the sampling rate: {_rate(proposal, proposal.main):g} Hz is a placeholder.")
     lines = [f"notes = [{', '.join(map(_text, notes))}]"] if notes else []
-    # Whoever wears a machine is part of what moves.
+    # The wearer's limb moves with the machine.
     return [*lines, "worn = true"] if proposal.is_worn else lines
 
 
@@ -141,8 +141,8 @@ def _questions(proposal: Proposal) -> list[str]:
 
 
 def _assumed(proposal: Proposal) -> list[str]:
-    """Return a table for each default that was taken; every answer of the study repeats it."""
-    lines = ["# Remove a table below, and correct what depends on it, once you know its answer."]
+    """Return a table for each default that was taken; every report of the study repeats it."""
+    lines = ["# Once you know an answer, correct the values that depend on it and remove its table below."]
     for each in defaults_of(proposal):
         lines += ["[[assumed]]", f"key = {_text(each.subject)}", f"taken = {_text(each.taken)}"]
         lines += [f"question = {_text(each.why)}", *(["scale = true"] if each.is_scale else []), ""]
@@ -165,9 +165,9 @@ def _tree(proposal: Proposal) -> list[str]:
 
 
 def joint_names(proposal: Proposal) -> dict[str, str]:
-    """Return the names that study.toml has for joints, by those in the recordings; without joints that are left out.
+    """Return the joint names in study.toml by their names in the recordings, without excluded joints.
 
-    They are those of the robot's file, or those of the recordings in letters that a joint's name may have.
+    They come from the robot's file, or from the recordings with other characters than a joint name allows replaced.
     """
     if proposal.robot_joints is not None:
         return dict(proposal.robot_joints.names)
@@ -282,7 +282,7 @@ def _drive(proposal: Proposal, head: str) -> list[str]:
                 lines.append(_line(f'{key} = "{facts[key].text}"', _origin(facts[key])))
         else:
             unit, word = {"current": ("A", "ampere"), "voltage": ("V", "volt")}[proposal.drive]
-            why = f"{MARK_ASKED}: unknown, so that results stay per {word}"
+            why = f"{MARK_ASKED}: unknown, so that results are per {word}"
             lines.append(f'# {key} = "0.06 N*m/{unit}"  # {why}')
         if "gear_ratio" in facts and key in facts:
             lines.append(_line(f"gear_ratio = {facts['gear_ratio'].value:g}", _origin(facts["gear_ratio"])))
@@ -320,7 +320,7 @@ def _limits(proposal: Proposal, joint: str, head: str) -> list[str]:
     if not ends or "wrap" in role.keys or max(map(abs, ends)) <= MAX_RADIAN_RANGE:
         return []
     margin = 0.05 * (max(ends) - min(ends))
-    why = f"{MARK_GUESS}: the joint turns on and on; this is the range of the recordings"
+    why = f"{MARK_GUESS}: the joint rotates without end stops; this is the range of the recordings"
     return [
         head,
         _line(f'position_min = "{min(ends) - margin:.4g} rad"', why),
@@ -371,7 +371,7 @@ def _channels(layout: Layout, proposal: Proposal, head: str) -> list[str]:
     for given in layout.channels:
         role = _in_study(given, proposal)
         if role is None:
-            left.append((given, "no joint of the study, see [tree]"))
+            left.append((given, "not a joint of the study, see [tree]"))
             continue
         name = channel_name(role)
         base = name
@@ -397,7 +397,7 @@ SLIDING_ROLES = {
 
 
 def _in_study(role: ColumnRole, proposal: Proposal) -> ColumnRole | None:
-    """Return a role as the study has it, with its joint's name there; None if its joint is left out."""
+    """Return a role with its joint's name in the study; None if its joint is excluded."""
     role = _at_joint(role, proposal)
     if role.label not in proposal.main.roles.joints or not _has_joint_tables(proposal):
         return role
@@ -513,9 +513,9 @@ def _model(proposal: Proposal) -> list[str]:
     if proposal.drive is None or proposal.gravity is None or is_fixed:
         return []
     why = {
-        "none": f"{MARK_GUESS}: the sine of the angle explains nothing of the effort",
-        "sine": "the joint hangs at 0",
-        "sine+cosine": "where the joint hangs is found from its weight",
+        "none": f"{MARK_GUESS}: the sine of the angle explains none of the effort",
+        "sine": "the joint hangs straight down at 0",
+        "sine+cosine": "the direction of gravity is estimated",
     }[proposal.gravity]
     return ["", "[model]", _line(f'gravity = "{proposal.gravity}"', why)]
 
@@ -534,10 +534,10 @@ def _procedures(proposal: Proposal) -> list[str]:
             "[hinge]",
             'proximal = "proximal"',
             'distal = "distal"',
-            _line('calibration = "10 s"', f"{MARK_GUESS}: axes and zero come from these seconds"),
+            _line('calibration = "10 s"', f"{MARK_GUESS}: axes and zero are estimated from this period"),
             'score_from = "10 s"',
             _line(
-                'jump = "20 deg"', f"{MARK_GUESS}: a reference that jumps by more from a sample to the next is broken"
+                'jump = "20 deg"', f"{MARK_GUESS}: a larger step of the reference between samples is an error"
             ),
         ]
     emg = [r for r in roles if r.quantity == "emg"]

@@ -63,8 +63,8 @@ class TriedLog:
         if not self.robot_command:
             return ""
         return (
-            "Each joint was identified on its own, as if the others did not move. With the robot's URDF, one model of "
-            f"the arm is identified: `{self.robot_command}`."
+            "Each joint was identified separately, as if the others did not move. Pass the robot's URDF to identify "
+            f"one model of all joints: `{self.robot_command}`."
         )
 
     @property
@@ -78,7 +78,7 @@ class TriedLog:
         answers = " ".join(f'`--answer "{a.subject}={value}"`' for a, value in zip(taken, shown, strict=True))
         doubt = Verdict(
             "warning",
-            f"No file states the scale of these figures. A default is assumed: {listed}.",
+            f"The scale of all results is unconfirmed, because no file states it. Assumed: {listed}.",
             f"Confirm or correct it: {answers}.",
             finding="unconfirmed_scale",
             weight=float("inf"),

@@ -1,4 +1,4 @@
-"""The page of a tried log: what was identified, its error on held-out data and what was assumed, on one screen."""
+"""The page of a tried log on one screen: identified parameters, their error on held-out data, and assumptions."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ MAX_PARAMETER_COLUMNS = 3
 """Number of the most frequent parameters in such a table where no joint has one of the first ones."""
 
 MAX_DETAILED_JOINTS = 1
-"""Up to so many joints, each parameter has a row of its own."""
+"""Largest number of joints for which each parameter has a row of its own."""
 
 MAX_ASSUMPTIONS_OF_JOINTS = 4
-"""At most so many stand there beside a table of several joints."""
+"""Largest number of assumptions on the first screen if it shows a table of several joints."""
 
 MAX_SHOWN_ASSUMPTIONS = 8
-"""At most so many assumptions stand on the first screen; the section below has all."""
+"""Largest number of assumptions on the first screen; the section below lists all."""
 
 
 def try_page(tried: TriedLog) -> Page:
@@ -126,7 +126,7 @@ def _joint_row(joint: TriedJoint, shown: Sequence[tuple[str, str]], level: float
 
 
 def _further_friction(joint: TriedJoint, level: float) -> str:
-    """Return the friction terms of a joint beside viscous and Coulomb friction, each with its value."""
+    """Return a joint's friction terms other than viscous and Coulomb friction, each with its value."""
     terms = [p for p in joint.parameters if p.name in FURTHER_FRICTION_TERMS]
     return "; ".join(f"{parameter_label(p.name, p.unit)}: {_cell(p, level)} {unit_text(p.unit)}".strip() for p in terms)
 
@@ -144,7 +144,7 @@ def _parameters(tried: TriedLog) -> Section:
     heads, rows = parameter_rows(tried)
     if len(tried.joints) <= MAX_DETAILED_JOINTS:
         return Section("parameters", "Parameters", (), (Table(heads, tuple(map(Row, rows)), frozenset({1, 3})),))
-    title = f"Parameters, each with half its {100.0 * tried.result.confidence:g} % interval"
+    title = f"Parameters, each with the half-width of its {100.0 * tried.result.confidence:g} % confidence interval"
     advice = (tried.robot_advice,) if tried.robot_advice else ()
     return Section("parameters", title, advice, (number_table(heads, rows),))
 
@@ -154,16 +154,16 @@ def _assumed(tried: TriedLog, most: int | None = None) -> Section:
     assumed = tried.assumptions
     anchor = "assumed" if most is None else "assumed-first"
     if not assumed:
-        return Section(anchor, "Assumed", ("Nothing: the files state or show all of it.",))
+        return Section(anchor, "Assumed", ("Nothing: the files contain all information.",))
     if most is not None and len(tried.joints) > MAX_DETAILED_JOINTS:
         # A table of several joints leaves no room for another above the verdicts.
         most = MAX_ASSUMPTIONS_OF_JOINTS
         text = "; ".join(f"{_short(a.subject)}: {_short(a.taken)}" for a in assumed[:most])
         more = len(assumed) - most
-        return Section(anchor, "Assumed", (f"{text}{f'; and {more} more, which stand below' * (more > 0)}.",))
+        return Section(anchor, "Assumed", (f"{text}{f'; and {more} more, listed below' * (more > 0)}.",))
     if most is not None:
         more = len(assumed) - most
-        notes = (f"and {more} more, which stand below",) if more > 0 else ()
+        notes = (f"and {more} more, listed below",) if more > 0 else ()
         rows = tuple(Row((_short(a.subject), _short(a.taken), "default" if a.is_question else "from the files"))
                      for a in assumed[:most])  # fmt: skip
         return Section(anchor, "Assumed", (), (Table(("Assumption", "Value", "Origin"), rows, wide=True),), notes=notes)
@@ -171,7 +171,7 @@ def _assumed(tried: TriedLog, most: int | None = None) -> Section:
         Row((a.subject, a.taken, "default" if a.is_question else "from the files", typeset_quantities(a.why)))
         for a in assumed
     )
-    text = "Replace a default with `--answer KEY=VALUE`. Correct in study.toml what was taken from the files."
+    text = "Replace a default with `--answer KEY=VALUE`. Correct values from the files in study.toml."
     table = Table(("Assumption", "Value", "Origin", "Question or reason"), rows, wide=True)
     return Section(anchor, "Assumed", (text,), (table,))
 
@@ -213,7 +213,7 @@ def _efforts(joints: Sequence[TriedJoint]) -> Drawing:
     return Drawing(
         "held_out",
         figure,
-        "Effort on held-out data: measured, predicted by the model (dashed), and its mean, the best constant."
+        "Effort on held-out data: measured, predicted by the model (dashed), and the mean as a baseline."
         + (" Vertical lines separate recordings." if several else "")
         + (f" {SHADED_GAPS_WORDS}" if has_gaps else ""),
     )

@@ -59,7 +59,7 @@ def find_angle_unit(values: np.ndarray) -> AngleUnit:
     for unit, turn in FULL_TURNS.items():
         jumps = np.abs(np.abs(np.diff(known)) - turn) < 0.1 * turn
         if np.sum(jumps) >= ANGLE_LIMITS.min_rollover_jumps and spread < 1.02 * turn and spread > 0.9 * turn:
-            return AngleUnit(unit, f"it rolls over after {turn:.4g}", True, wrap=f"{turn:.12g} {unit}")
+            return AngleUnit(unit, f"it wraps at {turn:.4g}", True, wrap=f"{turn:.12g} {unit}")
     if quantum is not None and not is_decimal(quantum):
         for unit, turn in FULL_TURNS.items():
             count = turn / quantum
@@ -71,17 +71,17 @@ def find_angle_unit(values: np.ndarray) -> AngleUnit:
             ):
                 return AngleUnit(
                     unit,
-                    f"its quantum {quantum:.6g} is a turn over {nearest}, as an encoder divides it",
+                    f"its resolution {quantum:.6g} is 1/{nearest} of a turn, as of an encoder",
                     True,
                     counts_per_turn=nearest,
                 )
     lattice = find_lattice(known)
     if lattice is not None:
         unit, count = lattice
-        why = f"its values lie on multiples of a turn over {count} in {unit}, as an encoder divides it"
+        why = f"its values are multiples of 1/{count} of a turn in {unit}, as of an encoder"
         return AngleUnit(unit, why, True, counts_per_turn=count)
     if spread > 1000.0 and np.all(known == np.round(known)):
-        return AngleUnit("counts", f"whole numbers over a range of {spread:.6g}", True)
+        return AngleUnit("counts", f"integers over a range of {spread:.6g}", True)
     if spread > MAX_RADIAN_RANGE:
         # A motor before its gears may turn so often in radians, so that the range alone decides nothing.
         return AngleUnit("deg", f"a range of {spread:.4g} is {spread / (2 * math.pi):.1f} turns in radians", False)

@@ -56,7 +56,7 @@ DRIVE_QUANTITIES = ("torque", "force", "current", "voltage", "duty")
 """Quantities of a drive."""
 
 ESSENTIAL_QUANTITIES = (*DRIVE_QUANTITIES, "position", "motor_position", "angle", "moment", "emg")
-"""Quantities that a study cannot do without; another one is left out if its unit is not known."""
+"""Quantities that a study requires; a channel of another quantity is excluded if its unit is unknown."""
 
 INERTIAL_QUANTITIES = {
     "acceleration": "linear_acceleration",
@@ -78,7 +78,7 @@ DEFAULT_UNITS = {
 """Units that are taken, and marked, where nothing tells them."""
 
 FINE_ENCODER_COUNTS = tuple(2**bits for bits in range(21, 25))
-"""Counts of a turn of encoders of servo drives, finer than those that weight tells apart."""
+"""Counts per turn of servo-drive encoders, which are too fine for gravity to distinguish."""
 
 _EFFORTS_BY_LETTER = {"v": "voltage", "u": "voltage", "i": "current", "t": "torque", "f": "force"}
 """Quantities of drives by the first letter of a short name that is no word."""
@@ -88,7 +88,7 @@ _MOTOR_WORDS = frozenset({"motor", "rotor", "mot"})
 """Words of a position before a gear."""
 
 _OUTPUT_WORDS = frozenset({"joint", "output", "link", "load"})
-"""Words behind a gear: beside them, a motor's position is none of the joint's."""
+"""Words for the output side of a gear: if a column has one, a motor's position is not the joint's."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,12 @@ class TableHints:
 
 
 def assign_roles(columns: Mapping[str, np.ndarray], hints: TableHints | None = None) -> TableRoles:
-    """Return what each of a table's columns, shape (n,) each, is.
+    """Return the role of each of a table's columns, shape (n,) each.
 
-    Constants belong to nobody. A clock advances evenly. EMG is told by its spectrum, inertial sensors by what their
-    axes
-    fulfil together, velocities as derivatives of positions, efforts by the motion that explains them, commands by their
-    lack of noise. A name adds to this evidence. Where name and numbers disagree, or neither decides, the role is
-    marked.
+    A constant column has no role. A clock advances evenly. EMG is recognised by its spectrum, inertial sensors by the
+    relations between their axes, velocities as derivatives of positions, efforts by the motion that explains them, and
+    commands by their lack of noise. Names add to this evidence. Where name and numbers disagree, or neither decides,
+    the role is marked.
     """
     hints = hints or TableHints()
     n = max(map(len, columns.values()), default=0)
@@ -329,14 +328,14 @@ class _Assignment:
             x = self.values[name]
             known = x[np.isfinite(x)]
             if len(known) == 0:
-                self._leave_out(name, "no number at all")
+                self._leave_out(name, "it has no numbers")
             elif np.ptp(known) == 0.0:
                 if self.names[name].quantity is not None:
                     role = ColumnRole(name, self.names[name].quantity, "1", "it never changes")
                     self.steady.append(self._with_unit(name, role, None))
-                self._leave_out(name, f"constant at {known[0]:.6g}: nobody's measurement")
+                self._leave_out(name, f"constant at {known[0]:.6g}: not a measurement")
             elif self.names[name].quantity in ("counter", "state"):
-                self._leave_out(name, "its name says a counter, a state, or what moves no joint")
+                self._leave_out(name, "its name is that of a counter, a state, or another quantity than a joint's")
             elif np.all(np.diff(known) == 1.0):
                 self._leave_out(name, "it counts rows")
 
@@ -373,10 +372,10 @@ class _Assignment:
             evidence = self.names[name]
             place = name.casefold()[-3:] in ("_tx", "_ty", "_tz")
             if place and said in ("angle", "position"):
-                self._leave_out(name, "a place of the model, and no angle")
+                self._leave_out(name, "a position of the model's root, not an angle")
                 continue
             if place and said == "torque" and evidence.quantity is None:
-                self._leave_out(name, "a force on the model, and no moment")
+                self._leave_out(name, "a force on the model, not a moment")
                 continue
             of_person = evidence.quantity == "position" and evidence.joint is not None
             own = evidence.quantity is None or of_person or (evidence.quantity == "emg" and evidence.muscle)
@@ -389,7 +388,7 @@ class _Assignment:
                 quantity = "lengthening"
             if quantity in ("length", "lengthening", "moment_arm") and not evidence.muscle:
                 continue
-            self._set(name, quantity, f"the file's name says {said}", evidence, True)
+            self._set(name, quantity, f"the file name contains {said}", evidence, True)
 
     def _find_muscles(self) -> None:
         if self.hints.quantity not in (None, "emg"):
@@ -404,12 +403,13 @@ class _Assignment:
             raw = is_raw_emg(x, rate) or (self.rate is None and swings_fast(x))
             # A name of another quantity stands against the spectrum: a current has ripple, too.
             if raw and (said or (evidence.quantity in (None, "voltage", "position") and not _is_long_name(evidence))):
-                why = "its spectrum is that of EMG: broad, between 20 and 450 Hz"
+                why = "its spectrum is that of EMG: broadband, between 20 and 450 Hz"
                 if self.rate is None:
-                    why = "it swings about zero from sample to sample, as EMG does"
-                self._set(name, "emg", why if not said else f"{why}, and its name says so", evidence, said or rate > 0)
+                    why = "it alternates about zero from sample to sample, as EMG does"
+                named = f"{why}, and its name agrees"
+                self._set(name, "emg", named if said else why, evidence, said or rate > 0)
             elif said and (name in envelopes or file_says or evidence.muscle):
-                kind = "an envelope: it is never negative and slow" if is_envelope(x, rate) else "by its name"
+                kind = "an envelope: slow and never negative" if is_envelope(x, rate) else "by its name"
                 self._set(name, "emg", f"EMG, {kind}", evidence, True)
 
     def _find_inertial_sensors(self) -> None:
@@ -487,13 +487,13 @@ class _Assignment:
             sure = sure or documented is not None
             if quantity in ("torque", "force") and documented is None and self._is_register(name):
                 why = (
-                    f"{said} says {quantity}, but it holds whole numbers without a unit: a servo's register of its duty"
+                    f"{said} says {quantity}, but it has integers without a unit, as a servo's duty-cycle register has"
                 )
                 self._set(name, "duty", why, evidence, False)
                 self.keys.setdefault(name, {})["scale"] = 0.001
                 continue
             if quantity in DRIVE_QUANTITIES and not evidence.is_command and is_stepped(self.values[name]):
-                why = f"{said} says {quantity}, but it rests on levels: a program set it"
+                why = f"{said} says {quantity}, but it has constant levels, as a command has"
                 self._set(name, quantity, why, evidence, False)
                 continue
             if quantity == "linear_acceleration" and evidence.axis is None:
@@ -509,8 +509,11 @@ class _Assignment:
             self._set(name, quantity, f"{said} says {quantity}", evidence, sure)
 
     def _is_motor_side(self, name: str) -> bool:
-        """Whether a position is a motor's: by its name, with a stated unit and no joint's position beside it, or with
-        another column named after the joint; or by how often it turns in radians that its encoder's quanta show."""
+        """Whether a position is a motor's.
+
+        Its name decides if its unit is stated and no joint position was recorded, or if another column is named after
+        the joint. Otherwise the number of turns decides, in radians known from the encoder's resolution.
+        """
         known = self.values[name][np.isfinite(self.values[name])]
         documented = self._documented(name)
         if documented is not None and documented.side == "motor" and documented.unit not in (None, "counts"):
@@ -566,7 +569,7 @@ class _Assignment:
             for b in free[i + 1 :]:
                 followed = self._command_of(a, b)
                 if followed is not None and max(lengths[a], lengths[b]) < 0.05 and abs(followed.slope - 1.0) < 0.1:
-                    why = f"{followed.why}: a controlled position"
+                    why = f"{followed.why}, as a controlled position does"
                     self._set(followed.measured, "position", why, self.names[followed.measured], False)
                     return
         drives = [n for n in self._free() if is_stepped(self.values[n])]
@@ -607,7 +610,7 @@ class _Assignment:
                 break
             other, share = shares[name]
             quantity, why = self._kind_of_effort(name)
-            said = f'{why}; the motion "{other}" explains {100 * share:.0f} % of it'
+            said = f'{why}; the motion "{other}" explains {100 * share:.0f} % of its variance'
             self._set(name, quantity, said, self.names[name], False)
 
     def _command_of(self, name: str, other: str) -> FollowedCommand | None:
@@ -628,11 +631,11 @@ class _Assignment:
         x = self.values[name]
         largest = float(np.nanmax(np.abs(x)))
         if largest <= 1.0 + 1e-9 and np.sum(np.abs(x) > 0.999 * largest) > 5 and largest > 0.9:
-            return "duty", "it rests at 1, as a duty does"
+            return "duty", "it saturates at 1, as a duty cycle does"
         if is_stepped(x) or is_set_by_program(x):
-            return "voltage", "a program sets it: it rests on levels without noise, as a voltage that is asked for"
+            return "voltage", "a program sets it: constant levels without noise, as of a commanded voltage"
         if quantity := self.hints.quantity:
-            return quantity, "the file's name says so"
+            return quantity, "from the file name"
         letter = self.names[name].bare[:1].casefold()
         if len(self.names[name].bare) <= 4 and letter in _EFFORTS_BY_LETTER:
             quantity = _EFFORTS_BY_LETTER[letter]
@@ -646,7 +649,7 @@ class _Assignment:
         for name in voltages if others else ():
             known = self.values[name][np.isfinite(self.values[name])]
             if len(known) and known.min() > 0.0 and np.std(known) < ROLE_LIMITS.max_supply_spread * np.mean(known):
-                why = "it keeps its sign and its size beside another effort, as a supply does"
+                why = "nearly constant and positive while another effort varies, as a supply voltage is"
                 self.roles[name] = replace(self.roles[name], quantity="supply", why=why, is_certain=True)
 
     def _find_commands(self) -> None:
@@ -676,7 +679,7 @@ class _Assignment:
             elif role.quantity == "velocity" and self.names[name].is_command:
                 self.roles[name] = replace(role, quantity="desired_velocity", is_command=True)
         for name in self._free():
-            self._leave_out(name, "neither its name nor its numbers tell what it is")
+            self._leave_out(name, "neither its name nor its numbers show its quantity")
 
     def _find_leaders(self) -> None:
         """Tell which of two columns of one quantity leads the other: the one is asked for, the other measured."""
@@ -738,7 +741,7 @@ class _Assignment:
         for name, role in list(self.roles.items()):
             unknown = self.names[name].unknown_unit
             if role.quantity is not None and unknown is not None:
-                why = f'the file states "{unknown}", which is no unit that is known'
+                why = f'the file states the unknown unit "{unknown}"'
                 self.roles[name] = replace(role, unknown_unit=unknown, unit_is_certain=False, unit_why=why)
 
     def _turn_velocities(self) -> None:
@@ -746,7 +749,7 @@ class _Assignment:
         for pair in self.pairs:
             role = self.roles.get(pair.by)
             if role is not None and role.quantity == "velocity" and pair.ratio < 0.0:
-                why = f'{role.why}; it counts the other way than "{pair.of}"'
+                why = f'{role.why}; its sign is opposite to that of "{pair.of}"'
                 self.roles[pair.by] = replace(role, keys={**role.keys, "sign": -1}, why=why)
 
     def _unstated_angles(self) -> list[str]:
@@ -766,7 +769,8 @@ class _Assignment:
         known = next(self.roles[name] for name in names if self.roles[name].unit == common)
         for name in names:
             if self.roles[name].unit != common:
-                self.roles[name] = self.roles[name].in_unit(common, "as the other EMG channels", known.unit_is_certain)
+                why = "same as the other EMG channels"
+                self.roles[name] = self.roles[name].in_unit(common, why, known.unit_is_certain)
 
     def _stated(self, name: str) -> str | None:
         return self.names[name].unit
@@ -801,7 +805,7 @@ class _Assignment:
         if quantity in ("position", "reference", "angle", "target", "error", "motor_position"):
             unit, why, sure, found = self._position_unit(name)
             if stated is not None and is_known_unit(stated, "m") and _is_normalised(self.values[name]):
-                why, sure = f"{why}, but its largest value is exactly 1: perhaps it is relative", False
+                why, sure = f"{why}, but its largest value is exactly 1, so that it may be normalized", False
             decided = None
             if sure and stated in FULL_TURNS and quantity == "position" and self.names[name].scale == 1.0:
                 by_weight = self._weighed(name)
@@ -810,13 +814,14 @@ class _Assignment:
                     role = replace(role, fitting_unit=by_weight[0])
             if sure and stated == "rad" and quantity == "position" and self._turns_often(name):
                 # A wheel keeps turning in one direction; a joint moves back and forth within two turns.
-                why, sure = f"{why}, but it moves back and forth over more than two turns: degrees, or a motor?", False
+                why = f"{why}, but it spans over two turns back and forth: it may be in degrees or a motor's"
+                sure = False
             if stated is None and (not sure or unit == "counts") and quantity != "reference":
                 decided = self._weighed(name)
             if decided is not None:
                 unit, why, sure = decided
             elif stated is None and common is not None and not sure:
-                unit, why, sure = common, "as the other angles of the table", True
+                unit, why, sure = common, "same as the other angles of the table", True
             if found is not None and found.wrap is not None:
                 keys["wrap"] = found.wrap
             documented = self._documented(name)
@@ -918,15 +923,15 @@ class _Assignment:
                     why = f'it is {pair.ratio:.4g} times the derivative of "{pair.of}"'
                     return role.in_unit(unit, why, of.unit_is_certain)
             if role.quantity == "acceleration":
-                return replace(role, unit_why=f"{pair.ratio:.4g} times the derivative fits no usual unit")
-            # A register of its own unit: the position tells how much one of its numbers is.
-            why = f'one number is {1.0 / abs(pair.ratio):.4g} {of.unit}/s, as the derivative of "{pair.of}" tells'
+                return replace(role, unit_why=f"no usual unit gives {pair.ratio:.4g} times the derivative")
+            # A register in a unit of its own: the position gives its scale.
+            why = f'one count is {1.0 / abs(pair.ratio):.4g} {of.unit}/s, from the derivative of "{pair.of}"'
             scaled = replace(role, keys={**role.keys, "scale": 1.0 / abs(pair.ratio)})
             return scaled.in_unit(f"{of.unit}/s", why, of.unit_is_certain)
         positions = [r for r in self.roles.values() if r.quantity == "position"]
         suffix = "/s^2" if role.quantity == "acceleration" else "/s"
         if positions and positions[0].unit in ("rad", "deg", "turn", "m", "mm"):
-            return replace(role, unit=positions[0].unit + suffix, unit_why="as the position, per second")
+            return replace(role, unit=positions[0].unit + suffix, unit_why="the position's unit per second")
         return role
 
     def _group_joints(self) -> None:
@@ -968,7 +973,7 @@ class _Assignment:
                     self._make_extra(name)
 
     def _are_persons_joints(self) -> bool:
-        """Whether motions and moments beside EMG are a person's: their names say so, or no drive turns the joint."""
+        """Whether motions and moments recorded with EMG are a person's: by their names, or if no drive was recorded."""
         efforts = [n for n, r in self.roles.items() if r.quantity in DRIVE_QUANTITIES]
         if not any(r.quantity == "emg" for r in self.roles.values()):
             return False
@@ -1019,7 +1024,7 @@ class _Assignment:
                 if joint is None and len(names) == len(keys):
                     joint = self.joints[i]
                 if joint is None:
-                    self._leave_out(name, f"a {quantity} of none of the joints {', '.join(keys)}")
+                    self._leave_out(name, f"a {quantity} that belongs to none of the joints {', '.join(keys)}")
                     continue
                 of_joint.setdefault(joint, []).append(name)
             for joint, own in of_joint.items():
@@ -1086,7 +1091,7 @@ class _Assignment:
     def _make_extra(self, name: str) -> None:
         role = self.roles[name]
         if not role.unit_is_certain or not role.is_certain:
-            self._leave_out(name, f"a further {role.quantity}, whose meaning is not certain: {role.why}")
+            self._leave_out(name, f"another {role.quantity} of uncertain meaning: {role.why}")
             return
         self.roles[name] = replace(role, quantity=_plain_label(self.names[name].bare).casefold(), label="")
 
@@ -1125,14 +1130,14 @@ class _Assignment:
                 if k == measured and len(blocks) > 1:
                     larger = any(_is_larger(sizes[j], sizes[k]) for j in range(len(blocks)) if j != k)
                     kind = "current" if larger and stated is None else quantity
-                    role = self._guessed(role, kind, kind, "an effort with noise: it is measured")
+                    role = self._guessed(role, kind, kind, "an effort with noise, so that it is measured")
                 elif alike:
                     kind = "current" if len(blocks) > 2 and stated is None else quantity
-                    why = "an effort without noise, as large as the measured: asked for"
+                    why = "an effort without noise, as large as the measured one: the command"
                     role = replace(self._guessed(role, f"desired_{kind}", kind, why), is_command=True)
                 else:
                     kind = "torque" if stated is None else quantity
-                    why = f"an effort without noise, {usual:.3g} times the measured"
+                    why = f"an effort without noise, {usual:.3g} times the measured one"
                     role = replace(self._guessed(role, f"desired_{kind}", kind, why), is_command=True)
                 self.roles[name] = role
 
@@ -1211,8 +1216,8 @@ def _emg_unit(values: np.ndarray, rate: float | None) -> tuple[str, str, bool]:
             return "%", f"an envelope up to {np.max(known):.3g}: perhaps percent of a maximum", False
     for unit, low, high in (("V", 0.0, 0.012), ("mV", 0.012, 12.0), ("uV", 12.0, 12000.0)):
         if low < size <= high:
-            return unit, f"surface EMG has up to some millivolts, and this {size:.3g}", False
-    return "uV", f"numbers up to {size:.3g} are counts of a converter or microvolts", False
+            return unit, f"surface EMG reaches a few millivolts, and the largest value is {size:.3g}", False
+    return "uV", f"values up to {size:.3g} are microvolts or counts of an analog-to-digital converter", False
 
 
 def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
@@ -1223,7 +1228,7 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     whole = bool(np.all(known == np.round(known)))
     if quantity == "current":
         if largest > 100.0 or (whole and largest > 20.0):
-            return "mA", f"numbers up to {largest:.4g} are much for amperes", False
+            return "mA", f"values up to {largest:.4g} are too large for amperes", False
         return "A", f"numbers up to {largest:.4g}", False
     if quantity == "torque":
         is_much = find_implausible(Channel("torque", known, "N*m", "")) is not None or (whole and largest > 300.0)
@@ -1232,7 +1237,7 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
         is_usual = quantity == "supply" and 3 < largest < 60
         return ("mV" if largest > 500.0 else "V"), f"numbers up to {largest:.4g}", is_usual
     if quantity == "duty" and largest > 100.0:
-        return "1", f"whole numbers up to {largest:.4g} in the file; which of them is 100 % is not said", False
+        return "1", f"integers up to {largest:.4g}; the number that stands for 100 % is unknown", False
     if quantity == "duty":
         return ("%" if 1.5 < largest <= 100.0 else "1"), f"numbers up to {largest:.4g}", largest <= 1.0
     if quantity in ("enabled", "orientation"):
@@ -1240,7 +1245,7 @@ def _unit_by_size(quantity: str, values: np.ndarray) -> tuple[str, str, bool]:
     if quantity == "temperature":
         return "degC", "", 5.0 < largest < 150.0
     if quantity in ("length", "moment_arm"):
-        return "m", f"numbers up to {largest:.3g}, as of muscles in metres", largest < 1.5
+        return "m", f"values up to {largest:.3g}, as muscle lengths in metres have", largest < 1.5
     if quantity in DEFAULT_UNITS:
         return DEFAULT_UNITS[quantity], f"numbers up to {largest:.4g}", False
     return "1", "", False

@@ -194,15 +194,15 @@ def _clock_of(
     if slope is not None and not stopped and jitters and np.isfinite(values).all():
         if is_smoother_evenly([x[first:] for x in beside], known[first:]):
             why = (
-                f'"{evidence.name}" is the clock, stamped on arrival: the recorded motion is smoother at its mean rate '
-                "than at its stamps"
+                f'"{evidence.name}" is the clock, but its stamps were taken on arrival: the recorded motion is '
+                "smoother at the mean rate, which is used"
             )
             return FoundClock(None, "s", 1.0 / (slope * UNIT_SECONDS[unit]), why, certain, evidence.name, others)
         slope = None
     if slope is not None and (repeated <= TIME_LIMITS.max_repeated_share or jitters):
         why = (
-            f'"{evidence.name}" is the clock, stamped on arrival: in {stopped} rows its stamps stand still or fall '
-            "although the samples go on, so that its mean rate takes their place"
+            f'"{evidence.name}" is the clock, but its stamps were taken on arrival: in {stopped} rows they do not '
+            "advance although the samples do; the mean rate is used"
         )
         return FoundClock(None, "s", 1.0 / (slope * UNIT_SECONDS[unit]), why, certain, evidence.name, others)
     span = (known[-1] - known[first if first < len(known) else 0]) * UNIT_SECONDS[unit]
@@ -212,8 +212,8 @@ def _clock_of(
         # Between its first and its last advance a coarse clock shows whole steps.
         rate = float((advances[-1] - advances[0]) / whole) if whole > 0.0 else len(steps) / span if span > 0.0 else None
         why = (
-            f'"{evidence.name}" stands still in {100 * repeated:.0f} % of the steps: it is coarser than the samples, '
-            "so that their mean rate takes its place"
+            f'"{evidence.name}" is the clock, but it is coarser than the sampling interval: {100 * repeated:.0f} % of '
+            "its steps are 0; the mean rate is used"
         )
         return FoundClock(None, "s", rate, why, False, evidence.name, others)
     inner = positive[positive < 1.5 * np.median(positive)]
@@ -265,7 +265,7 @@ def _usual_advance(values: np.ndarray) -> float | None:
 
 
 def _stops_between_samples(values: np.ndarray, first: int, beside: Sequence[np.ndarray]) -> int:
-    """Return how many stamps do not advance although a column beside them does: no packets that came twice."""
+    """Return the number of stamps that do not advance although another column does (not a repeated packet)."""
     if not np.isfinite(values).all():
         return 0
     stops = np.diff(values[first:]) <= 0.0
@@ -350,17 +350,18 @@ def _unit(middle: float, step: float, evidence: NameEvidence) -> tuple[str, str,
     for unit, seconds in UNIT_SECONDS.items():
         is_wall_clock = unit not in ("min", "h") and _is_within(middle * seconds, TIME_LIMITS.epoch_range_s)
         if is_wall_clock and (unit == "s" or _is_usual(1.0 / (step * seconds))):
-            return unit, f"the numbers are {unit} since 1970, in steps of {step:.4g}", True
+            return unit, f"the numbers count {unit} since 1970, in steps of {step:.4g}", True
     usual = [u for u in ("s", "ms", "us", "ns") if _is_usual(1.0 / (step * UNIT_SECONDS[u]))]
     rates = {u: 1.0 / (step * UNIT_SECONDS[u]) for u in ("s", "ms", "us", "ns")}
     possible = [u for u, rate in rates.items() if _is_within(rate, TIME_LIMITS.possible_rates_hz)]
     unit = (usual or possible or ["s"])[0]
     rate = 1.0 / (step * UNIT_SECONDS[unit])
-    why = f"steps of {step:.4g} are {rate:.4g} Hz in {unit}"
+    why = f"steps of {step:.4g} {unit} give {rate:.4g} Hz"
     if len(usual) == 1:
         return unit, why, True
     rest = " or ".join(u for u in (usual or possible) if u != unit)
-    return unit, f"{why}, which {rest or 'nothing'} would make unusual", False
+    doubt = f"but {rest} would give a usual rate too" if rest in usual or " or " in rest else "which is unusual"
+    return unit, f"{why}, {doubt}", False
 
 
 def _is_usual(rate: float) -> bool:

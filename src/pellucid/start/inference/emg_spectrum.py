@@ -140,7 +140,8 @@ def find_inertial(
         lengths = np.linalg.norm([columns[name] for name in group], axis=0)
         moving = sum(np.ptp(columns[name]) > 1e-3 for name in group)
         if moving >= 2 and np.nanquantile(np.abs(lengths - 1.0), 0.95) < SPECTRUM_LIMITS.quaternion_tolerance:
-            found.append(InertialColumns("orientation", group, "1", "its rows have length 1 throughout", True))
+            why = "the norm of every row is 1, as that of a quaternion"
+            found.append(InertialColumns("orientation", group, "1", why, True))
             used |= set(group)
     accelerometers: list[tuple[str, ...]] = []
     confirmed: set[str] = set(named)
@@ -150,7 +151,7 @@ def find_inertial(
             continue
         unit = _gravity_unit([columns[name] for name in group])
         if unit is not None:
-            why = f"the length of its rows is that of gravity in {unit[0]} (median {unit[1]:.4g})"
+            why = f"the norm of its rows is that of gravity in {unit[0]} (median {unit[1]:.4g})"
             found.append(InertialColumns("acceleration", group, unit[0], why, True))
             accelerometers.append(group)
             used |= set(group)
@@ -166,8 +167,8 @@ def find_inertial(
             scale, share = fit
             unit_text = "deg/s" if scale > 10.0 else "rad/s"
             why = (
-                f"it turns gravity in the accelerometer beside it ({100 * share:.0f} % explained) with a scale of "
-                f"{scale:.3g}"
+                f"it explains {100 * share:.0f} % of gravity's rotation in the neighbouring accelerometer, with a "
+                f"scale of {scale:.3g}"
             )
             found.append(InertialColumns("angular_velocity", tuple(axes), unit_text, why, True))
             used |= set(axes)

@@ -59,15 +59,15 @@ def find_encoding(values: np.ndarray, unit: str | None = None) -> Encoding | Non
         bits = find_unsigned_bits(values)
         if bits is not None:
             keys = {"signed_bits": bits}
-            return Encoding(decode_counts(values, keys), keys, f"negative numbers are stored as a count of {bits} bits")
+            return Encoding(decode_counts(values, keys), keys, f"negative numbers are stored in {bits} bits (wrapped)")
         bit = find_sign_bit(values)
         if bit is not None:
             keys = {"sign_bit": bit}
-            return Encoding(decode_counts(values, keys), keys, f"bit {bit} is the minus sign")
+            return Encoding(decode_counts(values, keys), keys, f"bit {bit} is the sign")
         rolling = find_rolling_bits(values)
         if rolling is not None:
             keys = {"wrap_bits": rolling}
-            return Encoding(decode_counts(values, keys), keys, f"a count that rolls over after {rolling} bits")
+            return Encoding(decode_counts(values, keys), keys, f"a count of {rolling} bits that wraps")
     for name, period in VALUE_PERIODS.items():
         if unit in (None, name) and rolls_over(values, period):
             keys = {"wrap": f"{period:.12g} {name}"}

@@ -25,8 +25,7 @@ COMMAND_QUANTITIES = frozenset({"reference", "desired_velocity", "desired_torque
 """Quantities that a controller asks for."""
 
 FINGERPRINT_QUANTITIES = frozenset(QUANTITY_WORDS) | COMMAND_QUANTITIES | {"marker", "ignore"}
-"""Quantities that a column of a fingerprint may have: those of names, what a controller asks for, markers, and
-``ignore``."""
+"""Quantities that a column of a fingerprint may have: named quantities, commands, markers, and ``ignore``."""
 
 ENCODINGS = frozenset({"twos_complement 16", "twos_complement 32", "sign_bit 10", "sign_bit 11", "sign_bit 15"})
 """Ways in which registers write negative numbers."""

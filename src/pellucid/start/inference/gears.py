@@ -57,7 +57,7 @@ def find_gear(roles: TableRoles, efforts: tuple[str, ...]) -> FoundGear | None:
 
 
 def is_before_gear(effort: ColumnRole, position: ColumnRole) -> bool:
-    """Whether an effort is named after the motor, beside a position that is named after the joint."""
+    """Whether an effort is named after the motor while the position is named after the joint."""
     return bool(_MOTOR_WORDS & set(words_of(effort.column))) and side_of(position.column) == "output"
 
 

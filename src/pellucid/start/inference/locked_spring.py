@@ -54,7 +54,7 @@ class SpringLimits:
 SPRING_LIMITS = SpringLimits()
 
 MAX_DEFLECTION_RAD = float(np.radians(5.0))
-"""Within this travel a spring that no weight could be is told from a joint by its stiffness alone [rad]."""
+"""Largest travel within which stiffness alone distinguishes a spring from the gravity of a joint [rad]."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def with_locked_spring(roles: TableRoles, spring: LockedSpring) -> TableRoles:
     made = []
     for role in roles.roles:
         if role.column == spring.locked:
-            why = f'the locked end, which "{spring.driven}" is counted from'
+            why = f'the locked end of the spring, from which "{spring.driven}" is measured'
             role = replace(role, quantity=None, label="", why=why)
         elif role.column == spring.driven:
             keys = dict(role.keys) | ({"minus": spring.locked} if spring.locked else {})
@@ -169,7 +169,7 @@ def find_locked_spring(
                     continue
                 is_told = found.is_no_weight or _is_stiff(found, radians_per_unit, is_torque)
                 if is_told or _gives(found, _evidence(sign * moved, effort[rows], rate)):
-                    against = "" if sign > 0 else ", with the other sign"
+                    against = "" if sign > 0 else ", with opposite sign"
                     why = f'"{locked}" is locked, and the effort follows "{driven}" minus "{locked}"{against}'
                     return LockedSpring(driven, locked, f"{why}: {_said(found)}", sign)
     if not taken:
@@ -179,11 +179,11 @@ def find_locked_spring(
     if found is None or not found.follows:
         return None
     if slides or found.is_no_weight:
-        why = f'the effort follows "{driven}", without the inertia of a weight: {_said(found)}'
+        why = f'the effort is proportional to "{driven}" and shows no inertia: {_said(found)}'
         return LockedSpring(driven, None, why)
     if not _is_stiff(found, radians_per_unit, is_torque):
         return None
-    why = f'the effort follows "{driven}", which hardly moves, and no joint weighs as much: {_said(found)}'
+    why = f'the effort is proportional to "{driven}" and too stiff for gravity: {_said(found)}'
     return LockedSpring(driven, None, why)
 
 

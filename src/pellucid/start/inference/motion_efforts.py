@@ -348,7 +348,7 @@ def find_command(a: tuple[str, np.ndarray], b: tuple[str, np.ndarray]) -> Follow
     if lag != 0:
         late = name_b if lag > 0 else name_a
         first = name_a if lag > 0 else name_b
-        why = f'"{late}" follows "{first}" {abs(lag) * stride} samples later'
+        why = f'"{late}" follows "{first}" with a delay of {abs(lag) * stride} samples'
     elif rough_x < 0.5 * rough_y or rough_y < 0.5 * rough_x:
         first, late = (name_a, name_b) if rough_x < rough_y else (name_b, name_a)
         why = f'"{first}" has no noise, and "{late}" follows it'
@@ -384,7 +384,7 @@ def find_leader(a: tuple[str, np.ndarray], b: tuple[str, np.ndarray]) -> Followe
         lost = sum(sign * lag <= 0.0 for lag in lags)
         is_smoother = roughness(early[good]) <= EFFORT_LIMITS.max_leading_roughness * roughness(follower[good])
         if lost <= EFFORT_LIMITS.max_lost_blocks and is_smoother:
-            why = f'"{late}" follows "{first}" {abs(float(np.median(lags))):.2g} samples later, and is rougher'
+            why = f'"{late}" follows "{first}" with a delay of {abs(float(np.median(lags))):.2g} samples and more noise'
             return FollowedCommand(first, late, gain if first == a[0] else 1.0 / gain, why)
     return None
 

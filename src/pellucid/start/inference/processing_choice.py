@@ -119,8 +119,8 @@ def choose_processing(position: np.ndarray, rate: float, periods: np.ndarray | N
         max(PROCESSING_LIMITS.dead_band_share * float(np.quantile(speed, 0.99)), 2.0 * quantum * lowpass)
     )
     why = (
-        f"the acceleration's spectrum falls to its floor at {cut:.3g} Hz; above it, quanta and noise of the position "
-        "outweigh motion"
+        f"the spectrum of the acceleration falls to its noise floor at {cut:.3g} Hz; above, quantization and noise of "
+        "the position dominate"
     )
     return ProcessingChoice(
         lowpass, _decimation(lowpass, rate), dead_band, _trim(lowpass, rate), why, frequency, acceleration,
@@ -149,7 +149,7 @@ def bridge_losses(choice: ProcessingChoice, tables: Sequence[np.ndarray], rate: 
         return choice
     why = choice.why
     if best:
-        why += f"; {lowpass:g} Hz is lower, so that interpolation bridges the samples that the clock loses"
+        why += f"; {lowpass:g} Hz is lower, so that lost samples can be interpolated"
     return replace(
         choice, lowpass=lowpass, decimate=_decimation(lowpass, rate), trim=_trim(lowpass, rate), why=why, resample=rate
     )

@@ -1,6 +1,7 @@
-"""Torque maps of a study: every estimator is calibrated on the fitted recordings and scored on held-out ones.
+"""Calibrate every estimator of torque from EMG on the fitted recordings and score it on held-out ones.
 
-Score estimators on trials left out in turn: recordings with moments, or repetitions of leg extensions.
+Without held-out recordings, estimators are scored by cross-validation over trials: recordings with moments, or
+repetitions of leg extensions.
 """
 
 from __future__ import annotations
@@ -92,16 +93,16 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
         trials, weight = leg_extension_trials(study, person)
         _evaluate_trials(found, trials, person or "knee", "normalised", weight, _part_progress(tell, i, len(people)))
     formula_text = (
-        "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine of "
-        "the angle. Any regression on the angle reproduces that formula, without EMG too; its small error is no "
-        "evidence about EMG. Compare estimators with muscles among each other."
+        "No torque was recorded. The reference is a formula in the angle and its acceleration, dominated by the sine "
+        "of the angle, and a regression on the angle alone reproduces it. A small error is therefore no evidence for "
+        "EMG. Compare only the estimators with muscles with each other."
     )
     found.verdicts.append(Verdict("warning", formula_text))
     if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
         effort_text = (
-            "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort seen, "
-            "whose share of a maximal one is estimated together with the muscles. Strengths are then not strengths of "
-            "muscles."
+            "No maximal contraction was recorded (protocol mvc). Envelopes are relative to the largest recorded "
+            "effort, whose share of a maximal one is estimated together with the muscles. The estimated strengths are "
+            "therefore not maximal muscle strengths."
         )
         found.verdicts.append(Verdict("warning", effort_text))
     return found
@@ -110,11 +111,11 @@ def leave_out_repetitions(study: Study, tell: Progress) -> CalibrationFindings:
 def _evaluate_trials(
     found: CalibrationFindings, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress
 ) -> None:
-    """Score every estimator on trials left out in turn; `unit` [N m] divides RMSE. Findings are added to `found`."""
+    """Score every estimator by cross-validation over trials; `unit` [N m] divides RMSE. Results go to `found`."""
     if len(trials) < 3:
         raise IdentificationError(
-            f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three, each "
-            "to be left out in turn"
+            f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three for "
+            "cross-validation"
         )
     names = findings.find_applicable_estimators(trials, what, found)
     results = cross_validate_torque_maps(
@@ -146,7 +147,7 @@ def _left_out_evaluations(
     causal: bool = False,
     unit: float = 1.0,
 ) -> list[EstimatorEvaluation]:
-    """Return the evaluation of every estimator on trials left out in turn; `unit` [N m] divides RMSE."""
+    """Return the evaluation of every estimator by cross-validation over trials; `unit` [N m] divides RMSE."""
     own = []
     for name, result in results.items():
         every, whole = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}, result.score
@@ -216,8 +217,8 @@ class CalibrationResult(Result):
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
     """Calibrate maps from EMG to torque and score them on recordings that were not fitted.
 
-    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are scored trial
-    by trial, each repetition left out in turn; they need the cards of the orthosis and of the limb.
+    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are scored by
+    cross-validation over repetitions; they need the model cards of the orthosis and of the limb.
 
     `study` [emg_torque].
     """
@@ -298,7 +299,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
         verdict: AnswerVerdict = "yes" if worst.score.r2 >= MIN_TORQUE_R2 else "no"
         text = f"{_error_words(worst)}{where}"
         if worst.kind == FORMULA_KIND:
-            verdict, text = "cannot say", f"no torque was recorded; of the formula in its place, {text}"
+            verdict, text = "cannot say", f"no torque was recorded; error against the formula used instead: {text}"
         joints.append(AnswerPart(each.what, verdict, text))
         unit = worst.row_unit
         numbers += [
@@ -311,20 +312,20 @@ def calibration_answer(result: CalibrationResult) -> Answer:
     ]
     verdict = verdict_of_parts(joints)
     judged = {e.recording for each in result.chosen for e in each.judged} - {""}
-    held = f"{len(judged)} recordings that were not fitted" if len(judged) > 1 else "what was not fitted"
+    held = f"{len(judged)} held-out recordings" if len(judged) > 1 else "held-out data"
     count = len(result.checksums)
-    step = Step("Take the torque live on a controller", "export")
+    step = Step("Export the estimator to estimate torque in real time", "export")
     if verdict != "yes" or any(part.verdict != "yes" for part in adds):
         more = Step(
-            "EMG can tell more than angles where torque does not follow the motion: record other loads and speeds, and "
-            'judge on them (`use = "validate"`)'
+            "EMG adds to angles where torque does not follow from the motion: record other loads and speeds, and hold "
+            'some of them out (`use = "validate"`)'
         )
         step = more
     return Answer(
-        f"Is torque estimated on recordings that were not fitted, with R² of {MIN_TORQUE_R2:g} or more?",
+        f"Is torque estimated on held-out recordings with R² of {MIN_TORQUE_R2:g} or more?",
         verdict,
         result.headline,
-        reason_of_parts(joints) or ("" if joints else "nothing was judged"),
+        reason_of_parts(joints) or ("" if joints else "no recording was held out"),
         (*joints, *adds),
         tuple(numbers),
         Basis(count, count, judged=held),
@@ -335,7 +336,7 @@ def calibration_answer(result: CalibrationResult) -> Answer:
 def _gain_words(worth: EmgWorth) -> str:
     """Return the gain of EMG in R² with its interval, in words."""
     ends = f", 95 % interval {worth.low:+.2f} to {worth.high:+.2f}" if np.isfinite(worth.low) else ""
-    return f"gain in R² {worth.gain:+.2f}{ends}, by a margin of {worth.margin:g}"
+    return f"gain in R² {worth.gain:+.2f}{ends}; required gain {worth.margin:g}"
 
 
 def _choose_evaluation(study: Study) -> Callable[[Study, Progress], CalibrationFindings]:
@@ -358,7 +359,7 @@ def _split_trials(study: Study, joint: str, trials: list[TorqueTrial]) -> tuple[
     parts = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
     if not all(parts):
         raise IdentificationError(
-            f"{study.folder}, joint {joint}: found {len(parts[0])} recordings to fit and {len(parts[1])} to judge, "
+            f"{study.folder}, joint {joint}: found {len(parts[0])} recordings to fit and {len(parts[1])} held out, "
             "expected at least one of each"
         )
     return parts
@@ -467,7 +468,7 @@ class _Examination:
 
 
 def _evaluate_by_repetition(study: Study, tell: Progress) -> CalibrationFindings:
-    """Score every estimator on torque steps against an orthosis, each repetition left out in turn."""
+    """Score every estimator on torque steps against an orthosis by cross-validation over repetitions."""
     steps = [recording for recording in study.recordings() if recording.protocol == STEP_PROTOCOL]
     people = list(dict.fromkeys(recording.participant for recording in steps))
     found = CalibrationFindings()
@@ -512,13 +513,13 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
 
     Estimators that see the measured torque are in tables of their own, after the others.
     """
-    titles = {False: "Torque from EMG", True: "Told the torque measured so far, no peers"}
+    titles = {False: "Torque from EMG", True: "Torque from EMG and the measured torque (not comparable)"}
     made: dict[bool, list[FigureTable]] = {told: [] for told in titles}
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
         bare = next((e.score.rmse for e in own if e.estimator == BASELINE_ESTIMATOR), None)
         own.sort(key=lambda e: e.estimator != BASELINE_ESTIMATOR)
-        where = recording.replace("_", " ") or "each left out in turn"
+        where = recording.replace("_", " ") or "cross-validation"
         for told, title in titles.items():
             peers = [e for e in own if e.family.sees_measured_torque == told]
             rows = tuple(
@@ -529,15 +530,15 @@ def _error_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable
                 for e in peers
             )  # fmt: skip
             if rows:
-                heads = ("Estimator", f"RMSE ({peers[0].unit})", "R²", "of that without EMG", "R² within the fit")
+                heads = ("Estimator", f"RMSE ({peers[0].unit})", "R²", "RMSE / RMSE without EMG", "R² in fitted data")
                 made[told].append(FigureTable(f"{title}: {what}, {where}", heads, rows, max_brief_rows=0))
     return (*made[False], *made[True])
 
 
 def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[str] = ()) -> tuple[FigureTable, ...]:
-    """Return tables of the recommended estimators by condition or trial, beside angles alone, one for each unit.
+    """Return tables of the recommended estimators by condition or trial with the baseline, one for each unit.
 
-    No band is stated for recordings on which no estimate holds, which are `refused`.
+    Recordings without a valid estimate, `refused`, have no prediction band.
     """
 
     def coverage(one: ConditionScore) -> str | None:
@@ -547,7 +548,8 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[s
 
     made = []
     for unit in dict.fromkeys(each.judged[0].unit for each in chosen):
-        heads = ("Judged on", "By", f"RMSE ({unit})", "R²", "RMSE without EMG", f"{100 * ERROR_BAND.share:g} % band")
+        band = f"{100 * ERROR_BAND.share:g} % band"
+        heads = ("Held out", "Estimator", f"RMSE ({unit})", "R²", "RMSE without EMG", f"coverage of the {band}")
         rows = tuple(
             (
                 f"{each.what}, {one.name.replace('_', ' ')}", ESTIMATOR_FAMILIES[one.estimator].description,
@@ -557,7 +559,7 @@ def _chosen_tables(chosen: Sequence[RecommendedEstimator], refused: Collection[s
             if each.judged[0].unit == unit
             for one in each.by_condition()
         )  # fmt: skip
-        made.append(FigureTable("Named first", heads, rows, MAX_BRIEF_NAMED_ROWS))
+        made.append(FigureTable("Recommended estimators", heads, rows, MAX_BRIEF_NAMED_ROWS))
     return tuple(made)
 
 
@@ -569,13 +571,13 @@ def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTabl
         rows = tuple(
             (
                 e.words, e.as_recorded.r2, e.score.r2,
-                ", ".join(m.replace("_", " ") for m in e.repaired) or "nothing: its torque hardly changes",
+                ", ".join(m.replace("_", " ") for m in e.repaired) or "none: the torque hardly changes",
                 None if e.without_changed is None else e.without_changed.r2,
             )
             for e in own
             if (e.what, e.recording) == (what, recording)
         )  # fmt: skip
-        title = f"Before and after rescale: {what}, {recording.replace('_', ' ')}"
+        title = f"Effect of rescale: {what}, {recording.replace('_', ' ')}"
         made.append(FigureTable(title, heads, rows, max_brief_rows=0))
     return tuple(made)
 
@@ -583,7 +585,7 @@ def _repair_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTabl
 def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[FigureTable, ...]:
     """Return tables of the condition tests that chose the estimator.
 
-    Trials that are left out in turn have no such table, since each fold has its own tests.
+    Cross-validation over trials has no such table, because each fold has its own tests.
     """
     made = []
     for what in dict.fromkeys(e.what for e in evaluated if e.examined is not None):
@@ -591,15 +593,15 @@ def _condition_test_tables(evaluated: Sequence[EstimatorEvaluation]) -> tuple[Fi
         first = next(iter(own.values()))
         heads = ("Estimator", "All", *(word[0].upper() + word[1:] for word in first.examined.words))
         rows = tuple((e.family.description, e.examined.mean, *e.examined.rmse) for e in own.values())
-        unit, place = first.torque_unit, "on what was fitted, away from what each was fitted to for the test"
-        made.append(FigureTable(f"What chose: {what}, RMSE ({unit}) {place}", heads, rows, max_brief_rows=0))
+        unit, place = first.torque_unit, "in tests within the fitted recordings"
+        made.append(FigureTable(f"Estimator choice: {what}, RMSE ({unit}) {place}", heads, rows, max_brief_rows=0))
     return tuple(made)
 
 
 def _invalid_recordings_sentence(found: CalibrationFindings) -> str:
     """Return sentences that name recordings on which no estimate is valid; empty if there are none."""
     away = [f"{name} ({invalidity_words(c)})" for name, c in found.sessions.items() if not c.is_valid]
-    return f"No estimate holds on {', '.join(away)}, and no band is stated there. " if away else ""
+    return f"No estimate is valid on {', '.join(away)}. " if away else ""
 
 
 def _invalid_band_sentences(found: CalibrationFindings) -> Iterator[str]:
@@ -614,12 +616,12 @@ def _invalid_band_sentences(found: CalibrationFindings) -> Iterator[str]:
         if c.is_valid and c.changed
     ]
     if changed:
-        yield f"Bands do not hold on {', '.join(changed)}: channels changed."
+        yield f"Prediction bands are not valid on {', '.join(changed)}, because EMG channels changed."
     few = [f"{each.what}, {each.conditions}" for each in chosen if 1 < each.conditions < ERROR_BAND.min_conditions]
     if few:
         yield (
-            f"The error band rests on too few trials to be known to hold: {', '.join(few)}. Fit "
-            f"{ERROR_BAND.min_conditions} or more."
+            f"The prediction band is based on too few trials: {', '.join(few)}. Fit {ERROR_BAND.min_conditions} or "
+            "more."
         )
     narrow = [
         f"{each.what} ({100.0 * each.fitted_coverage:.0f} %)"
@@ -628,11 +630,11 @@ def _invalid_band_sentences(found: CalibrationFindings) -> Iterator[str]:
     ]
     if narrow:
         share = f"{100 * ERROR_BAND.share:g} %"
-        yield f"Bands for {share} hold less of fitted trials left out in turn: {', '.join(narrow)}."
+        yield f"In cross-validation, the {share} prediction bands cover too little: {', '.join(narrow)}."
 
 
 def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
-    """Return the headline: errors of the recommended estimators, the worst recording first, beside angles alone."""
+    """Return the headline: errors of the recommended estimators and of angles alone, the worst recording first."""
     sentences = []
     if len(chosen) > 3:
         words = " or ".join(dict.fromkeys(each.words for each in chosen))
@@ -641,9 +643,9 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
         least = min(e.score.rmse for each in chosen for e in each.judged)
         bare = [each.bare[0].score.rmse for each in chosen if each.bare]
         sentences.append(
-            f"{', '.join(each.what for each in chosen)}: off by {_error_words(one)} at worst ({worst.what}) and by "
-            f"{least:.3g} at best, by {words}"
-            + (f"; angles alone, without EMG, by {max(bare):.3g} and {min(bare):.3g}" if bare else "")
+            f"{', '.join(each.what for each in chosen)}: RMS error {_error_words(one)} at worst ({worst.what}) and "
+            f"{least:.3g} at best with {words}"
+            + (f"; angles alone, without EMG: {max(bare):.3g} and {min(bare):.3g}" if bare else "")
         )
         chosen = ()
     for each in chosen:
@@ -656,15 +658,15 @@ def _headline(chosen: Sequence[RecommendedEstimator]) -> str:
         if by_trial:
             name = max(by_trial, key=lambda t: by_trial[t].rmse)
             worst = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} at worst ({name.replace('_', ' ')})"
-            first = f"{worst} and {first} over all trials left out,"
+            first = f"{worst} and {first} over all held-out trials,"
         bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
         sentences.append(
-            f"{each.what}: off by {' and '.join([first, *others])} by {each.words}"
+            f"{each.what}: RMS error {' and '.join([first, *others])} with {each.words}"
             + (f" (angles alone, without EMG: {bare})" if bare else "")
         )
     recordings = {e.recording for each in chosen for e in each.judged} - {""}
-    where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
-    return "; ".join(sentences) + (where or ", on what was not fitted") + "."
+    where = f", on the {len(recordings)} held-out recordings" if len(recordings) > 1 else ""
+    return "; ".join(sentences) + (where or ", on held-out data") + "."
 
 
 def _error_words(judged: EstimatorEvaluation) -> str:
@@ -697,8 +699,8 @@ def calibration_verdicts(
     if idle:
         yield Verdict(
             "warning",
-            f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure of these "
-            "maps says anything of such movements.",
+            f"{', '.join(idle)}: held out, but not used, because no torque was recorded there. The reported errors "
+            "do not apply to such movements.",
         )
     late = smoothing_delay(0.05, trials[0].fs)
     table = study.table(EmgTorqueTable)
@@ -707,14 +709,14 @@ def calibration_verdicts(
     if chain is None:
         yield Verdict(
             "note",
-            f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
-            f"angles causally, and smoothing makes trees {1e3 * late:.0f} ms late.",
+            "Envelopes were recorded, not EMG, so that their delay is unknown. Results marked causal filter the "
+            f"angles causally; smoothing delays tree ensembles by {1e3 * late:.0f} ms.",
         )
     elif stream is not None:
         yield Verdict(
             "note",
-            f'The chain "{chain.name}" run causally is {1e3 * chain.delay(stream.fs).filters:.0f} ms late, and '
-            f"smoothing makes trees {1e3 * late:.0f} ms later.",
+            f'The causal chain "{chain.name}" delays EMG by {1e3 * chain.delay(stream.fs).filters:.0f} ms; smoothing '
+            f"delays tree ensembles by another {1e3 * late:.0f} ms.",
         )
 
 
@@ -725,13 +727,13 @@ def _estimator_verdicts(each: RecommendedEstimator, best: EstimatorEvaluation) -
         on = f" on {best.recording}" if best.recording else ""
         yield Verdict(
             "warning",
-            f"{each.what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
-            f"with EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, "
-            "and the map would not see an effort that does not move the joint.",
+            f"{each.what}{on}: joint angles alone have an RMS error of {bare.score.rmse:.3g} {bare.unit}, no larger "
+            f"than the estimator with EMG ({best.score.rmse:.3g} {best.unit}). In these movements the torque follows "
+            "from the motion, and the estimator may miss an effort that does not move the joint.",
         )
     if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
         yield Verdict(
             "warning",
-            f"{each.what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
-            f"{best.recording}: record more, and more varied, movement to fit.",
+            f"{each.what}: R² falls from {best.within.r2:.3f} in the fitted recordings to {best.score.r2:.3f} on "
+            f"{best.recording}: record more movements, and more varied ones, to fit.",
         )

@@ -146,7 +146,7 @@ def error_by_estimator(
 
 
 def gain_over_angles(worth: Sequence[RecordingWorth], name: str) -> Drawing:
-    """Draw what EMG adds to angles alone, an interval a row, beside the margin that makes it worth it."""
+    """Draw the gain from EMG over angles alone, one interval per row, and the required gain."""
     tones = {"worth it": "good", "not worth it": "wrong", "cannot say": "muted"}
     estimates = [
         Estimate(each.words, made.gain, made.low, made.high, tones[made.answer], f"{made.gain:+.2f}, {made.answer}")
@@ -156,8 +156,8 @@ def gain_over_angles(worth: Sequence[RecordingWorth], name: str) -> Drawing:
     margin = worth[0].worth.margin
     reach = max(max(each.gain, each.high if np.isfinite(each.high) else each.gain) for each in (w.worth for w in worth))
     caption = (
-        "What EMG adds to joint angles on movements that were not fitted, with 95 % intervals over strides or trials. "
-        f"Right of 0 it adds something; shaded are gains of {margin:g} and more, which count as worth it."
+        "Gain in R² from EMG over joint angles alone on held-out movements, with 95 % intervals over strides or "
+        f"trials. The shaded area shows gains of {margin:g} or more, which count as worth recording EMG."
     )
     ends = margin, max(margin, reach)
     return forest(estimates, name, "R² with EMG minus R² of angles alone", caption=caption, margin=ends)
@@ -189,7 +189,7 @@ def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
         tidy(axis, first=axis is axes[0], ticks=4)
         axis.set_title(quantity.replace("_", " "), fontsize=9.0, fontweight="bold")
         axis.set_xlim(-4.5, 4.5)
-    axes[len(axes) // 2].set_xlabel("Departure from anatomy, in standard deviations among people")
+    axes[len(axes) // 2].set_xlabel("Deviation from the anatomical model (standard deviations among people)")
     axes[0].set_yticks(range(len(rows)), [m.replace("_", " ") for m in rows])
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
     return Drawing(name, figure, caption)
@@ -247,7 +247,7 @@ def joints_together(
     return Drawing(name, figure, caption)
 
 
-PANEL_TITLES = {"short_range": "At once: short-range stiffness", "slope": "Slope of the model's torque"}
+PANEL_TITLES = {"short_range": "Short-range stiffness", "slope": "Slope of the modelled torque"}
 """Title of the panel of each kind of stiffness."""
 
 
@@ -337,15 +337,15 @@ def _worth_tile(findings: CalibrationResult) -> Tile:
         interval = f", {best.worth.low:+.2f} to {best.worth.high:+.2f}"
     note = typeset_sentence(f"{best.words}{interval}; {answers}")
     unit = "at most" if several else ""
-    return Tile("R² that EMG adds to angles", typeset_sentence(f"{best.worth.gain:+.2f}"), unit, note)
+    return Tile("Gain in R² from EMG", typeset_sentence(f"{best.worth.gain:+.2f}"), unit, note)
 
 
 def _errors_section(findings: CalibrationResult) -> Section:
     """Return the section with the errors of all estimators."""
     tables = figure_tables(findings)
-    first = tuple(t for t in tables if t.caption.startswith(("What EMG is worth", "Named first")))
+    first = tuple(t for t in tables if t.caption.startswith(("Gain from EMG", "Recommended estimators")))
     rest = tuple(
-        t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness", "Posterior"))
+        t for t in tables if t not in first and not t.caption.startswith(("Estimator choice", "Stiffness", "Posterior"))
     )
     shown = {each.what: _worst_recording(findings, each) for each in findings.chosen}
     several = len({recording for recording in shown.values() if recording}) > 1
@@ -355,7 +355,7 @@ def _errors_section(findings: CalibrationResult) -> Section:
         if not e.causal and e.recording == shown[e.what] and not e.family.sees_measured_torque
     ]  # fmt: skip
     where = next(iter(shown.values()))
-    on = " on what was not fitted" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst)")
+    on = " on held-out data" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst recording)")
     drawing = draw(
         error_by_estimator,
         [(head[e.what], e.estimator, e.family.description, e.score.rmse) for e in plain],
@@ -364,8 +364,8 @@ def _errors_section(findings: CalibrationResult) -> Section:
         chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
         bare=BASELINE_ESTIMATOR,
         unit=plain[0].torque_unit if plain[0].kind != "normalised" else "of the leg's weight",
-        caption=f"RMS error of the torque{on}. The dashed line is what angles alone tell, without EMG; the figure in "
-        "bold is what is named first, which tests within what was fitted chose.",
+        caption=f"RMS error of the torque{on}. Dashed: joint angles alone, without EMG. Bold: the recommended "
+        "estimator, chosen by tests within the fitted recordings.",
     )
     gains = (draw(gain_over_angles, findings.worth, "worth"),) if findings.worth else ()
     return Section("emg_found", "What was found", (), (*first, *rest), (*gains, drawing))
@@ -392,9 +392,8 @@ def _torque_section(findings: CalibrationResult) -> Section:
                 bare=BASELINE_ESTIMATOR, words=words | SHORT_ESTIMATOR_NAMES, half_width=bands,
                 unit=findings.evaluated[0].torque_unit,
                 caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference "
-                f"(black; white on a dark page), what "
-                "was made of EMG and motion that were not fitted, what angles alone make (dashed), and their errors"
-                f"{coverage_text(replace(trace, half_width=bands))}.",
+                "(black; white on a dark page), the estimates from held-out EMG and motion, the estimate from angles "
+                f"alone (dashed), and their errors{coverage_text(replace(trace, half_width=bands))}.",
             )
         )  # fmt: skip
     return Section("emg_torque", "Torque over time", drawings=tuple(drawings))
@@ -406,7 +405,7 @@ def _verdicts_section(findings: CalibrationResult) -> Section | None:
         (v.kind, typeset_sentence(v.said))
         for v in rank_verdicts(v for v in findings.verdicts if not _invalidates_results(v))
     )
-    return Section("emg_known", "What is to be known", verdicts=verdict_texts) if verdict_texts else None
+    return Section("emg_known", "Remarks", verdicts=verdict_texts) if verdict_texts else None
 
 
 def coverage_text(trace: TorqueTrace) -> str:
@@ -415,7 +414,7 @@ def coverage_text(trace: TorqueTrace) -> str:
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
         words, level = ESTIMATOR_FAMILIES[name].description, 100.0 * trace.level
-        sentences.append(f"; the band of {words}, meant for {level:g} %, holds {share:.0f} % of this torque")
+        sentences.append(f"; the {level:g} % prediction band of {words} covers {share:.0f} % of this torque")
     return "".join(sentences)
 
 
@@ -426,12 +425,12 @@ def _muscles_section(findings: CalibrationResult) -> Section | None:
     drawings = []
     for i, found in enumerate(findings.muscles, start=1):
         caption = (
-            f"Muscles of {found.what}: how far each number moved from the anatomical model, with its 95 % interval. "
-            "Within the band people usually are; a diamond ended on a physiological bound."
+            f"Muscles of {found.what}: deviation of each parameter from the anatomical model, with its 95 % interval. "
+            "The band shows the usual range among people; diamonds mark parameters on a physiological bound."
         )
         drawings.append(draw(departures, found, f"muscles_{i}", caption=caption))
         recording = found.recording.replace("_", " ")
-        caption = f"Activation of each muscle of {found.what} and the torque it gives the joint, {recording}."
+        caption = f"Activation of each muscle of {found.what} and its torque about the joint, {recording}."
         drawings.append(draw(muscle_work, found, f"muscle_work_{i}", caption=caption))
     tables = tuple(
         Table(
@@ -447,7 +446,7 @@ def _muscles_section(findings: CalibrationResult) -> Section | None:
                 for p in table.parameters
             ),
             frozenset({1}),
-            f"{table.title}. Factors of the anatomical value where the unit is 1.",
+            f"{table.title}. Parameters with unit 1 are factors of the anatomical value.",
             True,
         )
         for table in findings.tables
@@ -465,22 +464,22 @@ def _together_section(findings: CalibrationResult) -> Section | None:
     drawings = (
         draw(
             joints_together, traces, FIT_WORDS, "joints_together",
-            caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
-            "every envelope to its force (and its "
-            f"{100.0 * ERROR_BAND.share:g} % band), and with the offset of the EMG's stream found too.",
+            caption=f"Torques of {over} from one set of muscles on held-out data, {where}: with a delay of 10 to "
+            f"100 ms from envelope to force (and its {100.0 * ERROR_BAND.share:g} % band), and with an additional "
+            "time offset of the EMG stream.",
         ),
         draw(
             departures, summary, "muscles_together",
-            caption=f"Muscles of {over} together: how far each number moved from the anatomical model, with its 95 % "
-            "interval. A diamond ended on a bound and is undetermined.",
+            caption=f"Muscles of {over} together: deviation of each parameter from the anatomical model, with its 95 % "
+            "interval. Diamonds mark parameters on a bound, which are not identifiable.",
         ),
     )  # fmt: skip
     posterior_text = ()
     posterior, determined = findings.together.posterior, findings.together.told
     if posterior is not None:
         posterior_text = (
-            "A posterior of these muscles: bounds hold, and anatomy counts for what people differ by. "
-            f"{posterior.settled}. Drawn are those numbers that the recording tells most of.",
+            "Posterior of these muscles, with physiological bounds and the variation of anatomy among people as the "
+            f"prior. {posterior.settled}. The figure shows the parameters that the recording determines best.",
         )
         if determined:
             drawings += (draw(posterior_figure, determined, posterior.confidence, "posterior_together"),)
@@ -495,9 +494,9 @@ def _stiffness_section(findings: CalibrationResult) -> Section | None:
     drawings = tuple(
         draw(
             stiffness_over_time, found, f"stiffness_{found.joint}",
-            caption=f"Stiffness of the {found.joint}, {found.recording.replace('_', ' ')}, by calibrated muscles and "
-            "tissue, with 95 % intervals: the calibration's covariance and what muscles and tendons differ by. Nothing "
-            "was perturbed: a band cannot say whether the model is right.",
+            caption=f"Stiffness of the {found.joint}, {found.recording.replace('_', ' ')}, from calibrated muscles and "
+            "tissue. The 95 % intervals include the covariance of the calibration and the variation of muscles and "
+            "tendons. No perturbation was applied, so that the intervals do not include errors of the model itself.",
         )
         for found in findings.stiffness
     )  # fmt: skip
@@ -520,10 +519,10 @@ def _choices_section(findings: CalibrationResult) -> Section:
         for each in findings.evaluated
         if each.recording == first
     )
-    heads = ("Torque of", "Estimator", "Sees; settings", "R² within what was fitted")
-    caption = "What cross-validation chose, within what was fitted alone."
-    tables = (*figure_tables(findings, "What chose"), Table(heads, rows, frozenset({3}), caption, True))
-    return Section("emg_choices", "What each map sees, and which is named first", tables=tables)
+    heads = ("Torque of", "Estimator", "Inputs; settings", "R² in cross-validation")
+    caption = "Inputs and settings chosen by cross-validation within the fitted recordings."
+    tables = (*figure_tables(findings, "Estimator choice"), Table(heads, rows, frozenset({3}), caption, True))
+    return Section("emg_choices", "Inputs of each estimator, and choice of the recommended one", tables=tables)
 
 
 def _method_section(study: Study) -> Section:
@@ -541,11 +540,12 @@ def _method_section(study: Study) -> Section:
             f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4)."
         )
     paragraphs.append(
-        "Features and settings are chosen by cross-validation that leaves out whole repetitions, or blocks of time "
-        "with gaps as long as the features remember; what is judged takes no part in it. Which estimator is named "
-        "first is chosen where it will be used, away from what it is fitted to: by leaving out whole recordings or "
-        "repetitions where there are several, else by slow strides that judge fast ones, the reverse, and the fifth of "
-        "the samples with the most effort and speed. Where these tests cannot tell two apart, muscles come before "
-        "what is linear and that before trees. The 90 % band is as wide as errors were there."
+        "Features and settings are chosen by cross-validation over whole repetitions, or over blocks of time with gaps "
+        "as long as the memory of the features. Held-out recordings are not used for this choice. The recommended "
+        "estimator is chosen by tests that extrapolate: on whole recordings or repetitions if there are several, "
+        "otherwise from slow to fast strides, from fast to slow strides, and to the fifth of the samples with the "
+        "largest effort and speed. If two estimators do not differ in these tests, muscles are preferred to linear "
+        "regression, and linear regression to trees. The 90 % prediction band is derived from the errors in these "
+        "tests."
     )
     return Section("emg_method", "How", (" ".join(paragraphs),), notes=study.notes)

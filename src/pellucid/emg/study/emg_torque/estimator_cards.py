@@ -77,7 +77,7 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
             "motion_order": 2 if found.causal else 4,
             "penalty": float(found.regressor.alpha),
         },
-        processing=f"sees {found.choice.words}; angles low-passed at {lowpass:g} Hz before they are differentiated",
+        processing=f"inputs: {found.choice.words}; angles low-pass filtered at {lowpass:g} Hz before differentiation",
         checksums={trial.name: trial.checksum for trial in trials},
         pellucid=version("pellucid"),
     )
@@ -105,7 +105,7 @@ CARD_LIMITS = CardLimits()
 
 
 ACROSS_JOINTS_NOTES = (
-    "Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",
+    "Muscles were fitted with zero-phase filtered angles; in real time, the angular velocities have a delay of 19 ms.",
 )
 """Notes on a card of muscles over all joints, which are fitted with zero-phase filters."""
 
@@ -217,7 +217,7 @@ def _make_card(
         rate = fitted[0].stream_or_self(spec.emg).fs
         raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(chain, rate)}
         late = chain.delay(rate).filters
-        notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
+        notes.append(f"The chain {spec.chain} delays envelopes by {1e3 * late:.0f} ms; muscles were fitted with this.")
     channels = []
     for channel in trials[0].envelopes:
         if channel in used:
@@ -279,8 +279,8 @@ def _surface_error_notes(muscle: str, surface: MuscleSurface, missed: float, arm
     if arm <= CARD_LIMITS.max_unnoted_arm_error_m:
         return []
     return [
-        f"{muscle}: lengths and arms are met within {1e3 * missed:.2g} and {1e3 * arm:.2g} mm over "
-        f"{' and '.join(a.angle for a in surface.axes)}: they hang on other angles too."
+        f"{muscle}: as a function of {' and '.join(a.angle for a in surface.axes)}, length and moment arm have errors "
+        f"of {1e3 * missed:.2g} and {1e3 * arm:.2g} mm, because they depend on other angles too."
     ]
 
 

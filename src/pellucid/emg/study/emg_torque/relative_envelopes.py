@@ -204,12 +204,12 @@ def normalisation_words(study: Study) -> str:
     mvc = [r.name for person in people for r in _maximal_recordings(study, person)]
     chain, asked = _study_chain(study), study.table(EmgTorqueTable).normalise
     if asked == "largest" or (asked is None and _has_normalisation(chain) and not mvc):
-        return "Envelopes are relative to the largest of what is fitted: a share of that effort, not of a maximal one."
+        return "Envelopes are relative to the largest effort in the fitted recordings, not to a maximal contraction."
     if asked == "mvc" or (asked is None and _has_normalisation(chain)):
-        return f"Envelopes are relative to the largest of each muscle in maximal contractions: {', '.join(mvc)}."
+        return f"Envelopes are relative to each muscle's largest value in maximal contractions: {', '.join(mvc)}."
     if chain is None:
-        return "Envelopes are taken as they were recorded: what they are relative to is not known here."
-    return "Envelopes are in V, relative to nothing: another session's electrodes give others."
+        return "Envelopes are used as recorded; their normalization is unknown."
+    return "Envelopes are in V and not normalized, so that they are not comparable between sessions."
 
 
 def is_relative(study: Study) -> bool:

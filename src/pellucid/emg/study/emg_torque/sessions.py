@@ -37,7 +37,7 @@ WATCHING_ESTIMATOR = "ridge"
 """Estimator whose watch reads the recordings. It is fitted within a second and needs no anatomy."""
 
 CONSEQUENCE_KIND = "consequence"
-"""Kind of a change that is told by what it costs in torque."""
+"""Kind of a change that is described by its effect on the torque."""
 
 
 def find_watched_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
@@ -85,8 +85,8 @@ def _find_changes(card: EmgEstimatorCard, trial: TorqueTrial) -> tuple[ChannelCh
         ChannelChange(
             muscle,
             CONSEQUENCE_KIND,
-            f"a signal that does not follow the movement as it did, which may cost {loss:.2f} of the torque's R²",
-            "a signal as in the recordings to be fitted",
+            f"a changed relation of signal and movement, which may reduce R² of the torque by {loss:.2f}",
+            "the same relation as in the fitted recordings",
         )
         for muscle, loss in largest.items()
     )
@@ -96,26 +96,26 @@ RESCALE_KEY = '[emg_torque] rescale = "3 s"'
 """Key of study.toml that repairs changed channels, as advice names it."""
 
 FOREIGN_SIGNAL_ADVICE = (
-    f"Look at electrodes and cables; {RESCALE_KEY} replaces the channel by a prediction from the others.",
-    "The channel was replaced by a prediction from the others, for estimators whose torque it changes.",
+    f"Check electrodes and cables, or set {RESCALE_KEY} to replace the channel by a prediction from the others.",
+    "The channel was replaced by a prediction from the others in estimators whose torque it affects.",
 )
 """Advice for a channel with another muscle's signal, without `rescale` and with it."""
 
-ELECTRODE_ADVICE = ("Look at the electrode, its contact and its cable: no scaling repairs that.",) * 2
+ELECTRODE_ADVICE = ("Check the electrode, its contact and its cable; scaling cannot repair this.",) * 2
 """Advice for a change of raw EMG, without `rescale` and with it."""
 
 ADVICE_BY_CHANGE = {
     "swapped": (
-        f"Look at cables and columns; {RESCALE_KEY} exchanges them back.",
-        "The two channels were exchanged back, for estimators whose torque they change.",
+        f"Check cables and columns, or set {RESCALE_KEY} to exchange the two channels.",
+        "The two channels were exchanged in estimators whose torque they affect.",
     ),
     "crosstalk": FOREIGN_SIGNAL_ADVICE,
     "pattern": FOREIGN_SIGNAL_ADVICE,
     **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE_ADVICE),
-    CONSEQUENCE_KIND: ("Look at electrode and amplifier; no scaling follows from that by itself.",) * 2,
+    CONSEQUENCE_KIND: ("Check electrode and amplifier; the change does not show how to scale the signal.",) * 2,
     "floor": (
-        f"{RESCALE_KEY} scales floor and range of a changed channel to the fitted ones.",
-        "Its floor and range were scaled to the fitted ones, for estimators whose torque it changes.",
+        f"Set {RESCALE_KEY} to scale the noise floor and range of a changed channel to the fitted ones.",
+        "Its noise floor and range were scaled to the fitted ones in estimators whose torque it affects.",
     ),
 }
 """Advice by kind of change: what to do without `rescale`, and what was done with it."""
@@ -187,9 +187,9 @@ def session_faults(study: Study) -> list[Fault]:
     for name, changed in changes.items():
         compared = found.get(name)
         if compared is not None and not compared.is_valid:
-            text, wanted = invalidity_words(compared), "envelopes and movement like those to be fitted"
+            text, wanted = invalidity_words(compared), "envelopes and movement within the range of the fitted ones"
             where = f"{files[name]} (recording {name}), channels emg"
-            message = f"{where}: found {text}, expected {wanted}: record such movements to fit, too"
+            message = f"{where}: found {text}, expected {wanted}. Add such movements to the fitted recordings"
             faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
         for change in changed:
             channel = f"emg.{change.muscle}"
@@ -215,9 +215,9 @@ def invalidity_words(compared: ChannelComparison) -> str:
         levels = sorted(compared.range_ratio.values())
         many = sum(value > 1.0 for value in levels) > len(levels) / 2
         ends = (levels[len(levels) // 2], levels[-1]) if many else (levels[0], levels[len(levels) // 2])
-        return f"most envelopes ranging {ends[0]:.2g} to {ends[1]:.2g} times as far as those to be fitted"
+        return f"most envelopes with {ends[0]:.2g} to {ends[1]:.2g} times the range in the fitted recordings"
     share = 100.0 * compared.outside_share
-    return f"angles, speeds or envelopes beyond all that is to be fitted in {share:.0f} % of the time"
+    return f"angles, speeds or envelopes outside the fitted range for {share:.0f} % of the time"
 
 
 def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) -> Iterator[Verdict]:
@@ -225,9 +225,10 @@ def session_verdicts(sessions: Mapping[str, ChannelComparison], rescaled: bool) 
     for name, compared in sessions.items():
         if not compared.is_valid:
             why = (
-                f"{name}: no estimate is valid, since fitted recordings do not cover it: {invalidity_words(compared)}."
+                f"{name}: no estimate is valid, because the fitted recordings do not cover it: "
+                f"{invalidity_words(compared)}."
             )
-            yield Verdict("wrong", why, "Record such movements to fit, too.", finding="another_condition")
+            yield Verdict("wrong", why, "Add such movements to the fitted recordings.", finding="another_condition")
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]
             found = "; ".join(f"{change.found}, expected {change.expected}" for change in own)

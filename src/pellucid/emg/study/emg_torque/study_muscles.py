@@ -75,7 +75,7 @@ def study_geometry(study: Study) -> ModelMuscles | None:
         return None
     if not path.is_file():
         kept = (
-            f'; what was kept of it is there: muscle_file = "{POLYNOMIAL_FILE}"'
+            f'; its polynomials were kept: use muscle_file = "{POLYNOMIAL_FILE}"'
             if (study.folder / POLYNOMIAL_FILE).is_file()
             else ""
         )
@@ -177,7 +177,7 @@ def ignored_channel_verdicts(study: Study) -> list[Verdict]:
     return [
         Verdict(
             "note",
-            f"{name}: {', '.join(f'emg.{m}' for m in muscles)} not used, since not every fitted recording has it.",
+            f"{name}: {', '.join(f'emg.{m}' for m in muscles)} not used, because some fitted recordings lack it.",
         )
         for name, muscles in ignored_channels(study).items()
     ]

@@ -55,7 +55,7 @@ PLAIN_FIT = "hill"
 OFFSET_FIT = "hill.offset"
 """Part of row ids that names the fit that also finds the offset of the EMG stream's clock."""
 
-FIT_WORDS = {PLAIN_FIT: "muscles together", OFFSET_FIT: "together, offset of the EMG found"}
+FIT_WORDS = {PLAIN_FIT: "muscles of all joints", OFFSET_FIT: "muscles of all joints, with a time offset of the EMG"}
 """Description of both fits, by the part of row ids that names each."""
 
 POSTERIOR_VARIANT = "posterior"
@@ -65,8 +65,8 @@ UNRECORDED_VARIANT = "never_recorded"
 """Part of row ids that names the fit with muscles that had no electrode."""
 
 VARIANT_WORDS = {
-    POSTERIOR_VARIANT: "together, mean of the posterior's draws",
-    UNRECORDED_VARIANT: "together, with muscles that had no electrode",
+    POSTERIOR_VARIANT: "muscles of all joints, posterior mean",
+    UNRECORDED_VARIANT: "muscles of all joints, with muscles that had no electrode",
 }
 """Description of the variants of the first fit, by the part of row ids that names each."""
 
@@ -106,8 +106,10 @@ class TogetherFindings:
 
     @property
     def offset_carries_over(self) -> bool:
-        """Whether the EMG stream's offset makes R² larger on parts of the fitted trials left out in turn, in the mean
-        over joints. Held-out recordings have no part in it."""
+        """Whether the time offset of the EMG stream increases the cross-validated R², averaged over joints.
+
+        Held-out recordings are not used.
+        """
         r2 = {how: np.mean([s.r2 for s in self.fits[how].choice.scores.values()]) for how in FIT_WORDS}
         return bool(r2[OFFSET_FIT] > r2[PLAIN_FIT])
 
@@ -131,7 +133,7 @@ def calibrate_together(
         fits_share = POSTERIOR_BEGINS_AT if posterior else 1.0
         made = _evaluate_fits(across, lambda i, share: tell(f"muscles of {what} together", fits_share * share))
         if posterior:
-            tell(f"drawing a posterior of the muscles of {what}", POSTERIOR_BEGINS_AT)
+            tell(f"sampling the posterior of the muscles of {what}", POSTERIOR_BEGINS_AT)
             made = _add_posterior(made, across)
         return made
     except IdentificationError as error:
@@ -142,7 +144,7 @@ def calibrate_together(
 def _evaluate_fits(
     across: Mapping[str, Sequence[TorqueTrial]], begun: Callable[[int, float], None]
 ) -> TogetherFindings:
-    """Fit both ways and score them on held-out recordings, or on groups of trials left out in turn."""
+    """Fit both variants and score them on held-out recordings, or by cross-validation over groups of trials."""
     fitted = {joint: [t for t in own if not t.heldout] for joint, own in across.items()}
     held = {joint: [t for t in own if t.heldout] for joint, own in across.items()}
     names = list(group_pieces(next(iter(held.values()))))
@@ -202,7 +204,7 @@ def _score_joints(
 def _add_posterior(found: TogetherFindings, across: Mapping[str, Sequence[TorqueTrial]]) -> TogetherFindings:
     """Return the result with a posterior, and the scores of its mean prediction on held-out recordings.
 
-    Trials left out in turn have no such scores, since the posterior was computed from all of them.
+    Cross-validation over trials gives no such scores, because the posterior uses all of them.
     """
     fit = found.fit
     posterior = calibration_posterior(fit.fit, title=f"Posterior of the muscles of {found.what}")
@@ -239,7 +241,7 @@ def _over_pieces(parts: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndar
 
 
 def _mean_score(how: str, joint: str, each: Sequence[TogetherScore]) -> TogetherScore:
-    """Return the mean score over trials left out, which have equal weight however long they are."""
+    """Return the mean score over held-out trials, which have equal weight whatever their durations."""
     own = [s for s in each if s.joint == joint]
     rmse, r2, inside = (
         float(np.mean(x)) for x in zip(*((s.score.rmse, s.score.r2, s.coverage) for s in own), strict=True)
@@ -268,7 +270,7 @@ MAX_DRAWN_PARAMETERS = 12
 
 
 def together_tables(found: TogetherFindings | None, evaluated: Sequence[EstimatorEvaluation]) -> tuple:
-    """Return tables of both fits' errors, beside muscles of each joint alone among `evaluated`, and of parameters."""
+    """Return tables of both fits' errors, with those of each joint alone from `evaluated`, and of parameters."""
     if found is None:
         return ()
     alone = {
@@ -278,7 +280,7 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
     }
     rows = []
     for joint, recording in dict.fromkeys((s.joint, s.recording) for s in found.scores):
-        where = recording.replace("_", " ") or "each left out"
+        where = recording.replace("_", " ") or "cross-validation"
         by = alone.get((joint, recording))
         if by is not None:
             rows.append((joint, where, "that joint's muscles alone", by.rmse, by.r2, None))
@@ -296,14 +298,14 @@ def together_tables(found: TogetherFindings | None, evaluated: Sequence[Estimato
         f"Within the {100.0 * ERROR_BAND.share:g} % band (%)",
     )
     return (
-        FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows), 0),
-        ParameterTable(f"Muscles together: {found.what}", found.fit.parameters, max_brief_rows=0),
+        FigureTable(f"Muscles of {found.what}, fitted to all joints", heads, tuple(rows), 0),
+        ParameterTable(f"Muscles of {found.what}, fitted to all joints", found.fit.parameters, max_brief_rows=0),
         *_posterior_tables(found),
     )
 
 
 def find_determined_parameters(found: TogetherFindings) -> tuple[ComparedPosterior, ...]:
-    """Return parameters that the recording determines more than anatomy does, beside the fit's intervals.
+    """Return parameters that the recording determines better than anatomy does, with the fit's intervals.
 
     The parameters with the smallest share of the prior come first.
     """
@@ -316,7 +318,7 @@ def _posterior_tables(found: TogetherFindings) -> tuple[FigureTable, ...]:
     """Return the table of the posterior; empty without one."""
     if found.posterior is None:
         return ()
-    title = f"Posterior of muscles together: {found.what}, what the recording tells"
+    title = f"Posterior of the muscles of {found.what}: parameters that the recording determines"
     return (posterior_table(title, find_determined_parameters(found), found.posterior.confidence),)
 
 
@@ -335,10 +337,10 @@ def _unrecorded_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
     gain = "improve" if found.never.helps else "do not improve"
     yield Verdict(
         "note",
-        f"{found.what} together: {names} had no electrode. Excited by {k} synergies of the others, fitted to the "
-        f"torque, they {gain} the prediction of fitted parts left out in turn ({100 * without:.1f} % of the variance "
+        f"{found.what} together: {names} had no electrode. Their excitation was estimated from {k} synergies of the "
+        f"other muscles. In cross-validation they {gain} the prediction ({100 * without:.1f} % of the variance "
         f"unexplained without, {100 * with_them:.1f} % with them){'' if found.never.helps else ' and are not used'}. "
-        f"R² on held-out recordings goes from {words}.",
+        f"R² on held-out recordings changes from {words}.",
     )
 
 
@@ -353,8 +355,8 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         return
     yield Verdict(
         "note",
-        f"{who}: in the posterior the recording determines {len(determined)} of {len(posterior)} parameters; the "
-        "others have the spread of anatomy among people.",
+        f"{who}: in the posterior, the recording determines {len(determined)} of {len(posterior)} parameters; the "
+        "others vary as anatomy does among people.",
     )
     drawn = [s for s in found.beside if s.how == POSTERIOR_VARIANT]
     for name in dict.fromkeys(s.recording for s in drawn):
@@ -367,9 +369,7 @@ def _posterior_verdicts(found: TogetherFindings) -> Iterator[Verdict]:
         held = all(VALID_COVERAGE_BOUNDS[0] <= s.coverage <= VALID_COVERAGE_BOUNDS[1] for s in own)
         yield Verdict(
             "good" if held else "warning",
-            f"{who}, mean of the posterior's draws and their {100.0 * ERROR_BAND.share:g} % band on "
-            f"{name.replace('_', ' ')}: "
-            f"{words}.",
+            f"{who}, posterior mean and its {100.0 * ERROR_BAND.share:g} % band on {name.replace('_', ' ')}: {words}.",
         )
 
 
@@ -382,19 +382,18 @@ def together_verdicts(found: TogetherFindings | None, alone: CalibrationFindings
     for muscle, strengths in _shared_strength_words(found, alone).items():
         yield Verdict(
             "note",
-            f"{muscle.replace('_', ' ')}: {strengths}, relative to the anatomical model. It is the same muscle at "
-            "every joint.",
+            f"{muscle.replace('_', ' ')}, which crosses both joints: {strengths}, relative to the anatomical model.",
         )
     for how, words in FIT_WORDS.items():
         own = [s for s in found.scores if s.how == how]
         worst = max(own, key=lambda s: abs(s.coverage - np.mean(VALID_COVERAGE_BOUNDS)))
         shares = sorted(100.0 * s.coverage for s in own)
-        where = f"; farthest off at the {worst.joint}, {worst.recording.replace('_', ' ') or 'each left out'}"
+        where = f"; worst at the {worst.joint}, {worst.recording.replace('_', ' ') or 'cross-validation'}"
         held = VALID_COVERAGE_BOUNDS[0] <= worst.coverage <= VALID_COVERAGE_BOUNDS[1]
         yield Verdict(
             "good" if held else "warning",
-            f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the "
-            f"{100.0 * ERROR_BAND.share:g} % band that was stated beforehand{where * (not held)}.",
+            f"{found.what}, {words}: the {100.0 * ERROR_BAND.share:g} % prediction bands cover {shares[0]:.0f} to "
+            f"{shares[-1]:.0f} % of each torque{where * (not held)}.",
         )
     yield from _unrecorded_verdicts(found)
     yield from _posterior_verdicts(found)
@@ -408,26 +407,29 @@ def _offset_verdict(found: TogetherFindings) -> Verdict:
     if next(p for p in fit.parameters if p.name == "delay").at_bound:
         return Verdict(
             "warning",
-            f"{found.what} together: the offset of the EMG's stream ends on the limit of its range and is "
-            "undetermined.",
-            "Check whether EMG, angles and moments have the same clock.",
+            f"{found.what} together: the time offset of the EMG stream reached the limit of its range and is not "
+            "identifiable.",
+            "Check whether EMG, angles and moments share a clock.",
         )
     if not offset.certain:
-        text = f"EMG and moments are in time: an offset of {span} leaves muscles their 10 to 100 ms."
+        text = (
+            f"EMG and moments are synchronous: with a time offset of {span}, the muscle delays remain within 10 to "
+            "100 ms."
+        )
         return Verdict("good", f"{found.what} together: {text}")
     way = "ahead of" if offset.value > 0.0 else "behind"
     late = f"{abs(1e3 * offset.value):.0f} ms {way} the moments ({span})"
     if not found.offset_carries_over:
         text = (
-            f"EMG that runs {late} would fit better, but predicts parts of the fitted trials that are left out in turn "
-            f"no better; on what was not fitted {r2}. It is therefore not "
+            f"a time offset of the EMG, {late}, would fit better, but does not improve the cross-validated error; on "
+            f"held-out recordings {r2}. It is therefore not used."
         )
-        return Verdict("note", f"{found.what} together: {text}attributed to the recording.")
+        return Verdict("note", f"{found.what} together: {text}")
     return Verdict(
         "warning",
-        f"{found.what} together: the EMG's stream runs {late}, whatever from 10 to 100 ms each muscle takes. That is "
-        f"the recording's own, not the person's; with it {r2}.",
-        "Look for filters that are late on one side, and for clocks that were joined.",
+        f"{found.what} together: the EMG stream is {late}, in addition to muscle delays of 10 to 100 ms. This time "
+        f"offset comes from the recording, not from the person. With the offset, {r2}.",
+        "Check whether one stream was filtered causally and whether the streams share a clock.",
     )
 
 
@@ -487,21 +489,21 @@ def together_rows(
         add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
         add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", within, **at)
     for how, fit in found.fits.items():
-        late = "from the recorded envelope on" if how != PLAIN_FIT else "delay and lags together"
+        late = "from the recorded envelope to the force" if how != PLAIN_FIT else "sum of delay and lags"
         add(f"{how}.delay.largest", float(fit.delays.max()), "s", late)
         add(f"{how}.delay.smallest", float(fit.delays.min()), "s", late)
         add(f"{how}.at_bound", int(fit.fit.at_bound.sum()), "1", f"of {len(fit.fit.at_bound)}, undetermined")
         add(f"{how}.seconds", fit.fit.seconds, "s", "one calibration, all starts included")
         for joint, each in fit.choice.scores.items():
-            add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within what was fitted")
+            add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within the fitted recordings")
         bound_count += count_bounds_reported_as_estimates(fit.fit, fit.parameters)
     offset = found.fits[OFFSET_FIT].offset
     for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
-        add(f"{OFFSET_FIT}.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
-    words = "1: R² is larger with it on parts of the fitted trials left out in turn, in the mean over joints"
+        add(f"{OFFSET_FIT}.emg{name}", value, "s", "time by which the recorded EMG is ahead of the moments")
+    words = "1: the time offset increases the cross-validated R², averaged over joints"
     add(f"{OFFSET_FIT}.carries_over", float(found.offset_carries_over), "1", words)
     if found.never is not None:
-        words = "1: parts of what was fitted, left out in turn, are told better with muscles that had no electrode"
+        words = "1: muscles without an electrode improve the cross-validated prediction"
         add("never_recorded.helps", float(found.never.helps), "1", words)
     if found.posterior is not None:
         plain = ResultRow("", None, "1", "calibrate", "fitted", None, found.posterior.settled)
@@ -512,9 +514,9 @@ def together_rows(
             "posterior.told",
             len(find_determined_parameters(found)),
             "1",
-            f"of {len(found.posterior)} parameters, by the recording",
+            f"of {len(found.posterior)} parameters, determined by the recording",
         )
-    words = "parameters on a bound told as estimates, joint by joint and together"
+    words = "parameters on a bound that were reported as estimates, in the fits of each joint and of all joints"
     add(f"{PLAIN_FIT}.at_bound_unreported", bound_count, "1", words)
     return tuple(rows)
 

@@ -162,7 +162,7 @@ class RecommendedEstimator:
         if len(counts) == 1:
             return ESTIMATOR_FAMILIES[self.estimators[0]].description
         each = (f"{ESTIMATOR_FAMILIES[name].description} for {count}" for name, count in counts.most_common())
-        return f"what was chosen without each ({', '.join(each)})"
+        return f"the estimator chosen in each fold ({', '.join(each)})"
 
 
 def run_tests_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> ConditionTestErrors | None:
@@ -187,7 +187,7 @@ def recommend_estimator(evaluated: Sequence[EstimatorEvaluation], what: str) -> 
 def recommend_by_fold(
     trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated], evaluated: Sequence[EstimatorEvaluation]
 ) -> RecommendedEstimator:
-    """Recommend an estimator for each trial that is left out, by the other trials alone.
+    """Recommend an estimator for each held-out trial, based on the other trials alone.
 
     `results` and `evaluated` hold cross-validation and evaluation of every estimator.
     """
@@ -324,7 +324,7 @@ def muscle_card(
 ) -> ParameterCard:
     """Return the card of calibrated muscles, with their covariance in the parameters' units.
 
-    `settings` stand beside those of the muscles themselves; `words` say how they were chosen.
+    `settings` are added to those of the muscles; `words` describe how they were chosen.
     """
     return ParameterCard(
         kind=CARD_KIND,
@@ -402,13 +402,14 @@ def electromechanical_delay_verdict(what: str, delays: np.ndarray) -> Verdict:
         f"{1e3 * delays.min():.0f} to {1e3 * delays.max():.0f} ms"
     )
     if delays.max() <= DELAY_BOUNDS.max_total_s + DELAY_TOLERANCE_S:
-        return Verdict("note", f"{found}; run causally, the angles' rates come 19 ms late on top.")
+        return Verdict("note", f"{found}; causal filters delay the angular velocities by another 19 ms.")
     return Verdict(
         "warning",
-        f"{found}, more than the {1e3 * DELAY_BOUNDS.min_total_s:.0f} to {1e3 * DELAY_BOUNDS.max_total_s:.0f} ms of "
-        "people: the EMG's stream runs ahead of the torque, and these muscles take its offset for a delay of theirs.",
-        "Look for a torque that was filtered one way, and for clocks that were joined. Several joints in "
-        "[emg_torque] give muscles whose delay is a person's, and the offset beside it.",
+        f"{found}, more than the physiological {1e3 * DELAY_BOUNDS.min_total_s:.0f} to "
+        f"{1e3 * DELAY_BOUNDS.max_total_s:.0f} ms. The EMG stream is probably ahead of the torque, and the estimated "
+        "delay includes this time offset.",
+        "Check whether the torque was filtered causally and whether the streams share a clock. With several joints in "
+        "[emg_torque], the offset is estimated separately from the electromechanical delay.",
     )
 
 
@@ -421,11 +422,11 @@ def calibrated_muscle_verdicts(found: CalibrationFindings) -> Iterator[Verdict]:
         yield from _compare_with_regression(found, what)
     for each in found.evaluated:
         if each.coverage is not None and not each.causal:
-            where = each.recording.replace("_", " ") or "each trial left out in turn"
+            where = each.recording.replace("_", " ") or "cross-validation over trials"
             yield Verdict(
                 "good" if each.coverage >= 0.9 else "warning",
                 f"{each.what}, muscles: {100.0 * each.coverage:.0f} % of the torque in {where} lies within the "
-                "95 % interval that was stated beforehand.",
+                "95 % prediction interval.",
             )
     for what, why in found.passed_over.items():
         yield Verdict("note", f"{what}: muscles were not fitted: {why}.")
@@ -440,11 +441,11 @@ def _compare_with_regression(found: CalibrationFindings, what: str) -> Iterator[
     if muscles is None or not rivals or muscles.kind == "normalised":
         return
     rival = min(e.score.rmse for e in rivals)
-    errors = f"{what}: muscles err by {muscles.score.rmse:.3g} {muscles.unit}, regression by {rival:.3g}: "
+    errors = f"{what}: RMS error {muscles.score.rmse:.3g} {muscles.unit} with muscles, {rival:.3g} with regression: "
     if muscles.score.rmse < rival:
-        yield Verdict("good", errors + "the muscle model helps here.")
+        yield Verdict("good", errors + "the muscle model improves the estimate.")
     else:
-        end = "regression is tested on the fitted kind of movement; in other movements it may not hold."
+        end = "regression was tested only on movements like the fitted ones and may fail on others."
         yield Verdict("note", errors + end)
 
 
@@ -504,7 +505,7 @@ def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: M
                 (
                     "mean.error",
                     s.whole.error[kind],
-                    "standard error: calibration, and what muscles and tendons differ by",
+                    "standard error: calibration, and variation of muscles and tendons among people",
                 ),
                 ("largest", float(np.max(s.value[kind])), STIFFNESS_KIND_WORDS[kind]),
             ):
@@ -545,11 +546,11 @@ def stiffness_verdicts(stiffness: Sequence[JointStiffness]) -> list[Verdict]:
     return [
         Verdict(
             "note",
-            f"{s.joint}: stiffness is {s.whole.value['short_range']:.3g} N*m/rad at once and "
-            f"{s.whole.value['slope']:.3g} by Hill's slope, in the mean over {s.recording.replace('_', ' ')}. Nothing "
-            "was perturbed here: it follows from muscles that fit the torque and from muscles of cats, and antagonists "
-            "that pull against each other do not show in a torque. Knees that were held still and perturbed were 17 % "
-            "(extension) and 42 % (flexion) less stiff than such an estimate (Pfeifer et al. 2011).",
+            f"{s.joint}: the mean stiffness over {s.recording.replace('_', ' ')} is "
+            f"{s.whole.value['short_range']:.3g} N*m/rad for short-range stiffness and {s.whole.value['slope']:.3g} "
+            "from the slope of Hill's model. No perturbation was applied: the model was fitted to torque, which does "
+            "not show co-contraction, and short-range stiffness was measured in cats. In perturbation experiments, "
+            "knees were 17 % (extension) and 42 % (flexion) less stiff than such estimates (Pfeifer et al. 2011).",
         )
         for s in stiffness
     ]
@@ -559,17 +560,17 @@ MAX_BRIEF_WORTH_ROWS = 6
 """Largest number of joints and recordings in the table on a terminal without ``-v``."""
 
 TOO_FEW_TRIALS_SENTENCE = (
-    f"Fewer than {WORTH_BLOCKS.min_trials} trials are left to fit: too few to say whether EMG is worth it. "
+    f"Fewer than {WORTH_BLOCKS.min_trials} trials were fitted, too few to decide whether EMG improves the estimate. "
 )
-"""Sentence before the figures of maps that were fitted to too few of the study's trials."""
+"""Sentence before the results of estimators that were fitted to too few of the study's trials."""
 
 
 @dataclass(frozen=True)
 class RecordingWorth:
-    """What EMG is worth for one joint or person, on one recording or over all trials left out in turn."""
+    """Gain from EMG for one joint or person, on one held-out recording or in cross-validation over trials."""
 
     what: str  # Joint or participant
-    recording: str  # Recording that was not fitted; "" for all trials left out in turn
+    recording: str  # Held-out recording; "" for cross-validation over all trials
     worth: EmgWorth
 
     @property
@@ -641,9 +642,9 @@ def worth_sentence(worth: Sequence[RecordingWorth]) -> str:
             figure += f", {level}{_signed(made.low)} to {_signed(made.high)}"
         by_answer.setdefault(made.answer, []).append(f"{each.what}{where} ({figure})")
     words = {
-        "worth it": "EMG is worth it over angles alone for",
-        "not worth it": "EMG is not worth it over angles alone for",
-        "cannot say": "Whether EMG is worth it cannot be said for",
+        "worth it": "EMG improves on joint angles alone for",
+        "not worth it": "EMG does not improve on joint angles alone for",
+        "cannot say": "The data do not show whether EMG improves on joint angles alone for",
     }
     few = "" if all(each.worth.is_founded for each in worth) else TOO_FEW_TRIALS_SENTENCE
     return few + "".join(f"{words[answer]} {_list_with_end(parts)}. " for answer, parts in by_answer.items())
@@ -668,14 +669,14 @@ def worth_tables(worth: Sequence[RecordingWorth]) -> tuple[FigureTable, ...]:
         )
         for each in worth
     )
-    heads = ("Judged on", "Gain in R²", "95 % interval", f"EMG, by a margin of {worth[0].worth.margin:g}")
-    return (FigureTable("What EMG is worth over angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)
+    heads = ("Held out", "Gain in R²", "95 % interval", f"EMG (required gain {worth[0].worth.margin:g})")
+    return (FigureTable("Gain from EMG over joint angles alone", heads, rows, MAX_BRIEF_WORTH_ROWS),)
 
 
 ROWS_OVER_TRIALS = {
     "steps": ("emg.{what}.rmse.{how}", "emg.{what}.r2.{how}", ""),
-    "normalised": ("{what}.{how}.rmse_normalised", "{what}.{how}.r2", "of the leg's own weight; "),
-    "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", "mean over trials left out; "),
+    "normalised": ("{what}.{how}.rmse_normalised", "{what}.{how}.r2", "relative to the weight of the leg; "),
+    "trials": ("{what}.{how}.rmse", "{what}.{how}.r2", "mean over held-out trials; "),
 }
 """Ids of RMSE and R² of evaluations over all trials by their kind, and the beginning of the RMSE's note."""
 
@@ -711,11 +712,11 @@ def calibration_rows(
     for named in chosen:
         for judged in named.judged:
             tail, unit = "" if judged.recording in (first, "") else f".{judged.recording}", judged.row_unit
-            note = f"chosen within what was fitted: {named.words}"
+            note = f"chosen within the fitted recordings: {named.words}"
             yield row(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, judged.recording)
             yield row(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, judged.recording)
         if named.fitted_coverage is not None:
-            words = "smallest share of fitted trials, left out in turn, within the 90 % band that the others give"
+            words = "smallest coverage of the 90 % band in cross-validation over the fitted trials"
             yield row(f"{named.what}.chosen.coverage90.fitted", named.fitted_coverage, "1", words, split="fitted")
         for one in named.by_condition():
             tail = f".{one.name}" if named.by or one.name != first else ""
@@ -725,20 +726,20 @@ def calibration_rows(
             if one.held is not None:
                 words = "share of samples within the 90 % band"
                 if one.name in refused:
-                    words = "share of samples within a 90 % band that is not stated, since no estimate holds there"
+                    words = "share of samples within the 90 % band; not reported, because no estimate is valid here"
                 yield row(f"{named.what}.chosen.coverage90{tail}", one.held, "1", words, one.name)
     for gained in worth:
         tail, made = "" if gained.recording in (first, "") else f".{gained.recording}", gained.worth
-        note = f"R² beyond that of angles alone: {made.answer}, by a margin of {made.margin:g}"
+        note = f"gain in R² over angles alone: {made.answer}, required gain {made.margin:g}"
         for end, value in (("", made.gain), (".low", made.low), (".high", made.high)):
             if np.isfinite(value):
                 words = "end of its 95 % interval" if end else note
                 yield row(f"{gained.what}.gain_over_angles{end}{tail}", value, "1", words, gained.recording)
     for name, compared in sessions.items():
-        changed, outside = compared.changed, "share of time beyond what was fitted"
+        changed, outside = compared.changed, "share of time outside the fitted range"
         yield row(f"session.{name}.channels_changed", len(changed), "1", ", ".join(changed), name)
         yield row(f"session.{name}.elsewhere", compared.outside_share, "1", outside, name)
-        valid = "1: what was fitted may be asked of it"
+        valid = "1: the fitted recordings cover it, so that estimates are valid"
         yield row(f"session.{name}.holds", float(compared.is_valid), "1", valid, name)
 
 
@@ -752,24 +753,24 @@ def _recording_numbers(each: EstimatorEvaluation) -> Iterator[Number]:
     yield "r2", each.score.r2, "1", note
     yield "rmse", each.score.rmse, unit, note
     if each.as_recorded is not None:
-        repaired = ", ".join(each.repaired) or "nothing: its torque hardly changes"
-        yield "r2.as_recorded", each.as_recorded.r2, "1", f"without rescale, which repairs {repaired}"
+        repaired = ", ".join(each.repaired) or "none: the torque hardly changes"
+        yield "r2.as_recorded", each.as_recorded.r2, "1", f"without rescale; channels it repairs: {repaired}"
     if each.without_changed is not None:
-        words = "channels that changed replaced by what the others tell"
+        words = "changed channels predicted from the others"
         yield "r2.without_changed", each.without_changed.r2, "1", words
     if each.coverage is not None:
         yield "coverage", each.coverage, "1", "share of samples within the 95 % interval"
     if each.partial:
-        yield "rmse.positive", each.partial[0], unit, "where the reference pulls along its main direction"
-        yield "rmse.truncated", each.partial[1], unit, "both torques cut off at 0"
+        yield "rmse.positive", each.partial[0], unit, "samples in which the reference has its main sign"
+        yield "rmse.truncated", each.partial[1], unit, "both torques limited to at least 0"
 
 
 def _fit_numbers(each: EstimatorEvaluation) -> Iterator[Number]:
     """Yield the numbers of an evaluation that hold for all recordings."""
     if each.examined is not None:
-        words = f"root mean square over tests within what was fitted: {', '.join(each.examined.words)}"
+        words = f"root mean square over tests within the fitted recordings: {', '.join(each.examined.words)}"
         yield "rmse.tested", each.examined.mean, each.torque_unit, words
     if each.within is not None:
-        yield "r2.cross_validated", each.within.r2, "1", "cross-validation within what was fitted"
+        yield "r2.cross_validated", each.within.r2, "1", "cross-validation within the fitted recordings"
     if each.seconds is not None:
         yield "seconds", each.seconds, "s", "one calibration, all starts included"

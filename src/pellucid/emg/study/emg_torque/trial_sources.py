@@ -127,24 +127,24 @@ def geometry_verdicts(study: Study) -> Iterator[Verdict]:
     held = ", ".join(f"{name} {value:.3g}" for name, value in model.held.items())
     yield Verdict(
         "note",
-        f"lengths and moment arms of {len(model.polynomials)} muscles are those of {model.source} over "
-        f"{', '.join(model.coordinates)}, as polynomials that err by at most "
+        f"Polynomials in {', '.join(model.coordinates)} represent the lengths and moment arms of "
+        f"{len(model.polynomials)} muscles of {model.source}. Their largest RMS errors on held-out poses are "
         f"{1e3 * max(p.error.length for p in model.polynomials.values()):.2g} mm in length and "
-        f"{1e3 * far.error.arm:.2g} mm in moment arm ({far.muscle}), RMS of poses that were not fitted"
-        + (f"; the model's other coordinates are at rest: {held}." if held else "."),
+        f"{1e3 * far.error.arm:.2g} mm in moment arm ({far.muscle})"
+        + (f"; the model's other coordinates are fixed: {held}." if held else "."),
     )
     limits = POLYNOMIAL_LIMITS
     for name, p in model.polynomials.items():
         if p.error.length > limits.max_length_error_m or p.error.arm > limits.max_arm_error_m:
             yield Verdict(
                 "warning",
-                f"{model.source}, muscle {name}: a polynomial errs by {1e3 * p.error.length:.2g} mm in length and "
-                f"{1e3 * p.error.arm:.2g} mm in moment arm: somewhere in the coordinates' ranges the muscle's way "
-                "jumps.",
-                "Narrow the coordinates' <range> in the model to what was recorded.",
+                f"{model.source}, muscle {name}: the polynomial has an error of {1e3 * p.error.length:.2g} mm in "
+                f"length and {1e3 * p.error.arm:.2g} mm in moment arm. The muscle path probably jumps within the "
+                "ranges of the coordinates.",
+                "Narrow the coordinates' <range> in the model to the recorded range.",
             )
     for why in model.refused.values():
-        yield Verdict("warning", f"{model.source}, {why}; it takes no part.")
+        yield Verdict("warning", f"{model.source}, {why}; the muscle is not used.")
 
 
 class WornBody(Protocol):
@@ -360,7 +360,7 @@ def moved_body(study: Study, participant: str | None) -> WornBody:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
             f"{study.models_dir}: found the cards {', '.join(p.stem for p in read) or 'of no body'}, expected one of "
-            f"{lacking}: the torque of the wearer needs what is moved; use: "
+            f"{lacking}, which is needed to compute the wearer's torque. Run: "
             f"{printed_command('identify', study.folder)}"
         )
     strapped = next(
