@@ -8,6 +8,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GroupKFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from sklearn.utils import get_tags
 from sklearn.utils.estimator_checks import check_estimator
 from test_calibrate import leg
 
@@ -23,6 +24,26 @@ from pellucid.emg.estimators.neural_network import NeuralNetwork, Ridge
 @pytest.mark.filterwarnings("ignore")
 def test_scikit_learns_own_checks(estimator):
     check_estimator(estimator, on_skip=None)
+
+
+NAMED = ("hill", "nmco", "nmcoa", "nmnc")
+"""Methods made of muscles."""
+
+
+@pytest.mark.parametrize("method", NAMED)
+@pytest.mark.filterwarnings("ignore")
+def test_methods_made_of_muscles_declare_that_they_need_named_columns(method):
+    found = check_estimator(pl.TorqueRegressor(method), on_skip=None, on_fail=None)
+    assert not [check["check_name"] for check in found if check["status"] == "failed"]
+    assert not get_tags(pl.TorqueRegressor(method)).input_tags.two_d_array
+    assert get_tags(pl.TorqueRegressor(method, columns=("time", "emg.a", "angle.b"))).input_tags.two_d_array
+
+
+def test_every_other_method_takes_any_array():
+    assert {m for m in pl.TorqueRegressor.methods() if not get_tags(pl.TorqueRegressor(m)).input_tags.two_d_array} == {
+        *NAMED
+    }
+    assert get_tags(pl.TorqueRegressor("unknown")).input_tags.two_d_array
 
 
 @pytest.mark.parametrize("method", ["ridge", "linear", "boosting", "bagging", "tree", "mbp"])

@@ -27,6 +27,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.model_selection import GroupKFold, KFold
+from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ..._errors import IdentificationError
@@ -185,6 +186,15 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         self.settings = settings
         self.folds = folds
         self.causal = causal
+
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        # Methods made of muscles need to know what each column is: an array without names tells them nothing.
+        known = ESTIMATOR_FAMILIES.items()
+        family = next((each for name, each in known if self.method in (name, *each.aliases)), None)
+        needs_names = family is not None and family.fit_trials is not None
+        tags.input_tags.two_d_array = not needs_names or self.columns is not None
+        return tags
 
     @staticmethod
     def methods() -> dict[str, str]:
