@@ -109,14 +109,15 @@ def filtering_and_derivatives() -> str:
     pulse[n // 2] = 1.0
     frequency = np.fft.rfftfreq(n, 1.0 / fs)
     gain = np.abs(np.fft.rfft(zero_phase_lowpass(pulse, cutoff, 4, fs)))
-    kept = (frequency >= 0.5) & (frequency <= 60.0) & (gain > 1e-4)
-    frequency, gain = frequency[kept], gain[kept]
-    square = (2.0 * np.pi * frequency) ** 2
+    shown = (frequency >= 0.5) & (frequency <= 60.0)
+    frequency, gain = frequency[shown], gain[shown]
+    square, kept = (2.0 * np.pi * frequency) ** 2, gain > 1e-4
     left = Panel("frequency [Hz]", "gain of the position", "Low-pass, cut-off 10 Hz", x_log=True, y_log=True,
-                 y_range=(1e-4, 3.0), x_range=(0.5, 60.0)).line(frequency, gain)  # fmt: skip
+                 y_range=(1e-4, 3.0), x_range=(0.5, 60.0)).line(frequency[kept], gain[kept])  # fmt: skip
     right = Panel("frequency [Hz]", "gain of the acceleration [1/s²]", "Second derivative", x_log=True, y_log=True,
                   x_range=(0.5, 60.0), y_range=(1.0, 3e5))  # fmt: skip
-    right.line(frequency, square, "unfiltered", 4, dashed=True).line(frequency, square * gain, "filtered")
+    right.line(frequency, square, "unfiltered", 4, dashed=True)
+    right.line(frequency[kept], (square * gain)[kept], "filtered")
     return figure([left, right], "Gain of the low-pass filter for a position and for its second derivative")
 
 

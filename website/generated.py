@@ -85,7 +85,7 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def parameter_table(fields: Iterable[Field]) -> str:
     """Return the table of parameters of a model."""
     rows = ((f"`{f.name}`", f.unit(), f"{f.default:g}", f.range, f.sentence) for f in fields)
-    return table(("name", "unit", "default", "range", ""), rows)
+    return table(("name", "unit", "default", "range", "meaning"), rows)
 
 
 def parameters() -> Iterator[str]:
@@ -134,7 +134,7 @@ def _command(name: str, command: Any, parent: Any) -> Iterator[str]:
     epilog = (command.epilog or "").partition("\n")[0].removeprefix("Example: ")
     called = f"\n\n```sh\n{epilog}\n```" if epilog else ""
     options = [row for each in command.get_params(context) if (row := each.get_help_record(context))]
-    listed = table(("option", ""), ((f"`{first}`", second) for first, second in options))
+    listed = table(("option", "meaning"), ((f"`{first}`", second) for first, second in options))
     usage = " ".join((name, *command.collect_usage_pieces(context)))
     yield f"## `{name}`\n\n{_sentence(command.help or '')}\n\n`{usage}`{called}\n\n{listed}"
     if isinstance(command, TyperGroup):
